@@ -285,7 +285,11 @@ def test_paper_has_what_the_browser_draws(opened, page_file):
     assert page.locator(".paper svg").count() == 0
     assert page.pdf().startswith(b"%PDF")
     drawings = page.locator("figure.live > .paper > svg")
-    assert drawings.count() == page.locator("figure.charted").count() == page.locator("figure.live").count()
+    several = page.locator("figure.several")
+    assert drawings.count() + several.count() == page.locator("figure.charted").count()
+    assert page.locator("figure.live").count() == page.locator("figure.charted").count()
+    views = several.locator(".view")
+    assert views.locator("> .paper > svg").count() == views.count() > 2 * several.count() > 0
     legend = first.locator(".paper text").all_text_contents()
     assert any(text.startswith("monte-carlo") for text in legend) and not any(t.startswith("second") for t in legend)
     page.emulate_media(media="print")

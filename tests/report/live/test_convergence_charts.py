@@ -3,7 +3,7 @@
 import numpy as np
 
 from uqmbd import report, results
-from uqmbd.report.live import errors_data, unpacked
+from uqmbd.report.live import errors_data, settling_data, unpacked
 
 
 def lines(data):
@@ -48,3 +48,50 @@ def test_of_many_outputs_the_worst_of_the_others_is_one_line():
 
 def test_an_error_at_one_time_has_no_chart():
     assert errors_data(stating(np.array([[1e-3]]), [1.0])) is None
+
+
+def sampled(values, **options):
+    """Return the node of a method with samples of one output at one time."""
+    axes = results.labels([("x", "m")], [], [0.5])
+    data = results.sample_dataset(values[:, None, None], np.zeros((len(values), 0)), axes)
+    statistics = results.statistics_of_samples(data)
+    return results.propagator_node(
+        "mc", statistics, data, propagator="p", options=options, realisations=len(values), wall_time=0.0
+    )
+
+
+def bands(view):
+    """Return the lines of a view: the estimate, and the lower and upper end of its band."""
+    line, low, high = (unpacked(one["values"]) for one in view["methods"][0]["lines"])
+    return line, line + low, line + high
+
+
+def test_estimates_settle_as_in_the_figure():
+    node = sampled(np.random.default_rng(0).normal(5.0, 1.0, 300))
+    data = settling_data(node, "x")
+    for view, axes in zip(data["views"], report.convergence(node, "x").axes, strict=True):
+        x, y = axes.lines[1].get_data()
+        estimate, low, high = bands(view)
+        np.testing.assert_array_equal(unpacked(view["time"]), x)
+        np.testing.assert_array_equal(estimate, y)
+        area = axes.collections[0].get_paths()[0].vertices
+        np.testing.assert_allclose([low.min(), high.max()], [area[:, 1].min(), area[:, 1].max()], rtol=1e-6)
+        np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], axes.get_ylim())
+        assert view["limits"] == [{"name": "final value", "value": y[-1], "reference": True}]
+        assert view["across"]["log"] and axes.get_xscale() == "log" and view["across"]["name"] == "number of samples"
+    assert [view["units"] for view in data["views"]] == ["m", "m"]
+
+
+def test_replicates_of_a_design_are_points_on_a_plain_axis():
+    node = sampled(np.random.default_rng(0).normal(5.0, 1.0, 64), sampling="sobol", replicates=4)
+    view = settling_data(node, "x")["views"][0]
+    axes = report.convergence(node, "x").axes
+    np.testing.assert_array_equal(unpacked(view["time"]), [1, 2, 3, 4])
+    np.testing.assert_array_equal(bands(view)[0], axes[0].lines[1].get_ydata())
+    assert not view["across"]["log"] and view["methods"][0]["points"] and axes[0].lines[1].get_marker() == "o"
+    assert view["across"]["name"] == axes[1].get_xlabel() == "number of replicates (of 16 samples each)"
+
+
+def test_values_without_spread_settle_at_once():
+    assert "up" not in settling_data(sampled(np.full(50, 3.0)), "x")["views"][0]
+    assert settling_data(sampled(np.array([1.0, 2.0])), "x") is None

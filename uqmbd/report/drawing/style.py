@@ -25,6 +25,7 @@ __all__ = [
     "axes_grid",
     "constant",
     "draw_histogram",
+    "histogram",
     "histogram_edges",
     "few_ticks",
     "finish_single",
@@ -282,10 +283,16 @@ def histogram_edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linspace(low, high, 61) if len(edges) > 61 else np.asarray(edges, dtype=float)
 
 
-def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, density: bool = False) -> None:
-    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
+def histogram(values: NDArray[np.float64], *, density: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the edges of bins, and the heights of the bars between them: numbers, or densities."""
     edges = histogram_edges(values)
     heights, _ = np.histogram(values, edges, density=density)
+    return edges, heights.astype(float)
+
+
+def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, density: bool = False) -> None:
+    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
+    edges, heights = histogram(values, density=density)
     # One outline: a patch for each bar would take most of the time of a report.
     axes.stairs(heights, edges, fill=True, color=colour, alpha=0.3 if density else 0.7, lw=0)
     axes.vlines(edges[1:-1], 0, np.minimum(heights[:-1], heights[1:]), color="white", lw=0.5)

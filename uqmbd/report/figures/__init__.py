@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from uqmbd.report.figures.curves import Band, Curve, checked, curves
 from uqmbd.report.figures.decay import LIMIT, StatedErrors, coefficient_decay, horizon, stated_errors, verification
+from uqmbd.report.figures.density import Densities, densities
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of
-from uqmbd.report.figures.distributions import histograms, inputs
+from uqmbd.report.figures.distributions import histograms, inputs, output_densities
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import error_cost
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
@@ -16,7 +17,7 @@ from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failur
 from uqmbd.report.figures.over_output import is_function, over_output
 from uqmbd.report.figures.over_time import band_edges, bands, std_over_time, time_history_histogram
 from uqmbd.report.figures.requirements import changing_with_time, violated_by
-from uqmbd.report.figures.sample_convergence import convergence, design_of
+from uqmbd.report.figures.sample_convergence import ESTIMATED, Settling, convergence, design_of, settling
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, of_output, runs_of, thinned
 from uqmbd.report.figures.sobol import (
     OF_GERMS,
@@ -44,7 +45,9 @@ from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
 __all__ = [
     "Band",
     "Curve",
+    "Densities",
     "ENOUGH",
+    "ESTIMATED",
     "Indices",
     "LIMIT",
     "MOST_SCALARS",
@@ -52,6 +55,7 @@ __all__ = [
     "Reason",
     "Results",
     "Samples",
+    "Settling",
     "StatedErrors",
     "automatic_times",
     "band_edges",
@@ -62,6 +66,7 @@ __all__ = [
     "chaos_of",
     "coefficient_decay",
     "convergence",
+    "densities",
     "design_of",
     "curves",
     "differences",
@@ -87,10 +92,12 @@ __all__ = [
     "order_convergence",
     "order_of",
     "orders_of",
+    "output_densities",
     "over_output",
     "runs_of",
     "scalar_densities",
     "series",
+    "settling",
     "shown_inputs",
     "shown_methods",
     "sobol_indices",

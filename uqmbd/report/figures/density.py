@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import COLOURS, constant, draw_histogram, style
+from uqmbd.report.drawing import COLOURS, constant, draw_histogram, histogram, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from uqmbd.randomness import GermSpace
 
-__all__ = ["PANEL", "Curve", "density", "draw_densities", "ends_of", "known_densities"]
+__all__ = ["PANEL", "Curve", "Densities", "densities", "density", "draw_densities", "ends_of", "known_densities"]
 
 PANEL = 1.45
 """Height of the axes of a density, inches."""
@@ -247,6 +247,47 @@ def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
     return lower, upper
 
 
+class Densities(NamedTuple):
+    """What axes of densities show.
+
+    Attributes
+    ----------
+    bars : tuple of array, optional
+        Edges and heights of a histogram, as a density.
+    curves : list of tuple
+        Which colour and line, points and densities of each curve; at its ends it goes down to zero.
+    top : float
+        Up to where they have to be seen.
+    """
+
+    bars: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+    curves: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]
+    top: float
+
+
+def densities(bars: NDArray[np.float64] | None, curves: Sequence[Curve]) -> Densities:
+    """Return the histogram of values, and smooth estimates of the density of others.
+
+    Parameters
+    ----------
+    bars : array, shape (S,), optional
+        Of which the histogram is.
+    curves : sequence of Curve
+    """
+    counted = None if bars is None else histogram(bars, density=True)
+    tops = {True: 0.0 if counted is None else float(counted[1].max()), False: 0.0}
+    found = []
+    for values, number, trusted, known in curves:
+        curve = known or density(values, ends=ends_of(values))
+        if curve is None:
+            continue
+        x, f = curve
+        # at a bound the curve goes down to the axis
+        found.append((number, np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])))
+        tops[trusted] = max(tops[trusted], float(f.max()))
+    return Densities(counted, found, tops[True] or tops[False])
+
+
 def draw_densities(axes: Axes, bars: NDArray[np.float64] | None, curves: Sequence[Curve], colour: str = "") -> None:
     """Draw a histogram as a density, and smooth estimates over it.
 
@@ -259,20 +300,11 @@ def draw_densities(axes: Axes, bars: NDArray[np.float64] | None, curves: Sequenc
     colour : str
         Of the histogram; default: that of the first of all methods.
     """
-    tops = {True: 0.0, False: 0.0}
+    found = densities(bars, curves)
     if bars is not None:
         draw_histogram(axes, bars, colour or COLOURS[0], density=True)
-        tops[True] = axes.get_ylim()[1] / 1.05
-    for values, number, trusted, known in curves:
-        curve = known or density(values, ends=ends_of(values))
-        if curve is None:
-            continue
-        x, f = curve
-        # at a bound the curve goes down to the axis
-        x, f = np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])
+    for number, x, f in found.curves:
         shown, line = style(number)
         axes.plot(x, f, color=colour or shown, ls=line, lw=1.5)
-        tops[trusted] = max(tops[trusted], float(f.max()))
-    top = tops[True] or tops[False]
-    if top:
-        axes.set_ylim(0, 1.05 * top)
+    if found.top:
+        axes.set_ylim(0, 1.05 * found.top)

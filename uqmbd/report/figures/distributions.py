@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,80 @@ if TYPE_CHECKING:
 
     from uqmbd.randomness import GermSpace
 
-__all__ = ["density_label", "histograms", "inputs", "of_surrogate"]
+__all__ = [
+    "DensityPanel",
+    "OutputDensities",
+    "density_label",
+    "histograms",
+    "inputs",
+    "of_surrogate",
+    "output_densities",
+]
 
 SURROGATE_SAMPLES = 4096
 """Samples of a chaos from which its density is drawn."""
+
+
+class DensityPanel(NamedTuple):
+    """Densities of one quantity, by one or several methods.
+
+    Attributes
+    ----------
+    time : float
+        In seconds.
+    bars : array, shape (S,), optional
+        Values of which there is a histogram.
+    curves : list of Curve
+        Of each method.
+    span : tuple of float, optional
+        Where its axis ends, if it does not end with what is drawn.
+    """
+
+    time: float
+    bars: NDArray[np.float64] | None
+    curves: list[Curve]
+    span: tuple[float, float] | None
+
+
+class OutputDensities(NamedTuple):
+    """Densities of an output: labels of the methods, units, and a panel for each time."""
+
+    labels: list[str]
+    units: str
+    panels: list[DensityPanel]
+
+
+def output_densities(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> OutputDensities:
+    """Return what `histograms` draws.
+
+    Raises
+    ------
+    StudyError
+        If no method has samples or a chaos, none of the samples succeeded, or no such output exists.
+    """
+    import xarray as xr
+
+    responses, chosen = _responses(results, output, times)
+    first = next(iter(responses.values()))
+    bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
+    errors = {} if isinstance(results, xr.Dataset) else _errors(nodes_of(results), output)
+    panels = []
+    for k in chosen:
+        time = float(first["time"].values[k])
+        curves = [
+            Curve(
+                response.values[:, int(np.abs(response["time"].values - time).argmin())],
+                method,
+                label not in errors or float(errors[label].sel(time=time, method="nearest")) <= COARSE,
+            )
+            for method, (label, response) in enumerate(responses.items())
+        ]
+        low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
+        # the far tails of a surrogate would squeeze what matters
+        cut = len(responses) > 1 and not constant(low, high)
+        span = (low - 0.2 * (high - low), high + 0.2 * (high - low)) if cut else None
+        panels.append(DensityPanel(time, first.values[:, k] if bars else None, curves, span))
+    return OutputDensities(list(responses), str(first["output_units"].item()), panels)
 
 
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
@@ -76,43 +146,24 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> axes.get_title("right"), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
-    import xarray as xr
     from matplotlib.lines import Line2D
 
-    responses, chosen = _responses(results, output, times)
-    first = next(iter(responses.values()))
-    grid_of_times = first["time"].values
-    units = str(first["output_units"].item())
-    bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
-    errors = {} if isinstance(results, xr.Dataset) else _errors(nodes_of(results), output)
-    figure, grid = axes_grid(len(chosen), 1.75)
-    for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
-        time = float(grid_of_times[k])
-        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0, loc="right")
-        curves = [
-            Curve(
-                response.values[:, int(np.abs(response["time"].values - time).argmin())],
-                method,
-                label not in errors or float(errors[label].sel(time=time, method="nearest")) <= COARSE,
-            )
-            for method, (label, response) in enumerate(responses.items())
-        ]
-        draw_densities(axes, first.values[:, k] if bars else None, curves)
-        low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
-        if len(responses) > 1 and not constant(low, high):
-            # the far tails of a surrogate would squeeze what matters
-            axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+    labels, units, panels = output_densities(results, output, times)
+    figure, grid = axes_grid(len(panels), 1.75)
+    for place, (axes, panel) in enumerate(zip(grid, panels, strict=True)):
+        axes.set_title(f"t = {panel.time:.4g} s", fontsize=9.5, y=1.0, loc="right")
+        draw_densities(axes, panel.bars, panel.curves)
+        if panel.span is not None:
+            axes.set_xlim(*panel.span)
         few_ticks(axes)
         axes.set_ylabel(density_label(units) if place % 2 == 0 else "")
-        if place >= len(chosen) - 2:
+        if place >= len(panels) - 2:
             axes.set_xlabel(wrapped(with_units(output, units), 20))
     handles: dict[str, Any] = {}
-    if len(responses) > 1:
-        styles = [style(k) for k in range(len(responses))]
-        handles = {
-            name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(responses, styles, strict=True)
-        }
-    arrange(figure, grid, min(2, len(chosen)), legend=handles, heights=[PANEL] * -(-len(chosen) // 2))
+    if len(labels) > 1:
+        styles = [style(k) for k in range(len(labels))]
+        handles = {name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(labels, styles, strict=True)}
+    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
     return figure
 
 

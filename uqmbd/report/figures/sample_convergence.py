@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,10 +21,12 @@ from uqmbd.wording import format_integer
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Design", "convergence", "design_of"]
+__all__ = ["ESTIMATED", "Design", "Settling", "convergence", "design_of", "settling"]
 
 NORMAL_95 = 1.96
 _POINTS = 120
+ESTIMATED = {"mean": "mean", "std": "standard deviation"}
+"""What is estimated, and what it is called."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,91 @@ def design_of(attrs: Mapping[Any, Any]) -> Design:
         return Design()
     independent = name == "random" or "independent_samples" in attrs or replicates < 2
     return Design() if independent else Design(name, replicates)
+
+
+class Settling(NamedTuple):
+    """Estimates of an output at one time, from more and more samples or replicates.
+
+    Attributes
+    ----------
+    counts : array, shape (C,)
+        How many.
+    estimates : mapping of str to array, shape (C,)
+        By the names of statistics, with their standard errors.
+    time : float
+    units : str
+        Of the output.
+    counted : str
+        What is counted, in words.
+    independent : bool
+        Whether samples are counted, each of which is independent of all others.
+    """
+
+    counts: NDArray[np.float64]
+    estimates: dict[str, NDArray[np.float64]]
+    time: float
+    units: str
+    counted: str
+    independent: bool
+
+    def band(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return an estimate and the ends of the band that holds the true value in 95 % of cases."""
+        centre, error = self.estimates[name], NORMAL_95 * self.estimates[f"std_error_{name}"]
+        return centre, centre - error if name == "mean" else np.maximum(centre - error, 0.0), centre + error
+
+    def ends(self, name: str) -> tuple[float, float] | None:
+        """Return where an axis ends that shows the estimates, and their bands but for the first, widest ones.
+
+        None if they are constant.
+        """
+        centre, error = self.estimates[name], NORMAL_95 * self.estimates[f"std_error_{name}"]
+        if constant(float(centre.min()), float(centre.max())) and not np.any(error > 1e-9 * np.abs(centre).max()):
+            return None
+        late = self.counts >= self.counts[-1] ** 0.6
+        reach = np.nan_to_num(error[late], nan=0.0)
+        low = min(float(centre.min()), float((centre[late] - reach).min()))
+        high = max(float(centre.max()), float((centre[late] + reach).max()))
+        margin = 0.06 * (high - low)
+        return low - margin, high + margin
+
+
+def settling(node: Samples, output: str, time: float | None = None) -> Settling:
+    """Return what `convergence` draws.
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples, fewer than two succeeded, or no such output exists.
+    """
+    samples = samples_of(node)
+    response = of_output(samples, output)["response"]
+    fine = samples["status"].values == Status.OK
+    if fine.sum() < 2:
+        raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: there is nothing to converge.")
+    if time is None:
+        with np.errstate(invalid="ignore"):
+            chosen = int(np.std(response.values[fine], axis=0).argmax())
+    else:
+        chosen = int(np.abs(response["time"].values - time).argmin())
+    values = response.values[:, chosen]
+    design = design_of(node.attrs)
+    total = max(int(node.attrs.get("realisations", 0)), len(values))
+    counts, found = _estimates(values, fine, design, total)
+    if total > len(values) and isinstance(node, xr.DataTree):
+        # Only the first samples were kept; what all of them say is stored.
+        last = of_output(node.children["statistics"], output).isel(time=chosen)
+        number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
+        counts = np.append(counts, number)
+        found = {name: np.append(part, float(last[name]) if name in last else np.nan) for name, part in found.items()}
+    each = f"number of replicates (of {total / design.replicates:.4g} samples each)"
+    return Settling(
+        np.asarray(counts, dtype=float),
+        found,
+        float(response["time"][chosen]),
+        str(response["output_units"].item()),
+        "number of samples" if design.independent else each,
+        design.independent,
+    )
 
 
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
@@ -92,48 +179,28 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     >>> float(figure.axes[0].lines[-1].get_ydata()[-1]), figure.axes[1].get_xlabel()
     (24.5, 'number of samples')
     """
-    samples = samples_of(node)
-    response = of_output(samples, output)["response"]
-    fine = samples["status"].values == Status.OK
-    if fine.sum() < 2:
-        raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: there is nothing to converge.")
-    if time is None:
-        with np.errstate(invalid="ignore"):
-            chosen = int(np.std(response.values[fine], axis=0).argmax())
-    else:
-        chosen = int(np.abs(response["time"].values - time).argmin())
-    values = response.values[:, chosen]
-    design = design_of(node.attrs)
-    total = max(int(node.attrs.get("realisations", 0)), len(values))
-    counts, found = _estimates(values, fine, design, total)
-    if total > len(values) and isinstance(node, xr.DataTree):
-        # Only the first samples were kept; what all of them say is stored.
-        last = of_output(node.children["statistics"], output).isel(time=chosen)
-        number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
-        counts = np.append(counts, number)
-        found = {name: np.append(part, float(last[name]) if name in last else np.nan) for name, part in found.items()}
-
+    found = settling(node, output, time)
+    counts = found.counts
     figure, grid = axes_grid(2, 1.75, 1)
-    units = str(response["output_units"].item())
     handles: dict[str, Any] = {}
-    for axes, name, title in zip(grid, ("mean", "std"), ("mean", "standard deviation"), strict=True):
-        centre, error = found[name], NORMAL_95 * found[f"std_error_{name}"]
-        low = centre - error if name == "mean" else np.maximum(centre - error, 0.0)
-        band = axes.fill_between(counts, low, centre + error, color=COLOURS[0], alpha=0.18, lw=0)
+    for axes, (name, title) in zip(grid, ESTIMATED.items(), strict=True):
+        centre, low, high = found.band(name)
+        band = axes.fill_between(counts, low, high, color=COLOURS[0], alpha=0.18, lw=0)
         axes.axhline(centre[-1], color="0.35", lw=0.9, ls=(0, (4, 2)))
-        marker = "" if design.independent and len(counts) > 1 else "o"
+        marker = "" if found.independent and len(counts) > 1 else "o"
         (line,) = axes.plot(counts, centre, color=COLOURS[0], lw=1.5, marker=marker, ms=3.5)
-        axes.set_ylabel(wrapped(with_units(title, units), 16))
+        axes.set_ylabel(wrapped(with_units(title, found.units), 16))
         axes.grid(color="0.9", lw=0.7)
-        _limit(axes, counts, centre, error)
+        ends = found.ends(name)
+        if ends is None:
+            widen_if_constant(axes, "y", float(centre.min()), float(centre.max()))
+        else:
+            axes.set_ylim(*ends)
         handles = {"estimate so far": line, "95 % band": band, "final value": axes.lines[0]}
-    _count_axis(grid, counts, design)
+    _count_axis(grid, counts, found.independent)
     grid[0].tick_params(labelbottom=False)
-    if design.independent:
-        grid[1].set_xlabel("number of samples")
-    else:
-        grid[1].set_xlabel(f"number of replicates (of {total / design.replicates:.4g} samples each)")
-    grid[0].set_title(f"t = {float(response['time'][chosen]):.4g} s", fontsize=9.5, y=1.0, loc="right")
+    grid[1].set_xlabel(found.counted)
+    grid[0].set_title(f"t = {found.time:.4g} s", fontsize=9.5, y=1.0, loc="right")
     arrange(figure, grid, legend=handles)
     return figure
 
@@ -157,25 +224,12 @@ def _estimates(
     return np.arange(1.0, len(usable) + 1), replicate_statistics(usable)
 
 
-def _limit(axes: Any, counts: NDArray[np.float64], centre: NDArray[np.float64], error: NDArray[np.float64]) -> None:
-    """Let the y axis show the estimates, and their bands but for the first, widest ones."""
-    if constant(float(centre.min()), float(centre.max())) and not np.any(error > 1e-9 * np.abs(centre).max()):
-        widen_if_constant(axes, "y", float(centre.min()), float(centre.max()))
-        return
-    late = counts >= counts[-1] ** 0.6
-    reach = np.nan_to_num(error[late], nan=0.0)
-    low = min(float(centre.min()), float((centre[late] - reach).min()))
-    high = max(float(centre.max()), float((centre[late] + reach).max()))
-    margin = 0.06 * (high - low)
-    axes.set_ylim(low - margin, high + margin)
-
-
-def _count_axis(grid: list[Any], counts: NDArray[np.float64], design: Design) -> None:
+def _count_axis(grid: list[Any], counts: NDArray[np.float64], independent: bool) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
     first, last = float(counts[0]), float(counts[-1])
     for axes in grid:
-        if design.independent and last > first:
+        if independent and last > first:
             axes.set_xscale("log")
             axes.xaxis.set_minor_locator(NullLocator())
             steps = [m * 10**k for k in range(10) for m in (1, 2, 5) if first <= m * 10**k <= last]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
-from uqmbd.report.live.convergence_charts import errors_data
+from uqmbd.report.live.convergence_charts import errors_data, settling_data
 from uqmbd.report.live.curve_chart import chart_html
+from uqmbd.report.live.distribution_charts import densities_data
 from uqmbd.report.live.explorer_data import explorer_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
@@ -21,6 +22,7 @@ __all__ = [
     "bands_data",
     "cell_html",
     "chart_html",
+    "densities_data",
     "difference_data",
     "errors_data",
     "indices_data",
@@ -36,6 +38,7 @@ __all__ = [
     "page_scripts",
     "player_data",
     "pose_surrogate",
+    "settling_data",
     "shipped",
     "std_data",
     "unpacked",

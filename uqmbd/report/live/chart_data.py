@@ -14,7 +14,7 @@ from uqmbd.report.figures import Band, Curve, band_edges, of_output, thinned
 from uqmbd.report.live.packing import packed
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "ON_DARK", "bands_data", "curves_data"]
+__all__ = ["MOST_TIMES", "ON_DARK", "bands_data", "curve_data", "curves_data"]
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
@@ -109,7 +109,7 @@ def curves_data(
         "of": len(times),
         "start": int(np.nan_to_num(spread[0][chosen], nan=-1.0).argmax()) if spread else 0,
         "methods": [
-            _drawn(k, len(curves), curve.at(chosen), {what: values[chosen] for what, values in besides[k].items()})
+            curve_data(k, len(curves), curve.at(chosen), {what: values[chosen] for what, values in besides[k].items()})
             for k, curve in enumerate(curves)
         ],
     }, chosen
@@ -132,14 +132,16 @@ def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> 
         if edges is not None
     ]
     mean, std = (_at(data, times, data[key].values) for key in ("mean", "std"))
-    return _drawn(k, count, Curve(label, mean, tuple(bands), "mean"), {"standard deviation": std})
+    return curve_data(k, count, Curve(label, mean, tuple(bands), "mean"), {"standard deviation": std})
 
 
-def _drawn(k: int, count: int, curve: Curve, told: Mapping[str, _Array]) -> dict[str, Any]:
-    """Return the data of the k-th of some curves, with what is told of it and not drawn."""
+def curve_data(
+    k: int, count: int, curve: Curve, told: Mapping[str, _Array] | None = None, *, short: bool = False
+) -> dict[str, Any]:
+    """Return the data of the k-th of some curves, with what is told of it and not drawn; ``short``: to seven digits."""
     colour, line = style(k)
     values = np.asarray(curve.values, dtype=float)
-    lines = [{"name": curve.quantity, "values": packed(values)}]
+    lines = [{"name": curve.quantity, "values": _distance(values, 0.0) if short else packed(values)}]
     bands = []
     for band in curve.bands:
         bands.append({"name": band.name, "low": len(lines), "high": len(lines) + 1})
@@ -154,7 +156,7 @@ def _drawn(k: int, count: int, curve: Curve, told: Mapping[str, _Array]) -> dict
         "width": line_width(k, count),
         "lines": lines,
         "bands": bands,
-        "columns": [{"name": name, "values": _distance(column, 0.0)} for name, column in told.items()],
+        "columns": [{"name": name, "values": _distance(column, 0.0)} for name, column in (told or {}).items()],
     }
 
 

@@ -14,7 +14,9 @@ function rounding(distances) {
 }
 
 function linesOf(lines) {
-  const origin = numbersOf(lines[0].values);
+  const exact = numbersOf(lines[0].values);
+  // what is stored with seven digits has no more
+  const origin = lines[0].values.kind === "float32" ? exact.map((v) => (v === null ? null : Number(v.toPrecision(8)))) : exact;
   const others = lines.slice(1).map(({ name, values }) => {
     const distance = numbersOf(values);
     const rounded = rounding(distance);

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from uqmbd.report.drawing import decades
-from uqmbd.report.figures import LIMIT, Curve, Results, stated_errors
+from uqmbd.report.figures import ESTIMATED, LIMIT, Band, Curve, Results, Samples, settling, stated_errors
 from uqmbd.report.live.chart_data import curves_data
 
-__all__ = ["errors_data"]
+__all__ = ["errors_data", "settling_data"]
 
 PALE = ("#8a8f96", "#7d868f")
 """Colours, on a light and on a dark page, of what stands for several things."""
@@ -48,3 +48,43 @@ def errors_data(results: Results) -> dict[str, Any] | None:
         "limits": [{"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}],
         "start": int(np.nan_to_num(worst, nan=-1.0).argmax()),
     }
+
+
+def settling_data(node: Samples, output: str) -> dict[str, Any] | None:
+    """Return how the mean and the standard deviation of an output settle as samples are added: a view of each.
+
+    The horizontal axis is the number of samples, or of replicates of a design. None if there is one number only.
+
+    Raises
+    ------
+    StudyError
+        If there are fewer than two samples to estimate from.
+    """
+    found = settling(node, output)
+    if len(found.counts) < 2:
+        return None
+    across = {
+        "name": found.counted,
+        "units": "",
+        "told": "samples" if found.independent else "replicates",
+        "log": found.independent,
+        "whole": True,
+    }
+    views = []
+    for name, title in ESTIMATED.items():
+        centre, low, high = found.band(name)
+        curve = Curve("estimate so far", centre, (Band("95 % band", low, high),), title)
+        data, _ = curves_data(f"{title} of {output}", found.counts, [curve], found.units)
+        data["methods"][0]["points"] = not found.independent
+        ends = found.ends(name)
+        views.append(
+            data
+            | {
+                "title": f"{title} at {found.time:.4g} s",
+                "across": across,
+                "limits": [{"name": "final value", "value": float(centre[-1]), "reference": True}],
+                "start": len(found.counts) - 1,
+            }
+            | ({} if ends is None else {"up": {"low": ends[0], "high": ends[1]}})
+        )
+    return {"choose": "What is estimated", "seen": 0, "views": views}

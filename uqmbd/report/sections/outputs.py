@@ -136,11 +136,12 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
                 f"{name}-time-history-histogram",
             ),
             _densities(result, [*sampled, *surrogate_nodes(every)], name),
-            image(
+            charted(
                 lambda: figures.convergence(method.node, name),
                 f"Mean and standard deviation of {name} as samples are added. " + precision(method, name),
                 _convergence_caption(method) + from_label + ".",
                 f"{name}-samples",
+                lambda: json_chart(live.settling_data(method.node, name)),
             ),
         ]
     elif surrogate_nodes(every) and whole:
@@ -226,17 +227,18 @@ def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> dict[str,
     return image(lambda: figures.over_output(holders, name, over), described, caption, f"{name}-over-{over}")
 
 
-def _densities(result: StudyResult, labels: Sequence[str], name: str) -> dict[str, str]:
+def _densities(result: StudyResult, labels: Sequence[str], name: str) -> Content:
     dense = {label: result.methods[label].node for label in list(dict.fromkeys(labels))[:DENSITIES]}
     sampled = any(result.methods[label].sampled for label in dense)
     surrogates = bool(surrogate_nodes(dense))
     bars = "bars are the histogram, curves a smooth estimate" if sampled else "smooth estimates"
     of_surrogates = " (of a surrogate, from samples of it)" if surrogates else ""
-    return image(
+    return charted(
         lambda: figures.histograms(dense, name, result.report_times),
         f"Probability densities of {name} at chosen times.",
         f"How it is distributed at chosen times: {bars} of the density{of_surrogates}; the area under each is 1.",
         f"{name}-densities",
+        lambda: json_chart(live.densities_data(dense, name, result.report_times)),
     )
 
 

@@ -1,0 +1,84 @@
+"""Charts of densities show what their figures draw: curves at other points, histograms as steps."""
+
+import numpy as np
+import pytest
+from matplotlib.patches import StepPatch
+
+from uqmbd import report, results
+from uqmbd.report.live import densities_data, unpacked
+
+
+def sampled(label, response):
+    """Return the node of a method with samples (S, T) of one output at times 0, 1, ..."""
+    axes = results.labels([("x", "m")], [], np.arange(response.shape[1], dtype=float))
+    data = results.sample_dataset(response[:, None], np.zeros((len(response), 0)), axes)
+    statistics = results.statistics_of_samples(data)
+    return results.propagator_node(label, statistics, data, propagator="p", realisations=len(response), wall_time=0.0)
+
+
+@pytest.fixture
+def nodes():
+    """Return two methods: one normal, one uniform, wherefore its density jumps, whose spreads grow."""
+    rng = np.random.default_rng(0)
+    times = np.array([0.5, 1.0, 2.0])
+    return {
+        "a": sampled("a", 10 + rng.normal(size=(400, 1)) * times),
+        "b": sampled("b", 10 + rng.uniform(-1, 1, size=(400, 1)) * times),
+    }
+
+
+def parts(view):
+    """Return the places of a view, and its lines by name."""
+    return unpacked(view["time"]), {m["label"]: unpacked(m["lines"][0]["values"]) for m in view["methods"]}
+
+
+def test_curves_are_those_of_the_figure(nodes):
+    data = densities_data(nodes, "x", [0.0, 2.0])
+    figure = report.histograms(nodes, "x", [0.0, 2.0])
+    for view, axes in zip(data["views"], figure.axes, strict=True):
+        assert view["title"] == axes.get_title("right")
+        places, curves = parts(view)
+        assert list(curves) == ["histogram of a", "a", "b"] and np.all(np.diff(places) >= 0)
+        np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], axes.get_ylim())
+        np.testing.assert_allclose(places[[0, -1]], axes.get_xlim())
+        lines = [line for line in axes.lines if len(line.get_xdata()) > 100]
+        for name, line in zip("ab", lines, strict=True):
+            x, f = line.get_data()
+            drawn = np.interp(places, x[1:-1], f[1:-1], left=np.nan, right=np.nan)
+            ends = np.isin(places, x[[0, -1]])
+            np.testing.assert_allclose(curves[name][~ends], drawn[~ends], rtol=1e-6)
+            inside = [end for end in x[[0, -1]] if places[0] <= end <= places[-1]]
+            for end in inside:
+                # zero, and the value from which the curve falls
+                found = curves[name][places == end]
+                assert found.min() == 0.0
+                np.testing.assert_allclose(found.max(), f[1] if end == x[0] else f[-2], rtol=1e-6)
+    assert data["seen"] == 1
+
+
+def test_areas_are_one(nodes):
+    places, curves = parts(densities_data({"b": nodes["b"]}, "x", [2.0])["views"][0])
+    for name, values in curves.items():
+        assert np.trapezoid(np.nan_to_num(values), places) == pytest.approx(1.0, abs=3e-3), name
+
+
+def test_histograms_are_the_steps_of_the_figure(nodes):
+    view = densities_data(nodes["a"], "x", [1.0])["views"][0]
+    axes = report.histograms(nodes["a"], "x", [1.0]).axes[0]
+    (bars,) = (patch for patch in axes.patches if isinstance(patch, StepPatch))
+    heights, edges, _ = bars.get_data()
+    places, curves = parts(view)
+    steps = curves["histogram of a"]
+    for k, height in enumerate(heights):
+        np.testing.assert_allclose(steps[(places > edges[k]) & (places < edges[k + 1])], height, rtol=1e-6)
+        np.testing.assert_allclose(
+            steps[places == edges[k]][[0, -1]], [heights[k - 1] if k else 0.0, height], rtol=1e-6
+        )
+    assert view["methods"][0]["filled"] and np.isnan(steps[places > edges[-1]]).all()
+    assert (view["units"], view["across"]["units"], view["across"]["name"]) == ("1/m", "m", "x")
+
+
+def test_a_value_without_spread_is_a_bar():
+    data = densities_data(sampled("a", np.full((50, 1), 3.0)), "x")
+    places, curves = parts(data["views"][0])
+    assert places[0] < 3 < places[-1] and list(curves) == ["histogram of a"] and np.nanmax(curves["histogram of a"]) > 0
