@@ -44,7 +44,9 @@ export function chartModel(data) {
   }));
   const across = data.across ?? OVER_TIME;
   const at = numbersOf(data.time);
-  return { ...data, ...limitsOf(methods, data.limits ?? []), across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
+  // an axis whose ends are given shows its limits
+  const limited = data.up ? { limits: data.limits ?? [], beyond: [] } : limitsOf(methods, data.limits ?? []);
+  return { ...data, ...limited, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
 }
 
 /** Where an index is, in words, with as many digits as the axis needs. */
