@@ -125,3 +125,14 @@ def test_a_study_announces_its_methods_and_tells_of_failures():
         study.run(progress=All())
     assert told[0] == ("expect", {"monte-carlo": 4, "broken": None})
     assert ("start", "monte-carlo", 4) in told and told[-1] == ("fail", "broken")
+
+
+def test_no_time_is_said_to_be_left_while_work_goes_on_after_its_last_realisation():
+    now, screen = [0.0], io.StringIO()
+    lines = Lines(screen, clock=lambda: now[0])
+    lines.start("aligned", 48)
+    lines.advance("aligned", 48)
+    now[0] = 10.0
+    lines.beat()
+    assert screen.getvalue().splitlines()[-1] == "aligned: 48 of 48, evaluating ... 10 s"
+    assert lines.board.works["aligned"].clock(10.0) == "10 s"

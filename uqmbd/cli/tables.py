@@ -84,7 +84,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     if any(int(node.attrs.get("failures", 0)) for node in still.values()):
         table.add_row("without these values", "", *_failed(still.get(label) for label in nodes))
     spent = (float(node.attrs.get("wall_time", 0.0)) for node in nodes.values())
-    table.add_row("wall time", "", *(format_duration(time, rough=True) for time in spent))
+    table.add_row("wall time", "", *(format_duration(time) for time in spent))
     if any("clock" in node.attrs for node in nodes.values()):
         table.add_row("clock", "", *(Text(_clock(node)) for node in nodes.values()))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))

@@ -68,9 +68,9 @@ class Work:
 
     def left(self, now: float) -> float | None:
         """Seconds that are left if it goes on as before; None where that is not known."""
-        if self.state != "running" or self.at_most or not self.total or not self.done:
-            return None
-        return (now - self.begin) / self.done * max(self.total - self.done, 0)
+        if self.state != "running" or self.at_most or not self.total or not self.done or self.done >= self.total:
+            return None  # what follows the last realisation is not counted
+        return (now - self.begin) / self.done * (self.total - self.done)
 
     def clock(self, now: float) -> str:
         """Say what its time is."""

@@ -95,6 +95,9 @@ class Lines:
         if label in self.board.stages:
             self._write(f"{label} ... {spent}")
             return
+        if work.total and work.done >= work.total and not work.at_most:
+            self._write(f"{label}: {work.count()}, evaluating ... {spent}")
+            return
         left = work.left(now)
         percent = f" ({100 * work.share:.0f} %)" if work.total and not work.at_most else ""
         ending = f", about {format_duration(left, rough=True)} left" if left is not None else ""

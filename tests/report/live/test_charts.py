@@ -94,6 +94,22 @@ def test_ticks_that_are_a_step_apart_differ_and_are_exact(node):
         assert len({len(text.partition(".")[2]) for text in found}) == 1 and found[3].strip("0.") == ""
 
 
+def test_lines_of_reference_are_drawn_wherever_they_are(node):
+    lines = "answer = limitsOf([{ lines: [{ values: [1, 2] }] }], [given]);"
+    found = node(["chart_model.js"], lines, {"name": "a", "value": 1e6, "reference": True})
+    assert len(found["limits"]) == 1 and not found["beyond"]
+
+
+@pytest.mark.parametrize("length", [3, 30, 40, 60, 300])
+def test_letters_of_an_axis_fit_or_are_cut(node, length):
+    """260 pixels have room for 34 letters of 13 pixels, and for 42 of the smallest; of longer names the ends are left."""
+    name = "a" * (length - 1) + "b"
+    lines = "const { letters, most } = fitted(given, 260); answer = [letters, shortName(given, most)];"
+    letters, shown = node(["chart_options.js"], lines, name)
+    assert 10.5 <= letters <= 13 and 0.577 * letters * len(shown) <= 260 + 0.577 * letters * 2 and shown.endswith("b")
+    assert (shown == name) == (length <= 42)
+
+
 @pytest.mark.parametrize(("limit", "drawn"), [(2.9, True), (3.1, False), (-1.9, True), (-2.1, False), (0.5, True)])
 def test_a_limit_farther_than_twice_the_height_of_the_curves_is_not_drawn(node, limit, drawn):
     lines = 'answer = limitsOf([{ lines: [{ values: [0, null, 1] }] }], [{ name: "a", value: given }]);'

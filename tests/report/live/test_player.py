@@ -1,6 +1,7 @@
 """The player draws what is stored: points, views and signs, held against Python and geometry."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from uqmbd.report import motion
 from uqmbd.report.live import json_script, player_data
 from uqmbd.report.mechanisms import Film
 from uqmbd.report.mechanisms.sketch import world
+from uqmbd.report.mechanisms.symbols import Pen
 from uqmbd_joints import Revolute
 
 SHAPES = """
@@ -62,6 +64,26 @@ def signed(symbol, space="planar"):
         {"time": [0.0, 1.0], "body": ["body"], "component": ["c"], "axis": list("xyz"[:d])},
         {"space": space},
     )
+
+
+@pytest.mark.parametrize("way", [-50.0, -0.01, 0.0, 0.3, 0.6, 50.0])
+def test_the_arrow_of_a_driver_is_along_its_axis_and_short(node, way):
+    """At the driven point, however far away the place is from which it is measured; the page draws as Python does."""
+    page = SimpleNamespace(project=lambda points: np.asarray(points) / 0.5, unit=0.5)
+    pen = Pen(page)
+    second, axis = np.array([1.0, 2.0]), np.array([0.0, 2.0])
+    pen.push(second - [30.0, way], second, axis)
+    (tail, head), _ = (shape.vertices for shape in pen.shapes)
+    np.testing.assert_allclose(head, second / 0.5)
+    along = head - tail
+    assert along[0] == 0 and along[1] == pytest.approx(np.clip(abs(way) / 0.5, 0.5, 0.8) * (-1 if way < 0 else 1))
+    lines = """
+        const pen = new Pen({ unit: 0.5, project: (p) => p.map((x) => x / 0.5) }, {});
+        pen.push(given[0], given[1], given[2]);
+        answer = pen.shapes[0].points;
+    """
+    given = [(second - [30.0, way]).tolist(), second.tolist(), axis.tolist()]
+    np.testing.assert_allclose(node(["symbols.js"], lines, given), [tail, head], atol=1e-12)
 
 
 @pytest.mark.thorough

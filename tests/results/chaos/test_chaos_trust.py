@@ -12,6 +12,7 @@ from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
+from uqmbd.results.chaos import error_words
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 
 TIMES = np.linspace(0.0, 2.0, 21)
@@ -153,3 +154,9 @@ def test_verdict_without_verification() -> None:
     always = PolynomialChaos([np.ones((1, 21))] * 2, [[0, 0], [0, 1]], space, axes).verdicts()[0]
     assert always.startswith("order 1 is not enough for y at any time: 100 %")
     assert "at some times from" in passing and "most of it in phase" in passing
+
+
+def test_the_largest_error_is_told_wherever_it_is() -> None:
+    """Also where the last one is above the limit: another number for the same thing stood beside it elsewhere."""
+    error = np.array([0.001, 0.085, 0.019])
+    assert error_words(error, np.array([0.0, 1.5, 2.0]), 0.01).endswith(" until 1.5 s, 8.5 % at 1.5 s")

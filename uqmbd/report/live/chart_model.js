@@ -58,11 +58,11 @@ export function placeAt({ at, across }, index) {
 /** How many times the height of what is drawn a limit may be away from it: farther ones would leave a flat line. */
 const REACH = 2;
 
-/** The limits that are drawn, and those that are too far away. */
+/** The limits that are drawn, and those that are too far away; lines of reference are drawn. */
 export function limitsOf(methods, limits) {
   const drawn = methods.flatMap(({ lines }) => lines.flatMap(({ values }) => values)).filter((v) => v !== null);
   const [low, high] = [drawn.reduce((a, b) => Math.min(a, b), Infinity), drawn.reduce((a, b) => Math.max(a, b), -Infinity)];
-  const far = ({ value }) => high > low && Math.max(value - high, low - value) > REACH * (high - low);
+  const far = ({ value, reference }) => !reference && high > low && Math.max(value - high, low - value) > REACH * (high - low);
   return { limits: limits.filter((limit) => !far(limit)), beyond: limits.filter(far) };
 }
 

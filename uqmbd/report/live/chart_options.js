@@ -114,6 +114,8 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     points: { show: false },
     show: model.chosen.shown,
   });
+  const upName = withUnits(model.output, model.units);
+  const { letters, most } = fitted(upName, (height - 60) / scale);
   const font = `${12 * scale}px ${FONT}`;
   const axis = {
     font,
@@ -146,8 +148,10 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         label: (u) => {
           const { min, max } = u.scales.y;
           const power = model.up?.log ? 0 : axisPower(min, max);
-          return shortName(withUnits(model.output, model.units), (height - 60) / (7.5 * scale)) + powerLabel(power);
+          return shortName(upName, most) + powerLabel(power);
         },
+        labelFont: `${letters * scale}px ${FONT}`,
+        letters,
         space: 34 * scale,
         size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
         values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
@@ -185,6 +189,12 @@ function meanPoint(model, scale) {
     Object.assign(mark.style, { width: `${7 * scale}px`, height: `${7 * scale}px`, margin: `${-3.5 * scale}px 0 0 ${-3.5 * scale}px` });
     return mark;
   };
+}
+
+/** The size of letters with which a name has room, in pixels, and how many letters have; the smallest is still read. */
+export function fitted(name, room) {
+  const letters = Math.min(Math.max(room / (0.577 * Array.from(name).length), 10.5), 13);
+  return { letters, most: room / (0.577 * letters) };
 }
 
 /** Cut the middle out of a long name: what tells names apart is often their end. */

@@ -57,7 +57,7 @@ function drawingOf(model, plot, size) {
   const label = (axis) => (typeof axis.label === "function" ? axis.label(plot) : axis.label);
   svg.append(shape("text", { x: box.left + box.width / 2, y: height - 5, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, label(across)));
   const middle = top + box.height / 2;
-  svg.append(shape("text", { x: 14, y: middle, transform: `rotate(-90 14 ${middle})`, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, label(up)));
+  svg.append(shape("text", { x: 14, y: middle, transform: `rotate(-90 14 ${middle})`, "text-anchor": "middle", fill: LIGHT.ink, "font-size": up.letters ?? 13 }, label(up)));
 
   // an inner drawing, which ends at its edges
   const inner = { x: box.left, y: top, width: box.width, height: box.height };

@@ -71,7 +71,7 @@ def difference_data(
             curves.append(Curve(label, data[statistic].values - base[statistic].values, (), "difference"))
     largest = max((np.nan_to_num(np.abs(np.asarray(c.values))) for c in curves[1:]), key=lambda off: off.max())
     what = {"mean": "mean", "std": "standard deviation"}[statistic]
-    return _chart(f"difference of the {what} of {output}", times, curves, _units(statistics), int(largest.argmax()))
+    return _chart(f"{output}: difference of the {what}", times, curves, _units(statistics), int(largest.argmax()))
 
 
 def indices_data(found: Indices, output: str, most: int = 5) -> dict[str, Any] | None:

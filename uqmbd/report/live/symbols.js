@@ -1,10 +1,11 @@
 // Bodies, joints, springs, drivers and loads as shapes on the page; the same signs as in the pictures of Python
 // (uqmbd/report/mechanisms/symbols.py).  Places on the page are in inches, y upwards, points and axes in the world in m.
 
-import { acrossOf, footOf, hullOf, isKnown, lengthOf, minus, normalsOf, plus, scaled, unitOf } from "./geometry.js";
+import { acrossOf, dot, footOf, hullOf, isKnown, lengthOf, minus, normalsOf, plus, scaled, unitOf } from "./geometry.js";
 
 const PIN = 0.06;
 const THICK = 4.2;
+const PUSH = [0.5, 0.8];
 const circle = (radius, corners = 33) =>
   Array.from({ length: corners }, (_, k) => {
     const turn = (2 * Math.PI * k) / (corners - 1);
@@ -285,10 +286,15 @@ export class Pen {
   }
 
   push(first, second, axis) {
-    const start = this.at(first);
-    let end = this.at(second);
-    if (lengthOf(minus(end, start)) < 0.2 && axis) end = this.at(plus(first, unitOf(axis), 0.5 * this.view.unit));
-    this.arrow(start, end);
+    let from = first;
+    if (axis) {
+      const { unit } = this.view;
+      const along = unitOf(axis);
+      const way = dot(minus(second, first), along);
+      const length = Math.min(Math.max(Math.abs(way), PUSH[0] * unit), PUSH[1] * unit);
+      from = plus(second, along, way < 0 ? length : -length);
+    }
+    this.arrow(this.at(from), this.at(second));
   }
 
   // -- parts of signs

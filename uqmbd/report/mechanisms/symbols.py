@@ -16,6 +16,7 @@ __all__ = ["Pen", "hull", "normals"]
 
 
 RADIUS = 0.06  # inches: of a pin
+PUSH = (0.5, 0.8)  # inches: shortest and longest arrow along the axis of a driver
 DARK = "0.15"
 DRIVE = "#B45309"  # what moves or loads, apart from what holds
 TURN = np.linspace(0, 2 * np.pi, 33)
@@ -299,11 +300,12 @@ class Pen:
         self.arrow(tail, head)
 
     def push(self, first: Array, second: Array, axis: Array | None) -> None:
-        """Draw an arrow from one point to another; along an axis where they coincide."""
-        start, end = self.canvas.project(np.array([first, second]))
-        if np.hypot(*(end - start)) < 0.2 and axis is not None:
-            end = self.canvas.project(first + 0.5 * self.canvas.unit * axis / np.linalg.norm(axis))
-        self.arrow(start, end)
+        """Draw an arrow from one point to another; with an axis a short one along it, at the driven point."""
+        if axis is not None:
+            along, unit = axis / np.linalg.norm(axis), self.canvas.unit
+            way = float((second - first) @ along)
+            first = second - np.copysign(min(max(abs(way), PUSH[0] * unit), PUSH[1] * unit), way) * along
+        self.arrow(*self.canvas.project(np.array([first, second])))
 
     # -- helpers -----------------------------------------------------------------------------------------------------
     def _around(self, point: Array, axis: Array | None, size: Array, turn: Array, edge: Any, width: float) -> Array:

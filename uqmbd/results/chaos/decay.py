@@ -160,8 +160,7 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
         since = f"above {format_percent(limit)} of the standard deviation from {times[0]:g} s on"
         if not np.all(error > limit):
             since = f"above {format_percent(limit)} of the standard deviation already at {times[0]:g} s"
-    tell = worst if error[-1] <= limit else len(error) - 1
-    return f"{since}, {format_percent(float(error[tell]))} at {times[tell]:g} s"
+    return f"{since}, {format_percent(float(error[worst]))} at {times[worst]:g} s"
 
 
 def verdict_of_decay(
