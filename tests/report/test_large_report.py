@@ -96,9 +96,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.thorough
 def test_size(page: Path) -> None:
-    """Under 15 MB, with as few images and elements as a browser opens in two seconds."""
+    """Under 8 MB, with as few images and elements as a browser opens in two seconds."""
     found = Elements(page.read_text(encoding="utf-8"))
-    assert page.stat().st_size < 15e6
+    assert page.stat().st_size < 8e6
     assert found.count < 8000
     assert len(found.images) < 90
     assert all(one["alt"] for one in found.images)

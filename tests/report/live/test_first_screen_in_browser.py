@@ -10,6 +10,8 @@ from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 
+from ..test_hostile_names import HOSTILE
+
 pytestmark = pytest.mark.slow
 
 FACTORS = ("a", "b", "c", "d", "e", "f", "last")
@@ -111,3 +113,40 @@ def test_everything_is_reached_by_keys_alone(opened, page_file):
     names = [name for name, _, _ in reached]
     assert {f"input-{k}" for k in range(7)} <= set(names) and names.count("plot") >= 3 and "▶ Play" in names
     assert [name for name, shown, _ in reached if not shown] == []
+
+
+def test_hostile_names_are_texts_in_sliders_player_and_first_screen(opened, tmp_path):
+    """Of the study, the mechanism, bodies, inputs, outputs, methods and requirements: no element of the page is theirs."""
+    names = list(HOSTILE.values())
+    for _ in range(20):
+        names.append(f"{names[len(names) - len(HOSTILE)]} again")
+    given = iter(names)
+    mechanism = uqmbd.Mechanism(next(given), uqmbd.Planar(gravity=(0, -9.81)))
+    length = uqmbd.RandomVariable(next(given), chaospy.Normal(0.5, 0.02), units="m")
+    mass = uqmbd.RandomVariable(next(given), chaospy.LogNormal(0.0, 0.2), units="kg")
+    rod = mechanism.body(next(given), mass=mass, inertia=0.1, position=(length, 0))
+    mechanism.add(Revolute(next(given), mechanism.ground, rod, (0, 0), (-length, 0)))
+    outputs = [next(given) for _ in range(8)]
+    for k, name in enumerate(outputs):
+        mechanism.output(name, rod.position[k % 2], units="m")
+    mechanism.require(next(given), rod.position[1] >= -0.53, description=next(given))
+    methods = [MonteCarlo(samples=40, seed=1, label=next(given)), Collocation(order=2, label=next(given))]
+    study = uqmbd.Study(next(given), mechanism, np.linspace(0, 1, 51), methods)
+    tree, problem = report.with_motion(study.run(), study)
+    assert not problem
+    tree, problem = report.with_poses(tree, study)
+    assert not problem
+    page = opened(report.write_report(tree, tmp_path / "report.html"))
+    asked = []
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    page.locator("#input-0").focus()
+    page.keyboard.press("End")
+    page.evaluate("document.querySelectorAll('details').forEach((folded) => (folded.open = true))")
+    page.wait_for_timeout(300)
+    labels = {text.strip() for text in page.locator(".input-row label").all_text_contents()}
+    assert labels == {length.name.strip(), mass.name.strip()}
+    shown = [text.split() for text in page.locator(".explorer > .readout:not(.limits) tbody th").all_text_contents()]
+    assert sorted(shown) == sorted([*(name.split() for name in outputs)])
+    assert page.locator("img:not([src^='data:'])").count() == 0 and not asked
+    assert page.locator("script").count() == page.locator('script[type="application/json"], body > script').count()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1200
