@@ -15,6 +15,7 @@ from uqmbd.results import (
     QuasiPeriodicChaos,
     QuasiPeriodicElement,
     labels,
+    propagator_node,
 )
 
 TIMES = np.linspace(0.0, 2.0, 33)
@@ -134,3 +135,19 @@ def chaoses(draw, kind):
     boxes = boxes_of(space, splits)
     error = draw(st.sampled_from([0.0, 1e-1, 1e-3, 1e-6]))
     return chaos_of(kind, space, boxes, draw(st.integers(0, 4)), draw(st.integers(0, 999)), error=error)
+
+
+def falling(inputs, order=3):
+    """Return the node of a chaos of one output that rises over time, of some inputs that matter less and less."""
+    rng = np.random.default_rng(0)
+    variables = [uqmbd.RandomVariable(f"k{k}", chaospy.Normal(1, 0.1)) for k in range(inputs)]
+    space = GermSpace.of(JointInput.of(variables))
+    indices = np.vstack([np.zeros((1, inputs), int), *(n * np.eye(inputs, dtype=int) for n in range(1, order + 1))])
+    sizes = np.array([10.0 ** -(sum(row) + row.argmax()) if row.any() else 5.0 for row in indices])
+    coefficients = (sizes * (1 + rng.uniform(size=len(sizes))))[:, None, None] * np.linspace(0.5, 1.0, 9)
+    axes = labels([("x", "m")], [f"k{k}" for k in range(inputs)], np.linspace(0, 1, 9))
+    chaos = PolynomialChaos(coefficients, indices, space, axes)
+    return propagator_node(
+        "mine", chaos.statistics(), propagator="p", realisations=3, wall_time=0.0,
+        children={"chaos": chaos.to_dataset()},
+    )  # fmt: skip

@@ -6,8 +6,10 @@ import re
 import numpy as np
 import pytest
 
-from uqmbd import report
-from uqmbd.report.live import densities_data, settling_data, unpacked
+from uqmbd import report, results
+from uqmbd.report.live import decay_data, densities_data, settling_data, unpacked
+
+from .chaoses import falling
 
 pytestmark = pytest.mark.slow
 
@@ -93,6 +95,26 @@ def test_numbers_of_samples_are_along_a_logarithmic_axis(opened, page_file, stud
     figure.get_by_role("button", name="standard deviation at").focus()
     page.keyboard.press("Enter")
     assert "standard deviation" in figure.locator(".view:not(.away) thead").inner_text()
+
+
+def test_orders_are_whole_and_told_as_such(opened, tmp_path):
+    node = falling(3)
+    tree = results.study_tree([node], study="s", mechanism="m")
+    page = opened(report.write_report(tree, tmp_path / "report.html"))
+    figure = page.locator('figure.charted[data-alt^="Part of the standard deviation"]')
+    figure.scroll_into_view_if_needed()
+    seen = figure.locator(".view:not(.away)")
+    seen.locator("canvas").wait_for()
+    plot = seen.locator(".plot")
+    for key, order in (("Home", 1), ("ArrowRight", 2), ("End", 3)):
+        plot.press(key)
+        assert seen.locator("caption").inner_text() == f"At order {order}, in %"
+    part = float(seen.locator("tbody tr").first.locator("td").inner_text())
+    largest = unpacked(decay_data(node, "x")["views"][0]["methods"][0]["lines"][0]["values"])
+    assert part == pytest.approx(largest[2], rel=1e-3)
+    assert page.pdf().startswith(b"%PDF")
+    drawn = figure.locator(".view").first.locator(".paper text").all_text_contents()
+    assert {"1", "2", "3", "100"} <= set(drawn) and "1.5" not in drawn
 
 
 def test_ticks_of_logarithmic_axes(node):

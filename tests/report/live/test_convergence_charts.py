@@ -3,7 +3,9 @@
 import numpy as np
 
 from uqmbd import report, results
-from uqmbd.report.live import errors_data, settling_data, unpacked
+from uqmbd.report.live import decay_data, errors_data, settling_data, unpacked
+
+from .chaoses import falling
 
 
 def lines(data):
@@ -95,3 +97,33 @@ def test_replicates_of_a_design_are_points_on_a_plain_axis():
 def test_values_without_spread_settle_at_once():
     assert "up" not in settling_data(sampled(np.full(50, 3.0)), "x")["views"][0]
     assert settling_data(sampled(np.array([1.0, 2.0])), "x") is None
+
+
+def test_coefficients_fall_as_in_the_figure():
+    node = falling(3)
+    by_order, by_input = decay_data(node, "x")["views"]
+    left, right = report.coefficient_decay(node, "x").axes
+    for view, axes in ((by_order, left), (by_input, right)):
+        drawn = {line.get_label(): line for line in axes.lines if len(line.get_xdata()) == 3}
+        found = list(lines(view).values())
+        for values in found:
+            assert any(np.allclose(values, 100 * line.get_ydata(), rtol=1e-6) for line in drawn.values())
+        assert len(found) == len(drawn)
+        np.testing.assert_array_equal(unpacked(view["time"]), [1, 2, 3])
+        np.testing.assert_allclose(100 * np.array(axes.get_ylim()), [view["up"]["low"], view["up"]["high"]])
+        assert all(method["points"] for method in view["methods"])
+    assert list(lines(by_order))[0] == "largest over time" and list(lines(by_input)) == ["k0", "k1", "k2"]
+    legend = [text.get_text() for text in left.figure.legends[0].get_texts()]
+    assert set(lines(by_order)) | set(lines(by_input)) | {"1 %"} == set(legend)
+
+
+def test_of_many_inputs_the_largest_of_the_others_is_one_line():
+    node = falling(9, order=2)
+    found = lines(decay_data(node, "x")["views"][1])
+    pale = [line.get_ydata() for line in report.coefficient_decay(node, "x").axes[1].lines[:4]]
+    np.testing.assert_allclose(found["largest of 4 others"], 100 * np.max(pale, axis=0), rtol=1e-6)
+    assert len(found) == 6
+
+
+def test_one_order_has_no_chart():
+    assert decay_data(falling(2, order=1), "x") is None

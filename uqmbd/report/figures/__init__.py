@@ -6,7 +6,16 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 from __future__ import annotations
 
 from uqmbd.report.figures.curves import Band, Curve, checked, curves
-from uqmbd.report.figures.decay import LIMIT, StatedErrors, coefficient_decay, horizon, stated_errors, verification
+from uqmbd.report.figures.decay import (
+    LARGEST,
+    LIMIT,
+    StatedErrors,
+    coefficient_decay,
+    coefficient_parts,
+    horizon,
+    stated_errors,
+    verification,
+)
 from uqmbd.report.figures.density import Densities, densities
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of
 from uqmbd.report.figures.distributions import histograms, inputs, output_densities
@@ -49,6 +58,7 @@ __all__ = [
     "ENOUGH",
     "ESTIMATED",
     "Indices",
+    "LARGEST",
     "LIMIT",
     "MOST_SCALARS",
     "OF_GERMS",
@@ -65,6 +75,7 @@ __all__ = [
     "chaos_nodes",
     "chaos_of",
     "coefficient_decay",
+    "coefficient_parts",
     "convergence",
     "densities",
     "design_of",

@@ -18,15 +18,95 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LIMIT", "StatedErrors", "coefficient_decay", "horizon", "stated_errors", "verification"]
+__all__ = [
+    "LARGEST",
+    "LIMIT",
+    "StatedErrors",
+    "coefficient_decay",
+    "coefficient_parts",
+    "horizon",
+    "stated_errors",
+    "verification",
+]
 
 
 LIMIT = 0.01
 """Error, relative to the standard deviation, up to which a surrogate is trusted."""
+LARGEST = "largest over time"
+"""What the maximum over time of several curves is called."""
 _ROUNDING = 1e-15
 _MOST_LINES = 6
 _MARKERS = "osD^vP"
 _PALE = "0.72"
+
+
+class CoefficientParts(NamedTuple):
+    """Parts of the largest standard deviation that polynomials carry: NaN where they are zero but for rounding.
+
+    Attributes
+    ----------
+    at_times : dict of str to array, shape (N,)
+        By total order from 1, at some times.
+    largest : array, shape (N,)
+        Its maximum over time.
+    inputs : list of str
+    of_inputs : array, shape (d, D)
+        By degree from 1 in each input, the maximum over time.
+    named, others : list of int
+        Inputs with a line of their own, and those that share one look.
+    ends : tuple of float
+        Between which values an axis shows them and the limit.
+    """
+
+    at_times: dict[str, Array]
+    largest: Array
+    inputs: list[str]
+    of_inputs: Array
+    named: list[int]
+    others: list[int]
+    ends: tuple[float, float]
+
+
+def coefficient_parts(
+    results: Results, output: str, *, times: Sequence[float] | None = None
+) -> CoefficientParts | None:
+    """Return what `coefficient_decay` draws; None if the output has no spread.
+
+    Raises
+    ------
+    StudyError
+        If there is no chaos, or no such output exists.
+    """
+    chaos = chaos_of(one_node(results), output)
+    decay = chaos.decay().isel(output=0)
+    grid_of_times, std = times_of(decay), chaos.std[0]
+    scale = float(std.max())
+    if not varies_over_time(std, chaos.mean[0]).any() or not varies(one_node(results), output):
+        return None
+    amplitude = np.sqrt(decay["energy"].values[1:]) / scale
+    of_inputs = np.sqrt(decay["energy_germ"].values[:, 1:].max(axis=-1)) / scale
+    if times is None:
+        chosen = [k for k in automatic_times(grid_of_times, std) if std[k] > 0][-3:]
+    else:
+        chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
+    seen = np.concatenate([amplitude.max(axis=1), amplitude[:, chosen].ravel(), of_inputs.ravel()])
+    seen = seen[seen > _ROUNDING]
+    count = len(of_inputs)
+    slowest = sorted(range(count), key=lambda k: (-of_inputs[k, -1], -of_inputs[k].max()))
+    named = sorted(slowest if count <= _MOST_LINES else slowest[: _MOST_LINES - 1])
+
+    def known(values: Array) -> Array:
+        return np.where(values > _ROUNDING, values, np.nan)
+
+    return CoefficientParts(
+        {f"t = {grid_of_times[k]:.4g} s": known(amplitude[:, k]) for k in chosen if len(grid_of_times) > 1},
+        known(amplitude.max(axis=1)),
+        [str(name) for name in decay["germ"].values],
+        known(of_inputs),
+        named,
+        [k for k in slowest if k not in named],
+        (max(min(float(seen.min(initial=1.0)), LIMIT), 1e-15), max(float(seen.max(initial=1.0)), 1.0)),
+    )
 
 
 def coefficient_decay(results: Results, output: str, *, times: Sequence[float] | None = None) -> Figure:
@@ -68,64 +148,45 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
     >>> figure.axes[0].lines[0].get_ydata().round(3).tolist()
     [0.8, 0.6]
     """
-    chaos = chaos_of(one_node(results), output)
-    decay = chaos.decay().isel(output=0)
-    grid_of_times, std = times_of(decay), chaos.std[0]
-    scale = float(std.max())
+    found = coefficient_parts(results, output, times=times)
     figure, grid = axes_grid(2, 2.2)
     by_order, by_input = grid
-    if not varies_over_time(std, chaos.mean[0]).any() or not varies(one_node(results), output):
+    if found is None:
         return _nothing(figure, grid, "no spread")
-    amplitude = np.sqrt(decay["energy"].values[1:]) / scale
-    of_inputs = np.sqrt(decay["energy_germ"].values[:, 1:].max(axis=-1)) / scale
     handles: dict[str, Any] = {}
-    if times is None:
-        chosen = [k for k in automatic_times(grid_of_times, std) if std[k] > 0][-3:]
-    else:
-        chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
-    if len(grid_of_times) > 1:
-        for n, k in enumerate(chosen):
-            (line,) = _curve(by_order, amplitude[:, k], color=("0.75", "0.6", "0.45")[n % 3], marker=_MARKERS[n % 6])
-            handles[f"t = {grid_of_times[k]:.4g} s"] = line
-    (line,) = _curve(by_order, amplitude.max(axis=1), color="black", marker="o", lw=2.2)
-    handles["largest over time"] = line
-    handles |= _draw_inputs(by_input, of_inputs, [str(name) for name in decay["germ"].values])
+    for n, (name, values) in enumerate(found.at_times.items()):
+        (handles[name],) = _curve(by_order, values, color=("0.75", "0.6", "0.45")[n % 3], marker=_MARKERS[n % 6])
+    (handles[LARGEST],) = _curve(by_order, found.largest, color="black", marker="o", lw=2.2)
+    handles |= _draw_inputs(by_input, found)
     for axes, title in zip(grid, ("total order", "degree in one input"), strict=True):
         handles["1 %"] = axes.axhline(LIMIT, color="black", lw=0.8, ls=(0, (2, 2)), zorder=1)
         axes.set_xlabel(title)
     by_order.set_ylabel("part of the largest std")
-    _whole_orders(grid, len(amplitude), of_inputs.shape[1])
-    seen = np.concatenate([amplitude.max(axis=1), amplitude[:, chosen].ravel(), of_inputs.ravel()])
-    seen = seen[seen > _ROUNDING]
+    _whole_orders(grid, len(found.largest), found.of_inputs.shape[1])
     for axes in grid:
-        log_axis(
-            axes, "y", max(min(float(seen.min(initial=1.0)), LIMIT), 1e-15), max(float(seen.max(initial=1.0)), 1.0)
-        )
+        log_axis(axes, "y", *found.ends)
         axes.grid(color="0.9", lw=0.7)
     arrange(figure, grid, 2, legend=handles, heights=(1.75,))
     return figure
 
 
-def _draw_inputs(axes: Axes, amplitude: Array, names: list[str]) -> dict[str, Any]:
-    """Draw a line for each input (amplitudes (d, N)); of many, those that fall least by name."""
-    slowest = sorted(range(len(names)), key=lambda k: (-amplitude[k, -1], -amplitude[k].max()))
-    named = sorted(slowest) if len(names) <= _MOST_LINES else sorted(slowest[: _MOST_LINES - 1])
+def _draw_inputs(axes: Axes, found: CoefficientParts) -> dict[str, Any]:
+    """Draw a line for each input; of many, those that fall least by name."""
     handles: dict[str, Any] = {}
-    for k in slowest:
-        if k not in named:
-            handles[f"{len(names) - len(named)} others"] = _curve(axes, amplitude[k], color=_PALE, lw=0.9)[0]
-    for n, k in enumerate(named):
-        colour, line = style(k if len(names) <= _MOST_LINES else n)
-        (drawn,) = _curve(axes, amplitude[k], color=colour, ls=line, marker=_MARKERS[n % 6], ms=4)
-        handles[names[k]] = drawn
-    rest = {name: handle for name, handle in handles.items() if name.endswith(" others") and name not in names}
-    return {name: handle for name, handle in handles.items() if name not in rest} | rest
+    rest: dict[str, Any] = {}
+    for k in found.others:
+        (rest[f"{len(found.others)} others"],) = _curve(axes, found.of_inputs[k], color=_PALE, lw=0.9)
+    for n, k in enumerate(found.named):
+        colour, line = style(n)
+        (drawn,) = _curve(axes, found.of_inputs[k], color=colour, ls=line, marker=_MARKERS[n % 6], ms=4)
+        handles[found.inputs[k]] = drawn
+    return handles | rest
 
 
 def _curve(axes: Axes, values: Array, **looks: Any) -> Any:
-    """Draw values (N,) over the orders 1 .. N; what is zero but for rounding is left out."""
+    """Draw values (N,) over the orders 1 .. N; what is not known is left out."""
     orders = np.arange(1, len(values) + 1)
-    used = values > _ROUNDING
+    used = ~np.isnan(values)
     looks = {"lw": 1.3, "ms": 3.5, "clip_on": False} | looks
     return axes.plot(orders[used], values[used], **looks)
 

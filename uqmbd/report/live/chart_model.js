@@ -52,7 +52,7 @@ export function chartModel(data) {
 /** Where an index is, in words, with as many digits as the axis needs. */
 export function placeAt({ at, across }, index) {
   const spread = across.whole ? 1 : Math.abs(at[at.length - 1] - at[0]) / 10;
-  return formatQuantity(at[index], across.told, spread);
+  return `${across.before ?? ""}${formatQuantity(at[index], across.told, spread)}`;
 }
 
 /** How many times the height of what is drawn a limit may be away from it: farther ones would leave a flat line. */

@@ -114,7 +114,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     points: { show: false },
     show: model.chosen.shown,
   });
-  const upName = withUnits(model.output, model.units);
+  const upName = withUnits(model.axis ?? model.output, model.units);
   const { letters, most } = fitted(upName, (height - 60) / scale);
   const font = `${12 * scale}px ${FONT}`;
   const axis = {

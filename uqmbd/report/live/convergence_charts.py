@@ -7,13 +7,35 @@ from typing import Any
 import numpy as np
 
 from uqmbd.report.drawing import decades
-from uqmbd.report.figures import ESTIMATED, LIMIT, Band, Curve, Results, Samples, settling, stated_errors
-from uqmbd.report.live.chart_data import curves_data
+from uqmbd.report.figures import (
+    ESTIMATED,
+    LARGEST,
+    LIMIT,
+    Band,
+    Curve,
+    Results,
+    Samples,
+    coefficient_parts,
+    settling,
+    stated_errors,
+)
+from uqmbd.report.live.chart_data import curve_data, curves_data
+from uqmbd.report.live.packing import packed
 
-__all__ = ["errors_data", "settling_data"]
+__all__ = ["decay_data", "errors_data", "settling_data"]
 
+INK = ("#1b1f24", "#e6e9ed")
 PALE = ("#8a8f96", "#7d868f")
-"""Colours, on a light and on a dark page, of what stands for several things."""
+"""Colours, on a light and on a dark page, of the one that matters most, and of what stands for several things."""
+
+
+_LIMIT = {"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}
+
+
+def _logarithmic(ends: tuple[float, float]) -> dict[str, Any]:
+    """Return the vertical axis, in per cent, that shows two values and the full decades about them."""
+    first, last = decades(*(100 * end for end in ends))
+    return {"log": True, "low": float(f"1e{first}"), "high": float(f"1e{last}")}
 
 
 def errors_data(results: Results) -> dict[str, Any] | None:
@@ -41,11 +63,10 @@ def errors_data(results: Results) -> dict[str, Any] | None:
         method["marks"] = [] if first is None else [[first, 100 * LIMIT]]
     if found.others:
         data["methods"][-1] |= {"colours": list(PALE), "dash": [], "width": 1.0}
-    first_decade, last_decade = decades(*(100 * end for end in found.ends))
     worst = np.fmax.reduce([np.asarray(curve.values)[chosen] for curve in curves])
     return data | {
-        "up": {"log": True, "low": 10.0**first_decade, "high": 10.0**last_decade},
-        "limits": [{"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}],
+        "up": _logarithmic(found.ends),
+        "limits": [_LIMIT],
         "start": int(np.nan_to_num(worst, nan=-1.0).argmax()),
     }
 
@@ -81,6 +102,7 @@ def settling_data(node: Samples, output: str) -> dict[str, Any] | None:
             data
             | {
                 "title": f"{title} at {found.time:.4g} s",
+                "axis": title,
                 "across": across,
                 "limits": [{"name": "final value", "value": float(centre[-1]), "reference": True}],
                 "start": len(found.counts) - 1,
@@ -88,3 +110,54 @@ def settling_data(node: Samples, output: str) -> dict[str, Any] | None:
             | ({} if ends is None else {"up": {"low": ends[0], "high": ends[1]}})
         )
     return {"choose": "What is estimated", "seen": 0, "views": views}
+
+
+def decay_data(results: Results, output: str) -> dict[str, Any] | None:
+    """Return the part of the standard deviation that polynomials of each order carry, in per cent of its maximum.
+
+    A view by the total order, at some times and at most, and one by the degree in each input. Of many inputs those have
+    a line of their own that fall least; the largest of the others is one more. None if the output has no spread, or
+    there is one order only.
+
+    Raises
+    ------
+    StudyError
+        If there is no chaos.
+    """
+    found = coefficient_parts(results, output)
+    if found is None:
+        return None
+    orders = [Curve(LARGEST, found.largest), *(Curve(name, values) for name, values in found.at_times.items())]
+    degrees = [Curve(found.inputs[k], found.of_inputs[k]) for k in found.named]
+    if found.others:
+        largest = np.fmax.reduce(found.of_inputs[found.others])
+        degrees.append(Curve(f"largest of {len(found.others)} others", largest))
+    views = []
+    for word, across, curves in (("order", "total order", orders), ("degree", "degree in one input", degrees)):
+        count = len(np.asarray(curves[0].values))
+        if count < 2:
+            return None
+        methods = [
+            curve_data(k, len(curves), Curve(one.name, 100 * np.asarray(one.values), (), "part")) | {"points": True}
+            for k, one in enumerate(curves)
+        ]
+        if curves is orders:
+            methods[0] |= {"colours": list(INK), "width": 2.2}
+        elif found.others:
+            methods[-1] |= {"colours": list(PALE), "dash": [], "width": 1.0}
+        views.append(
+            {
+                "title": f"by {across}",
+                "output": f"part of the largest standard deviation of {output}",
+                "axis": "part of the largest std",
+                "units": "%",
+                "time": packed(np.arange(1.0, count + 1)),
+                "of": count,
+                "start": count - 1,
+                "across": {"name": across, "units": "", "told": "", "before": f"{word} ", "whole": True},
+                "methods": methods,
+                "up": _logarithmic(found.ends),
+                "limits": [_LIMIT],
+            }
+        )
+    return {"choose": "Orders or degrees", "seen": 0, "views": views}

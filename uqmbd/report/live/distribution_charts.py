@@ -59,6 +59,7 @@ def _view(
     return {
         "title": title,
         "output": f"density of {name}",
+        "axis": "density",
         "units": reciprocal_units(units),
         "time": packed(places),
         "of": len(places),

@@ -164,12 +164,13 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
     drawn = []
     if chaos_nodes(nodes):
         drawn.append(
-            image(
+            charted(
                 functools.partial(figures.coefficient_decay, nodes, name),
                 f"Part of the standard deviation of {name} that the polynomials of each order carry.",
-                "Whether the order suffices: the part of the spread in the polynomials of each total order (left), and "
-                "of each degree in each input (right). It should fall from order to order, and end well below 1 %.",
+                "Whether the order suffices: the part of the spread in the polynomials of each total order, and of "
+                "each degree in each input. It should fall from order to order, and end well below 1 %.",
                 f"{name}-coefficient-decay",
+                lambda: json_chart(live.decay_data(nodes, name)),
             )
         )
     words: list[str] = []
