@@ -127,6 +127,16 @@ def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(ma
     assert "one, two: ten times as many realisations" in words[-1]
 
 
+def test_a_page_of_samples_alone_says_why_it_has_no_sliders(tmp_path):
+    def page(node):
+        tree = results.study_tree([node], study="s", mechanism="m")
+        return report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+
+    assert "Inputs cannot be chosen in this page: There are samples and no surrogate" in page(sampled())
+    alone = sampled()
+    assert 'id="explore"' not in page(alone.drop_nodes("samples"))
+
+
 def test_a_page_without_histories_has_no_section_of_them(tmp_path):
     mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")

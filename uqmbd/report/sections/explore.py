@@ -10,7 +10,7 @@ __all__ = ["EXPLORE"]
 
 
 def explore(result: StudyResult) -> Content | None:
-    """Return the data of the sliders; None if no method makes a surrogate.
+    """Return the data of the sliders, or why there are none; None where the results hold no inputs.
 
     Returns
     -------
@@ -18,7 +18,7 @@ def explore(result: StudyResult) -> Content | None:
         ``explorer``, JSON, or None; ``moving``, whether there is a mechanism to draw; ``notes``, what does not follow
         the inputs, and why.
     """
-    if not live.live_method(result.tree):
+    if not live.live_method(result.tree) and not _sampled(result):
         return None
     moving = result.motion is not None
     try:
@@ -30,6 +30,12 @@ def explore(result: StudyResult) -> Content | None:
         return {"explorer": None, "moving": moving, "notes": notes}
     notes = [f"Some outputs do not follow the inputs: {reason}" for reason in found["missing"]]
     return {"explorer": live.json_script(found), "moving": moving, "notes": notes}
+
+
+def _sampled(result: StudyResult) -> bool:
+    """Tell whether outputs are known by samples of inputs, of which a surrogate could be made."""
+    held = [one for method in result.methods.values() for one in (method, method.scalars) if one is not None]
+    return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in held)
 
 
 EXPLORE = TemplateSection("Other inputs", "explore", explore)
