@@ -107,7 +107,7 @@ def test_it_is_accessible(source: str) -> None:
     assert ("html", {"lang": "en"}) in page.tags
     assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
     images = [attrs for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == 4 and all(attrs["alt"] for attrs in images)
+    assert len(images) == 3 and all(attrs["alt"] for attrs in images)
     assert all(attrs.get("data-alt", "of the first screen") for attrs in (a for tag, a in page.tags if tag == "figure"))
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
 

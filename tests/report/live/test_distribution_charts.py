@@ -5,7 +5,7 @@ import pytest
 from matplotlib.patches import StepPatch
 
 from uqmbd import report, results
-from uqmbd.report.live import densities_data, unpacked
+from uqmbd.report.live import densities_data, inputs_data, unpacked
 
 
 def sampled(label, response):
@@ -82,3 +82,28 @@ def test_a_value_without_spread_is_a_bar():
     data = densities_data(sampled("a", np.full((50, 1), 3.0)), "x")
     places, curves = parts(data["views"][0])
     assert places[0] < 3 < places[-1] and list(curves) == ["histogram of a"] and np.nanmax(curves["histogram of a"]) > 0
+
+
+def test_inputs_are_those_of_the_figure_with_where_samples_failed():
+    rng = np.random.default_rng(0)
+    given = np.stack([rng.normal(size=200), rng.uniform(size=200)], axis=1)
+    status = np.where(np.arange(200) < 3, 2, 0)
+    axes = results.labels(["x"], [("k", "N/m"), ("m", "kg")], [0.0])
+    samples = results.sample_dataset(np.zeros((200, 1, 1)), given, axes, status=status)
+    data = inputs_data(samples)
+    for column, (view, drawn) in enumerate(zip(data["views"], report.inputs(samples).axes, strict=True)):
+        places, curves = parts(view)
+        (line,) = (one for one in drawn.lines if len(one.get_xdata()) > 100)
+        x, f = line.get_data()
+        inner = (places > x[0]) & (places < x[-1])
+        np.testing.assert_allclose(
+            curves["smooth estimate"][inner], np.interp(places, x[1:-1], f[1:-1])[inner], rtol=1e-6
+        )
+        failed = view["methods"][-1]
+        assert failed["label"] == "inputs of failed samples" and np.isnan(curves[failed["label"]]).all()
+        np.testing.assert_allclose([x for x, _ in failed["marks"]], np.sort(given[:3, column]), rtol=1e-6)
+        np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], drawn.get_ylim())
+    assert [(v["title"], v["across"]["units"], v["units"]) for v in data["views"]] == [
+        ("k", "N/m", "m/N"),
+        ("m", "kg", "1/kg"),
+    ]

@@ -18,7 +18,7 @@ from uqmbd.report.figures.decay import (
 )
 from uqmbd.report.figures.density import Densities, densities
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of
-from uqmbd.report.figures.distributions import histograms, inputs, output_densities
+from uqmbd.report.figures.distributions import FAILED_INPUTS, histograms, input_densities, inputs, output_densities
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import error_cost
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
@@ -57,6 +57,7 @@ __all__ = [
     "Densities",
     "ENOUGH",
     "ESTIMATED",
+    "FAILED_INPUTS",
     "Indices",
     "LARGEST",
     "LIMIT",
@@ -95,6 +96,7 @@ __all__ = [
     "histograms",
     "horizon",
     "indices_of",
+    "input_densities",
     "inputs",
     "is_function",
     "label_of",

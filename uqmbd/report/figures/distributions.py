@@ -35,14 +35,20 @@ if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
 
 __all__ = [
+    "FAILED_INPUTS",
     "DensityPanel",
+    "InputPanel",
     "OutputDensities",
     "density_label",
     "histograms",
+    "input_densities",
     "inputs",
     "of_surrogate",
     "output_densities",
 ]
+
+FAILED_INPUTS = "inputs of failed samples"
+"""What the marks of these are called."""
 
 SURROGATE_SAMPLES = 4096
 """Samples of a chaos from which its density is drawn."""
@@ -230,6 +236,50 @@ def density_label(units: str) -> str:
     return wrapped(with_units("density", reciprocal_units(units)), 24)
 
 
+class InputPanel(NamedTuple):
+    """The sampled values of an input.
+
+    Attributes
+    ----------
+    name, units : str
+    values : array, shape (S,)
+    curve : Curve
+        Its density: that of its distribution, where this is known.
+    failed : array
+        Values of samples that failed, 2000 at most.
+    """
+
+    name: str
+    units: str
+    values: NDArray[np.float64]
+    curve: Curve
+    failed: NDArray[np.float64]
+
+
+def input_densities(node: Samples, space: GermSpace | None = None) -> list[InputPanel]:
+    """Return what `inputs` draws.
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples or no inputs.
+    """
+    samples = samples_of(node)
+    names = [str(name) for name in samples["input"].values]
+    if not names:
+        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
+    failed = samples["status"].values != Status.OK
+    known = {} if space is None else known_densities(space)
+    panels = []
+    for name in names:
+        chosen = samples.sel(input=name)
+        values = chosen["inputs"].values
+        units = str(chosen["input_units"].item()) if "input_units" in chosen.coords else ""
+        curve = Curve(values, known=known.get(name))
+        panels.append(InputPanel(name, units, values, curve, values[failed][:2000]))
+    return panels
+
+
 def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     """Draw histograms of the sampled inputs: what was uncertain, and (red ticks) where samples failed.
 
@@ -257,26 +307,18 @@ def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     >>> inputs(samples).axes[0].get_xlabel()
     'k [N/m]'
     """
-    samples = samples_of(node)
-    names = [str(name) for name in samples["input"].values]
-    if not names:
-        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
-    failed = samples["status"].values != Status.OK
-    figure, grid = axes_grid(len(names), 1.6)
+    panels = input_densities(node, space)
+    figure, grid = axes_grid(len(panels), 1.6)
     handles: dict[str, Any] = {}
-    known = {} if space is None else known_densities(space)
-    for axes, name in zip(grid, names, strict=True):
-        chosen = samples.sel(input=name)
-        values = chosen["inputs"].values
-        draw_densities(axes, values, [Curve(values, known=known.get(name))], COLOURS[2])
+    for axes, panel in zip(grid, panels, strict=True):
+        draw_densities(axes, panel.values, [panel.curve], COLOURS[2])
         few_ticks(axes)
-        if failed.any():
+        if len(panel.failed):
             # Ticks at the foot of the axes, whatever the counts are.
             foot = axes.get_xaxis_transform()
-            ticks = axes.vlines(values[failed][:2000], 0, 0.12, transform=foot, color=FAILED, lw=1.3)
-            handles = {"inputs of failed samples": ticks}
-        units = str(chosen["input_units"].item()) if "input_units" in chosen.coords else ""
-        axes.set_xlabel(wrapped(with_units(name, units), 20))
-        axes.set_ylabel(density_label(units))
-    arrange(figure, grid, min(2, len(names)), legend=handles, heights=[PANEL] * -(-len(names) // 2))
+            ticks = axes.vlines(panel.failed, 0, 0.12, transform=foot, color=FAILED, lw=1.3)
+            handles = {FAILED_INPUTS: ticks}
+        axes.set_xlabel(wrapped(with_units(panel.name, panel.units), 20))
+        axes.set_ylabel(density_label(panel.units))
+    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
     return figure

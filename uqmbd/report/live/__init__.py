@@ -6,7 +6,7 @@ from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.convergence_charts import decay_data, errors_data, settling_data
 from uqmbd.report.live.curve_chart import chart_html
-from uqmbd.report.live.distribution_charts import densities_data
+from uqmbd.report.live.distribution_charts import densities_data, inputs_data
 from uqmbd.report.live.explorer_data import explorer_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
@@ -27,6 +27,7 @@ __all__ = [
     "difference_data",
     "errors_data",
     "indices_data",
+    "inputs_data",
     "explorer_data",
     "joined_modules",
     "json_script",

@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.figures import Curve, Densities, Results, Samples, densities, output_densities
-from uqmbd.report.live.chart_data import curve_data
+from uqmbd.report.drawing import COLOURS, FAILED
+from uqmbd.report.figures import (
+    FAILED_INPUTS,
+    Curve,
+    Densities,
+    Results,
+    Samples,
+    densities,
+    input_densities,
+    output_densities,
+)
+from uqmbd.report.live.chart_data import ON_DARK, curve_data
 from uqmbd.report.live.packing import packed
 from uqmbd.typing import Array
 from uqmbd.wording import reciprocal_units, typeset_units
 
-__all__ = ["densities_data"]
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermSpace
 
+__all__ = ["densities_data", "inputs_data"]
+
+_INPUT = 2
+"""Which colour inputs have."""
+_FAILED_ON_DARK = "#FF6B81"
 _PLACES = 160
 """Points along the axis of a chart, besides those at which something jumps: estimates are smooth."""
 
@@ -38,19 +54,63 @@ def densities_data(results: Results | Samples, output: str, times: Sequence[floa
     labels, units, panels = output_densities(results, output, times)
     spreads = [float(np.std(panel.curves[0].values)) for panel in panels]
     views = [
-        _view(f"t = {one.time:.4g} s", output, units, densities(one.bars, one.curves), labels, one.span)
+        _view(
+            f"t = {one.time:.4g} s",
+            output,
+            units,
+            densities(one.bars, one.curves),
+            labels,
+            one.span,
+            f"histogram of {labels[0]}",
+        )
         for one in panels
     ]
     return {"choose": "Time of the densities", "seen": int(np.argmax(spreads)), "views": views}
 
 
+def inputs_data(node: Samples, space: GermSpace | None = None) -> dict[str, Any]:
+    """Return histograms of sampled inputs with their densities, a view for each; dots are where samples failed.
+
+    Parameters
+    ----------
+    node, space
+        As of `uqmbd.report.inputs`.
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples or no inputs.
+    """
+    views = []
+    for one in input_densities(node, space):
+        line = "smooth estimate" if one.curve.known is None else "distribution"
+        shown = densities(one.values, [one.curve])
+        view = _view(one.name, one.name, one.units, shown, [line], None, "histogram of the samples")
+        for method in view["methods"]:
+            method["colours"] = [COLOURS[_INPUT], ON_DARK[_INPUT]]
+        if len(one.failed):
+            nothing = Curve(FAILED_INPUTS, np.full(view["of"], np.nan), (), "density")
+            marks = [[float(f"{value:.7g}"), 0.0] for value in np.unique(one.failed)]
+            view["methods"].append(
+                curve_data(0, 1, nothing, short=True) | {"colours": [FAILED, _FAILED_ON_DARK], "marks": marks}
+            )
+        views.append(view)
+    return {"choose": "Input", "seen": 0, "views": views}
+
+
 def _view(
-    title: str, name: str, units: str, shown: Densities, labels: Sequence[str], span: tuple[float, float] | None
+    title: str,
+    name: str,
+    units: str,
+    shown: Densities,
+    labels: Sequence[str],
+    span: tuple[float, float] | None,
+    barred: str,
 ) -> dict[str, Any]:
     places = _places(shown, span)
     methods = []
     if shown.bars is not None:
-        bars = Curve(f"histogram of {labels[0]}", _steps(places, *shown.bars), (), "density")
+        bars = Curve(barred, _steps(places, *shown.bars), (), "density")
         methods.append(curve_data(0, 1, bars, short=True) | {"filled": True, "width": 0.8})
     for number, x, f in shown.curves:
         curve = Curve(labels[number], _at(places, x, f), (), "density")

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import charted
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.wording import typeset_units
@@ -45,7 +45,7 @@ def input_rows(result: StudyResult) -> list[dict[str, str]]:
     return []
 
 
-def _figure(methods: Mapping[str, Method]) -> dict[str, str] | None:
+def _figure(methods: Mapping[str, Method]) -> Content | None:
     sampled = (m for m in methods.values() if m.samples is not None and m.samples.sizes.get("input", 0))
     first = next(sampled, None)
     if first is None:
@@ -53,7 +53,13 @@ def _figure(methods: Mapping[str, Method]) -> dict[str, str] | None:
     space = _space(first, [*methods.values()])
     lines = "smooth estimates of the density" if space is None else "the densities of their distributions"
     caption = f"The inputs as {first.label} sampled them: bars are histograms, lines {lines}."
-    return image(lambda: figures.inputs(first.node, space), "Histograms of the sampled inputs.", caption, "inputs")
+    return charted(
+        lambda: figures.inputs(first.node, space),
+        "Histograms of the sampled inputs.",
+        caption,
+        "inputs",
+        lambda: live.json_script(live.inputs_data(first.node, space)),
+    )
 
 
 def _space(sampled: Method, methods: Sequence[Method]) -> GermSpace | None:
