@@ -252,7 +252,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("integration error"))
     assert line.split(maxsplit=2)[2] == expected
     write_report(tree, tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert expected in page and "The time integration is wrong by up to" in page
 
 

@@ -94,7 +94,7 @@ def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     units = some[0].units(name)
     histories = [method.of(name) for method in some]
     ends = [data.isel(time=-1) for data in histories]
-    scale = float(np.nanmax([float(end["std"]) for end in ends], initial=0.0))
+    scale = float(np.fmax.reduce([float(end["std"]) for end in ends], initial=0.0))
 
     def shown(value: str, error: str) -> list[Cell]:
         errors = [float(end[error]) if error in end else math.nan for end in ends]
@@ -140,10 +140,10 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
     """
     data = method.of(name)
     some = data.isel(time=automatic_times(data["time"].values, data["std"].values))
-    sizes = [np.nanmax(np.abs(some[key].values), initial=0.0) for key in ("mean", "std", "quantile")]
+    sizes = [np.fmax.reduce(np.abs(some[key].values), axis=None, initial=0.0) for key in ("mean", "std", "quantile")]
     power = power_of_ten(float(max(sizes)))
     some = some.assign({key: some[key] / 10.0**power for key in ("mean", "std", "quantile")})
-    scale = float(np.nanmax(some["std"].values, initial=0.0))
+    scale = float(np.fmax.reduce(some["std"].values, axis=None, initial=0.0))
     times = some["time"].values.tolist()
     columns = {
         "time": [str(cell) for cell in format_cells(times, "s", scale=float(abs(data["time"][-1])))],

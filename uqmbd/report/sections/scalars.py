@@ -56,7 +56,7 @@ def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
     """Return the rows of an output, one a method, with the same digits in all of them."""
     some = [method for method in methods if name in method.names]
     data, units = [method.of(name) for method in some], some[0].units(name)
-    scale = float(np.nanmax([float(one["std"]) for one in data], initial=0.0))
+    scale = float(np.fmax.reduce([float(one["std"]) for one in data], initial=0.0))
     columns = {}
     for value in ("mean", "std"):
         errors = [float(one.get(f"std_error_{value}", math.nan)) for one in data]
