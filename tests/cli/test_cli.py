@@ -466,18 +466,24 @@ def test_values_of_another_type_are_refused(text, annotation):
         parse_value(text, annotation)
 
 
-def test_bar_on_a_terminal():
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("xterm", "monte-carlo +━+ +4 "), ("dumb", "monte-carlo: done after [0-9.]+ m?s\n")]
+)
+def test_bar_on_a_terminal(monkeypatch, kind, expected):
+    """One that cannot change what it shows gets lines."""
+
     class Terminal(io.StringIO):
         def isatty(self):
             return True
 
+    monkeypatch.setenv("TERM", kind)
     screen = Terminal()
     with progress.shown_progress(screen) as shown:
         shown.start("monte-carlo", 4)
         shown.advance("monte-carlo", 3)
         shown.finish("monte-carlo")
     plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
-    assert re.search("monte-carlo +━+ +4 ", plain)
+    assert re.search(expected, plain)
 
 
 def test_without_a_report_none_is_written(cli, study, tmp_path):

@@ -16,7 +16,9 @@ from uqmbd_montecarlo import MonteCarlo
 
 
 def shown(board, now, width):
-    console = Console(file=io.StringIO(), width=width, force_terminal=True, no_color=True, legacy_windows=False)
+    console = Console(
+        file=io.StringIO(), width=width, height=50, force_terminal=True, no_color=True, legacy_windows=False
+    )
     console.print(board.table(now, width))
     return [line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", console.file.getvalue()).splitlines()]
 
