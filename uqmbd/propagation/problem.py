@@ -5,7 +5,6 @@ Length: this is one class, the whole of what methods know of a study.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,9 @@ from uqmbd.propagation.execution import (
     Chunk,
     Clock,
     History,
+    Kept,
     Kind,
+    Known,
     Ledger,
     Margins,
     Observed,
@@ -55,9 +56,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Problem", "Realisations"]
-
-Known = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
-"""Chunks, or where they are stored, by kind and inputs."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +269,7 @@ class Problem:
         size = self.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         workers = executor_for(self.executor, unlocked=self._unlocked)
-        work = in_order(parts, workers, self._found, self._task, self._keep, self._lost)
+        work = in_order(parts, workers, self._kept.find, self._task, self._kept.keep, self._lost)
         for part, chunk in zip(parts, work, strict=True):
             now = self.clock()
             found = Realisations.of(part, chunk, now - begin)
@@ -340,12 +338,9 @@ class Problem:
             checkpoint=self.checkpoint,
             clock=self.clock,
             ledger=self.ledger,
-            joins=self.joins,
             observed=self.observed,
             chunk_size=self.chunk_of,
-            key=self._key,
-            held=self._beside_others,
-            hold=self._hold,
+            kept=self._kept,
         )
         return Reductions(work, self._checked(values), function, arguments, keep)
 
@@ -450,68 +445,29 @@ class Problem:
     def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[Packed, Array, Array, float, str, Kind]]:
         return compute_chunk, (self._packed, part, self._whole, self.rtol, self.integrator, self.kind)
 
-    def _found(self, part: Array) -> Chunk | None:
-        """Return a chunk that need not be computed."""
-        if (known := self._beside_others(part)) is not None:
-            return known
-        key = self._key(part)
-        found = self.ledger.find(part, self._key, join=self.joins) if self.ledger else None
-        if found is None:
-            found = self.checkpoint.load(key) if self.checkpoint else None
-        if self.ledger:
-            self.ledger.begin(len(part)) if found is None else self.ledger.reuse(len(part))
-        if found is None:
-            return None
-        self.clock.recover(key, found.seconds)
-        return self._noted(part, found)
-
-    def _noted(self, part: Array, chunk: Chunk, *, lost: bool = False) -> Chunk:
-        found = chunk.beside(self.kind, margins=not self.answers_requirements)
-        if self.chosen is not None:  # others of them may be asked for next
-            found["scalars"] = replace(chunk, counters={})
-        self._hold(part, found, lost=lost)
-        return chunk
-
-    def _hold(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
-        """Hold what was computed beside others; what lies on the disk is read there, and what is lost does not."""
-        stored = None if lost else self.checkpoint and (self.checkpoint, self._key(part))
-        for kind, chunk in chunks.items():
-            self.known[kind, _digest(part)] = stored or chunk
-
-    def _beside_others(self, part: Array) -> Chunk | None:
-        """Return a chunk that was computed beside others."""
-        found = self.known.get((self.kind, _digest(part))) if self.timeless else None
-        if not isinstance(found, tuple):
-            return found
-        checkpoint, key = found
-        chunk = checkpoint.load(key)
-        found = None if chunk is None else chunk.of(self.kind)
-        return None if found is None else replace(found, counters={})
-
-    def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
-        """Store a chunk with the wall time that was spent on it."""
-        if self.ledger:
-            self.ledger.keep(self._key(part), replace(chunk, seconds=seconds))
-        if self.checkpoint:
-            key = self._key(part)
-            self.checkpoint.save(key, replace(chunk, seconds=seconds))
-            self.clock.done(key)
-        return self._noted(part, chunk)
+    @cached_property
+    def _kept(self) -> Kept:
+        """What is known of the chunks already."""
+        return Kept(
+            kind=self.kind,
+            partial=self.chosen is not None,
+            margins=not self.answers_requirements,
+            fingerprint=self._fingerprint,
+            joins=self.joins,
+            known=self.known,
+            checkpoint=self.checkpoint,
+            ledger=self.ledger,
+            clock=self.clock,
+        )
 
     def _lost(self, part: Array, reason: str) -> Chunk:
         """Return a chunk that killed its workers; it is not stored: a run that goes on tries it again."""
-        return self._noted(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind), lost=True)
+        return self._kept.note(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind), lost=True)
 
     @property
     def folder(self) -> Path | None:
         """Folder of the run's files, if it has one."""
         return self.checkpoint.folder if self.checkpoint else None
-
-    def _key(self, part: Array) -> str:
-        text = hashlib.sha256()
-        text.update(part.tobytes())
-        text.update(self._fingerprint)
-        return text.hexdigest()[:32]
 
     @cached_property
     def _common(self) -> bytes:
@@ -521,8 +477,10 @@ class Problem:
     @cached_property
     def _fingerprint(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
-        times = (self.times.tobytes(),) if self.over is None else (self.kind, self.over.tobytes())
-        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), times)
+        if self.over is None:
+            return self._common
+        kind = (self.kind, self.over.tobytes())
+        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), kind)
 
     def _checked(self, values: Array) -> Array:
         array = np.atleast_2d(np.asarray(values, dtype=float))
@@ -563,7 +521,3 @@ class Problem:
         about = {"realisations": realisations, "wall_time": wall_time}
         given = {"solver_counters": counters, "children": children, "attrs": attrs}
         return method_node(self.label, self.model, self.existence, propagator, statistics, samples, **about, **given)
-
-
-def _digest(part: Array) -> bytes:
-    return hashlib.sha256(part.tobytes()).digest()

@@ -17,6 +17,7 @@ from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.fingerprint import fingerprint
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.kept import Kept, Known
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs
@@ -37,7 +38,9 @@ __all__ = [
     "Crew",
     "FOLDER",
     "History",
+    "Kept",
     "Kind",
+    "Known",
     "LIMIT",
     "Ledger",
     "Margins",

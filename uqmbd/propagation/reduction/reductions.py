@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -19,6 +19,7 @@ from uqmbd.propagation.execution import (
     Checkpoint,
     Chunk,
     Clock,
+    Kept,
     Kind,
     Ledger,
     Observed,
@@ -63,12 +64,8 @@ class Work:
         Whether realisations are computed without the interpreter.
     chunk_size : callable
         From the number of realisations.
-    key : callable
-        Gives the name of a chunk, from its inputs.
-    held : callable
-        Gives a chunk that was computed beside others, from its inputs.
-    hold : callable
-        Is given the inputs of a chunk, and the chunks of other kinds that were computed beside it.
+    kept : Kept
+        What is known of the chunks already, and holds what is computed beside them.
     """
 
     label: str
@@ -89,12 +86,9 @@ class Work:
     checkpoint: Checkpoint | None
     clock: Clock
     ledger: Ledger | None
-    joins: bool
     observed: Observed
     chunk_size: Callable[[int], int]
-    key: Callable[[Array], str]
-    held: Callable[[Array], Chunk | None]
-    hold: Callable[[Array, Mapping[Kind, Chunk]], None]
+    kept: Kept
 
 
 def store_name(label: str) -> str:
@@ -254,13 +248,13 @@ class Reductions:
     def _known(self, piece: Piece) -> Handover | None:
         """Reduce a chunk that is held: it was computed beside others, or for another size of the method."""
         work = self._work
-        if not self._stores and (chunk := work.held(piece.values)) is not None:
+        if not self._stores and (chunk := work.kept.held(piece.values)) is not None:
             return reduce_chunk(work.packed, piece.values, chunk, self._order(piece, None, None))
         if work.ledger is None:
             return None
         if self._stored(piece) is not None and self._stores[work.kind].shelf(piece.number).path.exists():
             work.ledger.reuse(len(piece.values))
-        elif (found := work.ledger.find(piece.values, work.key, join=work.joins)) is not None:
+        elif (found := work.ledger.find(piece.values, work.kept.key, join=work.kept.joins)) is not None:
             work.ledger.reuse(len(piece.values))
             answer = store_chunk(work.packed, piece.values, found, work.kind, self._order(piece, None, None))
             return self._kept(piece, answer, found.seconds)
@@ -317,7 +311,7 @@ class Reductions:
             about |= {"inputs": _digest(piece.values)} | ({"lost": True} if lost else {})
             self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
         if not self._stores:
-            work.hold(piece.values, answer.beside)
+            work.kept.hold(piece.values, answer.beside)
         return replace(answer, beside={}, files={})
 
 
