@@ -14,7 +14,10 @@ from typing import Any
 
 from uqmbd.errors import UqmbdError
 
-__all__ = ["Isolated", "last_line", "reason_of", "release"]
+__all__ = ["ERRORS_AND_EXITS", "Isolated", "last_line", "reason_of", "release"]
+
+ERRORS_AND_EXITS = Exception, SystemExit
+"""What a method or a script may raise while the program goes on."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any
 
 import uqmbd
-from uqmbd import NamedFrame
-from uqmbd.typing import Vector
+from uqmbd_joints.arguments import PointsAndAxes
 from uqmbd_joints.primitives import Parallel2
 
 __all__ = ["Cylindrical"]
 
 
-class Cylindrical(Parallel2):
+class Cylindrical(PointsAndAxes, Parallel2):
     """A slide that turns: the point on body j stays on a line fixed in body i, and two axes are parallel.
 
     Examples
@@ -25,26 +24,6 @@ class Cylindrical(Parallel2):
     symbol = "cylinder"
     spaces = (uqmbd.Spatial,)
     axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
-
-    if TYPE_CHECKING:
-
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
-            axis_j: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
-            axis: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, axis_j: Vector
-        ) -> None: ...
-        @overload
-        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
-        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line, and lay a frame on each axis."""

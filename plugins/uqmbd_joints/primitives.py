@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any
 
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
 from uqmbd.typing import Vector
+from uqmbd_joints.arguments import PointsAndAxis
 
 __all__ = ["Dot1", "Dot2", "Parallel2"]
 
@@ -35,7 +35,7 @@ class Dot1(uqmbd.TypedComponent):
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(p.body_j.direction(p.axis_j)), "axes")
 
 
-class Dot2(uqmbd.Component):
+class Dot2(PointsAndAxis):
     """The vector from point i to point j stays perpendicular to an axis: point j on a plane fixed in body i.
 
     Examples
@@ -49,32 +49,13 @@ class Dot2(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis", body="body_i")
 
-    if TYPE_CHECKING:
-
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector
-        ) -> None: ...
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
-            axis: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector
-        ) -> None: ...
-        @overload
-        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
-        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
-
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "plane")
 
 
-class Parallel2(uqmbd.Component):
+class Parallel2(PointsAndAxis):
     """The vector from point i to point j stays parallel to an axis: point j on a line fixed in body i.
 
     Two equations in space, one in the plane.
@@ -89,25 +70,6 @@ class Parallel2(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
-
-    if TYPE_CHECKING:
-
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector
-        ) -> None: ...
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
-            axis: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector
-        ) -> None: ...
-        @overload
-        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
-        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line."""

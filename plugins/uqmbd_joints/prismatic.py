@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any
 
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
-from uqmbd.typing import Vector
+from uqmbd_joints.arguments import PointsAndAxes
 
 __all__ = ["Prismatic"]
 
 
-class Prismatic(uqmbd.Component):
+class Prismatic(PointsAndAxes):
     """A slide: the point on body j stays on a line fixed in body i, and nothing turns.
 
     The relative rotation is the drawn one, turned by as little as makes the two axes parallel.
@@ -30,26 +29,6 @@ class Prismatic(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
-
-    if TYPE_CHECKING:
-
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
-            axis_j: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
-            axis: Vector,
-        ) -> None: ...  # fmt: skip
-        @overload
-        def __init__(
-            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, axis_j: Vector
-        ) -> None: ...
-        @overload
-        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
-        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line and the rotation to keep."""

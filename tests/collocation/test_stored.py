@@ -52,7 +52,9 @@ def read_elsewhere(path, points):
     [pytest.param("nc", {"adaptive": "dimension", "tolerance": 1e-8}, marks=pytest.mark.thorough), ("zarr", {})],
 )
 def test_a_stored_chaos_needs_no_mechanism(resting, chaos_of, tmp_path, suffix, options):
-    function = lambda a, b: sympy.exp(a) * (2 + b)  # noqa: E731
+    def function(a, b):
+        return sympy.exp(a) * (2 + b)
+
     distributions = chaospy.Uniform(-1, 1), chaospy.LogNormal(0, 0.25)
     study = resting(function, *distributions, second=lambda a, b: a + b)
     tree = study.with_propagators([Collocation(order=8, **options)]).run()

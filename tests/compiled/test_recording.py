@@ -87,7 +87,10 @@ def test_only_what_can_win_is_halved():
 
     For its integral each kink is enclosed by few parts, where halving takes some thirty.
     """
-    wave = lambda _, t: (1 + 0.05 * t) * np.abs(np.sin(t))  # noqa: E731
+
+    def wave(_, t):
+        return (1 + 0.05 * t) * np.abs(np.sin(t))
+
     course = steps(np.linspace(0, 20, 81))
     _, most = refined(course, [Need(LARGEST, 0.0, 0)], wave)
     table, every = refined(course, [Need(INTEGRAL, 0.0, 0)], wave)
@@ -103,7 +106,10 @@ def test_only_what_can_win_is_halved():
 
 def test_what_is_reached_is_resolved_where_it_is():
     """When a kinked wave reaches a level, by its closed form; parts afterwards are left alone."""
-    wave = lambda _, t: np.abs(np.sin(t)) - 0.999  # noqa: E731
+
+    def wave(_, t):
+        return np.abs(np.sin(t)) - 0.999
+
     table, count = refined(steps(np.linspace(0, 20, 21)), [Need(REACHED, 0.0, 0)], wave)
     order = table.order
     part = order[np.searchsorted(table.end[order], np.arcsin(0.999))]

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import uqmbd
-from uqmbd.progress import Board, Lines, expected, failed, staged
+from uqmbd.progress import Board, Lines, expected, failed
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 
@@ -97,7 +97,7 @@ def test_who_knows_nothing_of_it_is_told_nothing_of_it():
             self.total = total
 
     plain = Plain()
-    for tell, given in ((expected, {"a": 3}), (failed, "a"), (staged, "loading")):
+    for tell, given in ((expected, {"a": 3}), (failed, "a")):
         tell(plain, given)
     plain.start("a", uqmbd.AtMost(5))
     assert plain.total == 5 and plain.total + 1 == 6

@@ -27,7 +27,10 @@ ERRORS = {
 
 def learned(name, error, seed):
     case = CASES[name]
-    limit = lambda u: case(u)[0] + ERRORS[error](u)  # noqa: E731 - as short as it is
+
+    def limit(u):
+        return case(u)[0] + ERRORS[error](u)
+
     found = learn(case, limit, case.dimension, generator=np.random.default_rng(seed))
     return case.probability, found
 

@@ -15,7 +15,7 @@ from uqmbd.cli.loading import loading
 from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
-from uqmbd.isolation import Isolated
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import Estimate, Propagator, Timing, load_study, obstacle_of, readable, timing_of
 from uqmbd.wording import format_count, format_duration, format_integer, typeset_units
@@ -299,7 +299,7 @@ def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str
     """Say how long a method would take."""
     seconds = math.nan
     if timing is not None:
-        with Isolated(Exception, SystemExit), warnings.catch_warnings():
+        with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             seconds = timing.seconds(propagator, study)
     if not math.isfinite(seconds):
@@ -310,7 +310,7 @@ def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str
 def _fit(propagator: Any, study: Study) -> Text:
     """Ask a propagator whether it can do this study; one that does not tell can."""
     obstacle: Any = None
-    with Isolated(Exception, SystemExit) as work:
+    with Isolated(*ERRORS_AND_EXITS) as work:
         obstacle = obstacle_of(propagator, study) if isinstance(propagator, Propagator) else None
     obstacle = work.reason if work.failed else obstacle
     return Text("yes", style="green") if obstacle is None else Text(f"no: {obstacle}", style="bold red")
@@ -321,7 +321,7 @@ def _estimate(propagator: Any, study: Study) -> Estimate | None:
     if not isinstance(propagator, Propagator) or not len(study.mechanism.inputs):
         return None
     found: Any = None
-    with Isolated(Exception, SystemExit):  # what is in the way is told there
+    with Isolated(*ERRORS_AND_EXITS):  # what is in the way is told there
         found = propagator.estimate(study)
     return found if isinstance(found, Estimate) else None
 
@@ -330,7 +330,7 @@ def _remarks(propagator: Any, study: Study) -> tuple[str, ...]:
     """Ask a propagator what else it says; what is in the way is told where it fits."""
     found: tuple[str, ...] = ()
     if isinstance(propagator, Propagator):
-        with Isolated(Exception, SystemExit), warnings.catch_warnings():
+        with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             found = tuple(map(str, propagator.remarks(study)))
     return found

@@ -22,7 +22,7 @@ from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
-from uqmbd.isolation import Isolated
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation import claimed, load_study, set_aside
 from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration
@@ -241,7 +241,7 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], 
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
     from uqmbd.report import with_motion, with_poses
 
-    with Isolated(Exception, SystemExit) as work:
+    with Isolated(*ERRORS_AND_EXITS) as work:
         tree, missing = with_motion(tree, study)
         if missing:
             print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
@@ -251,7 +251,7 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], 
         keep_motion(tree, out)
     if work.failed:
         print(f"Note: the report shows no animation of the mechanism: {work.reason}", file=sys.stderr, flush=True)
-    with Isolated(Exception, SystemExit) as work:
+    with Isolated(*ERRORS_AND_EXITS) as work:
         files["report"] = write(tree, out / "report.html", figures=figures)
     return f"the report cannot be written: {work.reason}" if work.failed else ""
 

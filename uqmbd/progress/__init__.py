@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.progress.board import Board
-from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed, staged
+from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed
 from uqmbd.progress.lines import Lines
 from uqmbd.progress.notebook import Notebook, in_notebook
 from uqmbd.progress.told import told
@@ -19,6 +19,5 @@ __all__ = [
     "expected",
     "failed",
     "in_notebook",
-    "staged",
     "told",
 ]

@@ -97,8 +97,6 @@ class Board:
         Labels of work without a number.
     expected : list of str
         Labels of the methods that were announced.
-    begin : float
-        When the first of them began.
 
     Examples
     --------
@@ -212,14 +210,13 @@ class Board:
         from rich.text import Text
 
         style = _STYLES[work.state]
-        bar: object = Text("")
+        bar: Text | ProgressBar = Text("")
         if label not in self.stages:
             known = work.total or (1 if work.state == "done" else None)
             going = work.state == "running" and not known
             bar = ProgressBar(total=1.0, completed=work.share, pulse=going, animation_time=now)
-        cells = [Text(_cut(label, NAME if width >= NARROW else SHORT), style=style)]
-        cells += [bar] if width >= NARROW else []  # type: ignore[list-item]
-        table.add_row(*cells, Text(work.count()), Text(work.clock(now), style=style))
+        name = Text(_cut(label, NAME if width >= NARROW else SHORT), style=style)
+        table.add_row(name, *([bar] if width >= NARROW else []), Text(work.count()), Text(work.clock(now), style=style))
 
 
 def _cut(label: str, most: int) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
-__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", "staged"]
+__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed"]
 
 
 class AtMost(int):
@@ -34,8 +34,7 @@ class Progress(Protocol):
     """What a study tells of its progress.
 
     An object with further methods is told more: ``expect(totals)``, the labels of all methods before the first begins,
-    with their numbers of realisations (`AtMost`, or None: not known); ``fail(label)``, that a method has failed; and
-    ``stage(text)``, that work without a number begins.
+    with their numbers of realisations (`AtMost`, or None: not known); and ``fail(label)``, that a method has failed.
     """
 
     def start(self, label: str, total: int) -> None:
@@ -118,9 +117,3 @@ def failed(progress: Progress, label: str) -> None:
     """Tell that a method has failed, to who wants to know."""
     if callable(tell := getattr(progress, "fail", None)):
         tell(label)
-
-
-def staged(progress: Any, text: str) -> None:
-    """Tell that work without a number begins, to who wants to know."""
-    if callable(tell := getattr(progress, "stage", None)):
-        tell(text)

@@ -119,9 +119,10 @@ class Lines:
         if work is None or work.state not in ("running", "waiting"):
             return
         begun = work.state == "running"
-        after = f" after {format_duration(self.clock() - work.begin, rough=True)}" if begun else ""
+        now = self.clock() if begun else work.begin
+        after = f" after {format_duration(now - work.begin, rough=True)}" if begun else ""
         said = f" ({work.done})" if begun and work.at_most else ""
-        self.board.ended(label, state, work.begin)
+        self.board.ended(label, state, now)
         self._write(f"{label}: {state}{after}{said}")
 
     def _place(self, label: str) -> str:

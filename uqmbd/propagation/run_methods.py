@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
-from uqmbd.isolation import Isolated, reason_of, release
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
 from uqmbd.propagation.estimate import Estimate
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Outcome", "run_methods", "joined"]
-
-METHOD = (Exception, SystemExit)
-"""What a method may raise without ending the run: all but an interruption."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ def run_methods(
     for propagator in propagators:
         if propagator.node_name in errors:
             continue
-        with Isolated(*METHOD) as work, crew.at_work() as executor:
+        with Isolated(*ERRORS_AND_EXITS) as work, crew.at_work() as executor:
             nodes.append(run_method(propagator, study.problem(propagator, executor, shown, folder)))
         if work.error is not None:
             release(work.error)
@@ -122,7 +119,7 @@ def _tell_resumed(study: Studied, propagators: Sequence[Propagator], folder: Pat
     for propagator in propagators:
         label, sizing = propagator.node_name, None
         options[label] = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
-        with Isolated(*METHOD):  # what is wrong with it is told where it is run
+        with Isolated(*ERRORS_AND_EXITS):  # what is wrong with it is told where it is run
             sizing = propagator.sizing(study, None)
         extended[label] = (sizing.option,) if sizing is not None and sizing.extends else ()
     digest = study_digest(study.model, study.mechanism.inputs, study.times, study.rtol, study.integrator)
@@ -137,7 +134,7 @@ def _run_within(study: Studied, propagators: Sequence[Propagator], within: Withi
     within.run([p for p in propagators if p.node_name not in within.errors])
     within.tell_warnings(stacklevel=3)
     for label in within.errors:
-        failed(told(within.progress), label)
+        failed(within.progress, label)
     order = [p.node_name for p in propagators]
     nodes = tuple(within.nodes[label] for label in order if label in within.nodes)
     errors = {label: within.errors[label] for label in order if label in within.errors}
@@ -147,7 +144,7 @@ def _run_within(study: Studied, propagators: Sequence[Propagator], within: Withi
 def _count(propagator: Propagator, study: Studied) -> int | None:
     """Return how many realisations a method takes, or at most; None where it does not tell."""
     found: Any = None
-    with Isolated(*METHOD):
+    with Isolated(*ERRORS_AND_EXITS):
         found = propagator.estimate(study)
     if not isinstance(found, Estimate):
         return None
@@ -157,7 +154,7 @@ def _count(propagator: Propagator, study: Studied) -> int | None:
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     """Return why a method cannot do a study, as an error."""
     found: Any = None
-    with Isolated(*METHOD) as asked:
+    with Isolated(*ERRORS_AND_EXITS) as asked:
         found = obstacle_of(propagator, study)
     if asked.error is not None:
         release(asked.error)
@@ -184,7 +181,7 @@ def joined(study: Studied, outcome: Outcome, attrs: Mapping[str, Any]) -> xr.Dat
         "mechanism": study.mechanism.name,
         "attrs": {**attrs, **outcome.attribute},
     }
-    with Isolated(*METHOD) as work:
+    with Isolated(*ERRORS_AND_EXITS) as work:
         return study_tree(outcome.nodes, **about)
     warnings.warn(f"study {study.name!r}: its methods cannot be compared: {work.reason}", UserWarning, stacklevel=3)
     tree = join_nodes(outcome.nodes, **about)

@@ -76,7 +76,10 @@ def test_realisations_mend_a_crude_surrogate(truth):
 def test_where_realisations_do_not_suffice_the_errors_of_the_surrogate_widen_the_posterior():
     noise, held = 0.02, 0
     generator = np.random.default_rng(4)
-    slightly = lambda z: decaying(z) + 0.05 * np.sin(TIMES + 2 * z[:, :1])  # noqa: E731
+
+    def slightly(z):
+        return decaying(z) + 0.05 * np.sin(TIMES + 2 * z[:, :1])
+
     for _ in range(6):
         truth = 0.7 * generator.standard_normal(2)
         values = decaying(truth[None])[0] + noise * generator.standard_normal(40)
@@ -92,7 +95,10 @@ def test_where_realisations_do_not_suffice_the_errors_of_the_surrogate_widen_the
 def test_long_records_are_searched_from_their_beginning():
     """The phase goes round 30 times: the density has a maximum for nearly each turn."""
     times = np.linspace(0.05, 20, 400)
-    function = lambda z: np.sin((10 + 1.5 * z[:, :1]) * times)  # noqa: E731
+
+    def function(z):
+        return np.sin((10 + 1.5 * z[:, :1]) * times)
+
     generator = np.random.default_rng(0)
     found, alone = 0, 0
     for k in range(5):
@@ -108,7 +114,9 @@ def test_long_records_are_searched_from_their_beginning():
 
 @pytest.mark.thorough
 def test_a_second_maximum_is_told():
-    function = lambda z: np.tile(z[:, :1] ** 2, (1, 40))  # noqa: E731
+    def function(z):
+        return np.tile(z[:, :1] ** 2, (1, 40))
+
     values = 1.0 + 0.2 * np.random.default_rng(0).standard_normal(40)
     found, _ = inferred(function, function, values, 0.2, inputs=1)
     assert len(found.modes) == 2
@@ -124,11 +132,21 @@ def test_corrections_are_exact_for_polynomials(seed, inputs, degree):
     generator = np.random.default_rng(seed)
     terms = uqmbd.index_set(inputs, degree, "total")
     weights = generator.standard_normal((len(terms), 7))
-    polynomial = lambda z: np.prod(z[:, None, :] ** terms, axis=2) @ weights  # noqa: E731
-    base = lambda z: [np.sin(z[:, :1] * np.arange(7))]  # noqa: E731
-    real = lambda z: base(z)[0] + polynomial(z)  # noqa: E731
+
+    def polynomial(z):
+        return np.prod(z[:, None, :] ** terms, axis=2) @ weights
+
+    def base(z):
+        return [np.sin(z[:, :1] * np.arange(7))]
+
+    def real(z):
+        return base(z)[0] + polynomial(z)
+
     points = generator.standard_normal((30, inputs))
-    measure = lambda left: (left**2).sum(axis=1) / 1e-12  # noqa: E731
+
+    def measure(left):
+        return (left**2).sum(axis=1) / 1e-12
+
     made = corrected(base, points, [real(points)], np.arange(inputs), np.zeros(inputs), np.eye(inputs), measure)
     other = generator.standard_normal((5, inputs))
     np.testing.assert_allclose(made(other)[0], real(other), atol=1e-6)
@@ -139,7 +157,10 @@ def test_errors_of_a_correction_are_those_of_realisations_that_are_left_out():
     points = generator.standard_normal((12, 1))
     real = np.sin(3 * points)
     about = (np.arange(1), np.zeros(1), np.eye(1), lambda left: (left**2).sum(axis=1) / 1e-12)
-    base = lambda z: [np.full((len(z), 1), np.nan)]  # noqa: E731
+
+    def base(z):
+        return [np.full((len(z), 1), np.nan)]
+
     made = corrected(base, points, [real], *about)
     assert made.base is None
     weights = np.exp(-0.25 * (points[:, 0] ** 2 - (points**2).min())) + 0.02
@@ -155,7 +176,10 @@ def test_errors_of_a_correction_are_those_of_realisations_that_are_left_out():
 
 def test_what_a_record_cannot_say_is_known_beforehand():
     """The sum of the first two alone matters, and the third: F = 25 a a', a = (1, 1, 0), and 4 for the third."""
-    function = lambda z: np.concatenate([np.tile(z[:, :1] + z[:, 1:2], (1, 25)), 2 * z[:, 2:]], axis=1)  # noqa: E731
+
+    def function(z):
+        return np.concatenate([np.tile(z[:, :1] + z[:, 1:2], (1, 25)), 2 * z[:, 2:]], axis=1)
+
     target = forward.model(function, 3, [forward.block(np.zeros(26), 1.0)]).posterior
     covariance = expected_covariance(target, np.zeros(0), 0)
     exact = np.eye(3)

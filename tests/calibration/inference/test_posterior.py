@@ -45,7 +45,10 @@ def test_the_posterior_of_a_linear_model_is_the_closed_form(seed, inputs, count,
 def test_normal_equations_are_derivatives_of_the_density(robust, bias):
     generator = np.random.default_rng(3)
     times = np.linspace(0, 1, 12)
-    function = lambda z: np.sin(times * (1 + z[:, :1])) + z[:, 1:2] * times**2  # noqa: E731
+
+    def function(z):
+        return np.sin(times * (1 + z[:, :1])) + z[:, 1:2] * times**2
+
     modes = Bias(0.2, 0.5).modes(times) if bias else np.zeros((12, 0))
     values = function(np.array([[0.3, -0.2]]))[0] + 0.1 * generator.standard_normal(12)
     one = forward.block(values, 0.1, times=times, modes=modes, robust=robust, first=2, variance=np.full(12, 0.01))
@@ -93,7 +96,9 @@ def test_the_sampler_finds_its_way_from_a_poor_start():
 
 
 def test_the_same_seed_gives_the_same_bits():
-    density = lambda z: -0.5 * (z**2).sum(axis=1)  # noqa: E731
+    def density(z):
+        return -0.5 * (z**2).sum(axis=1)
+
     one, same, other = (
         sample(density, np.zeros(2), np.eye(2), draws=400, chains=2, seed=seed).vectors for seed in (1, 1, 2)
     )

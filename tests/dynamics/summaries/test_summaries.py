@@ -124,7 +124,10 @@ def test_errors_of_a_given_spacing_fall_with_its_order(stages, monkeypatch):
     errors = []
     for count in (17, 33, 65):
         times = np.linspace(0, 1, count)
-        exact = lambda t: np.stack([1.5 + 0.5 * np.cos(10 * t), 0 * t, -5 * np.sin(10 * t), 0 * t], axis=-1)  # noqa: E731
+
+        def exact(t):
+            return np.stack([1.5 + 0.5 * np.cos(10 * t), 0 * t, -5 * np.sin(10 * t), 0 * t], axis=-1)
+
         path = path_through(times, exact(times)[None], None, np.zeros(1, dtype=np.int64))
         motion = motion_of(ensemble, path, np.zeros(1, dtype=np.int64), 0.0, np.zeros((1, 4)))
         steps = np.arange(len(motion.course.owner))

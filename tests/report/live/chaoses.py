@@ -79,7 +79,10 @@ def chaos_of(kind, space, boxes, order, seed, outputs=("x", "y"), error=1e-3, ti
         for box in boxes:
             terms = box.local.basis(order)
             whole = decaying(draw, terms, len(outputs), len(times))
-            make = lambda more, t=terms, w=whole, b=box: PolynomialChaos(w, t, b.local, axes, **more)  # noqa: E731
+
+            def make(more, t=terms, w=whole, b=box):
+                return PolynomialChaos(w, t, b.local, axes, **more)
+
             elements.append(verified(make, box.local, error, seed))
         return PiecewiseChaos(elements, boxes)
     terms = boxes[0].space.basis(

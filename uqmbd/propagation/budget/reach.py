@@ -6,12 +6,10 @@ import math
 from collections.abc import Sequence
 
 from uqmbd.errors import StudyError
-from uqmbd.isolation import Isolated
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation.budget.sized import Sized
 
 __all__ = ["BudgetTooSmallError", "out_of_reach"]
-
-METHOD = (Exception, SystemExit)
 
 
 class BudgetTooSmallError(StudyError):
@@ -36,7 +34,7 @@ def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSm
         return {}
     least: dict[str, int] = {}
     for one in methods:
-        with Isolated(*METHOD):  # what is wrong with a size is told where it is run
+        with Isolated(*ERRORS_AND_EXITS):  # what is wrong with a size is told where it is run
             least[one.label] = one.cost(one.sizing.least)
     named = {one.label: f"{one.sizing.option}={one.sizing.least}" for one in methods}
     held, found = 0, {}

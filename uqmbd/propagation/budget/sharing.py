@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.files import replacing
-from uqmbd.isolation import Isolated, release
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
 from uqmbd.progress import Progress
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
 from uqmbd.propagation.budget.reach import BudgetTooSmallError, out_of_reach
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Terms", "Within"]
-
-METHOD = (Exception, SystemExit)
 
 BEHIND = 0, 2, 8, 32
 """Chunks that may be missing behind the last one that is finished: each is tried."""
@@ -103,7 +101,7 @@ class Within:
     study: Studied
     terms: Terms
     crew: Crew
-    progress: Progress | bool | None = None
+    progress: Progress
     folder: Path | None = None
     resume: bool = False
     nodes: dict[str, xr.DataTree] = field(default_factory=dict)
@@ -146,7 +144,7 @@ class Within:
 
     def _warm(self, propagators: Sequence[Propagator]) -> None:
         """Compute the realisation at the means: what is compiled for it is no part of the cost of the others."""
-        with Isolated(*METHOD), warnings.catch_warnings():
+        with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             problem = first_problem(self.study, propagators[0])
             problem.realise(problem.inputs.means[None, :])
@@ -162,7 +160,7 @@ class Within:
     def _left_for_pilot(self, one: Sized, shared_by: int) -> Left:
         """Return its part, or what its smallest size takes, which there is."""
         left, least = self._left(shared_by), 0
-        with Isolated(*METHOD):  # it is told where the size is run
+        with Isolated(*ERRORS_AND_EXITS):  # it is told where the size is run
             least = one.cost(one.sizing.least)
         return replace(left, realisations=max(left.realisations, min(least, self._left(1).realisations)))
 
@@ -172,7 +170,7 @@ class Within:
     def smallest(self, propagator: Propagator) -> Propagator:
         """Return the smallest size of a method, or the method itself where it has none."""
         found = propagator
-        with Isolated(*METHOD):  # it is told where its sizes are asked for
+        with Isolated(*ERRORS_AND_EXITS):  # it is told where its sizes are asked for
             if (sizing := propagator.sizing(self.study, self.terms.accuracy)) is not None:
                 found = sizing.at(sizing.least)
         return found
@@ -180,7 +178,7 @@ class Within:
     def _asked(self, propagator: Propagator) -> Sized | None:
         """Ask a method for its sizes; one that has none runs as it is."""
         label, sizing = propagator.node_name, None
-        with Isolated(*METHOD) as asked:
+        with Isolated(*ERRORS_AND_EXITS) as asked:
             sizing = propagator.sizing(self.study, self.terms.accuracy)
         if asked.error is not None:
             self.errors[label] = asked.error
@@ -188,7 +186,7 @@ class Within:
         ledger = self._ledgers[label] = Ledger(clock=self.terms.clock)
         if sizing is not None:
             one = Sized(propagator, sizing, self.study, self.terms.accuracy)
-            with Isolated(*METHOD):  # a model that cannot be made is told of in the first run
+            with Isolated(*ERRORS_AND_EXITS):  # a model that cannot be made is told of in the first run
                 problem = first_problem(self.study, propagator)
                 rows = LIMIT / (8 * max(math.prod(problem.labels.shape), 1))
                 one.chunk, one.joins, one.held = problem.chunk_of, problem.joins, math.inf if self.folder else rows
@@ -198,7 +196,7 @@ class Within:
         self.terms.tell(f"{label}: its size cannot be chosen; it runs as it is")
         left = self._left(1)
         ledger.most, ledger.until = left.realisations, math.inf
-        with Isolated(*METHOD) as work:
+        with Isolated(*ERRORS_AND_EXITS) as work:
             estimate = propagator.estimate(self.study)
             if estimate is not None and not estimate.at_most and estimate.realisations > left.realisations:
                 raise BudgetTooSmallError(
@@ -237,7 +235,7 @@ class Within:
         ledger, now, size, done = self._ledgers[one.label], self.terms.clock(), 0, 0
         ledger.most, ledger.until = ledger.spent + left.realisations, now + left.seconds
         while True:
-            with Isolated(*METHOD) as work:
+            with Isolated(*ERRORS_AND_EXITS) as work:
                 try:
                     if (chosen := self._next(one, self._remaining(ledger))) is None:
                         return

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.isolation import Isolated
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation.budget.sized import TOGETHER
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
@@ -18,8 +18,6 @@ from uqmbd.propagation.run_method import run_method
 from uqmbd.propagation.studied import Studied
 
 __all__ = ["Timing", "first_problem", "timing_of"]
-
-METHOD = (Exception, SystemExit)
 
 GROWTH, MOST = 8, 512
 """By how much the number of realisations grows that are timed, and the largest."""
@@ -91,7 +89,7 @@ def timing_of(
         None where no realisation can be computed.
     """
     found = None
-    with Isolated(*METHOD), warnings.catch_warnings():
+    with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problem = first_problem(study, propagator)
         problem.realise(problem.inputs.means[None, :])

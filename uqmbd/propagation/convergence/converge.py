@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.isolation import Isolated, release
-from uqmbd.progress import Progress
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
+from uqmbd.progress import Progress, told
 from uqmbd.propagation.convergence.reference import reference_node
 from uqmbd.propagation.execution import Crew
 from uqmbd.propagation.propagator import Propagator
@@ -108,20 +108,20 @@ def converge(
     >>> found["std_error_l2"].values[0, :, 0] < 1e-6
     array([False,  True])
     """
-    series = _series(study, propagators, levels)
+    series, shown = _series(study, propagators, levels), told(progress)
     with nullcontext(workers) if isinstance(workers, Crew) else Crew(workers) as crew:
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}
         # first, because nothing is of use without it
         with crew.at_work() as executor:
-            base = reference_node(study, reference, executor, progress, folder)
+            base = reference_node(study, reference, executor, shown, folder)
         for m, one in enumerate(series):
             for k, value in enumerate(one.values):
-                with Isolated(Exception, SystemExit) as work:
+                with Isolated(*ERRORS_AND_EXITS) as work:
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
                     with _coarse_on_purpose(), crew.at_work() as executor:
-                        nodes[m, k] = run_method(made, study.problem(made, executor, progress, folder), check=False)
+                        nodes[m, k] = run_method(made, study.problem(made, executor, shown, folder), check=False)
                 if work.error is not None:
                     release(work.error)
                     problems[m, k] = work.reason

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError
-from uqmbd.isolation import Isolated
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.converge import check_convergence, converge
 from uqmbd.propagation.execution import FOLDER, Crew
@@ -74,7 +74,7 @@ def with_convergence(
     reference = arguments.pop("reference", None)
     found = None
     # what is computed must stand, whatever methods of plugins raise
-    with Isolated(Exception, SystemExit) as work:
+    with Isolated(*ERRORS_AND_EXITS) as work:
         if left_out:
             raise StudyError(f"{left_out}; run the study without it for them.")
         if isinstance(reference, str):

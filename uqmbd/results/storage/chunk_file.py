@@ -136,7 +136,8 @@ def _small(kind: str, chunk: tuple[int, ...]) -> bool:
 
 def write_file(path: Path, content: bytes) -> None:
     """Write a file as a whole or not at all; others may be writing the same."""
-    # not by tempfile: what it makes its owner alone can read
+    # not by uqmbd.files.replacing, which makes a folder: 1.1 ms against 0.4 ms for 0.8 MB; and not by tempfile, whose
+    # files their owner alone can read
     part = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
         with part.open("xb") as file:
