@@ -2,7 +2,8 @@
 
 References
 ----------
-X. Wan and G. E. Karniadakis, SIAM Journal on Scientific Computing 28 (2006) 901-928 (long-term behaviour of chaoses).
+X. Wan and G. E. Karniadakis, Computer Methods in Applied Mechanics and Engineering 195 (2006) 5582-5596 (long-term
+behaviour of chaoses).
 D. M. Luchtenburg, S. L. Brunton and C. W. Rowley, Journal of Computational Physics 274 (2014) 783-802.
 """
 
