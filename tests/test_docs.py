@@ -12,15 +12,29 @@ import pytest
 from uqmbd import plugins
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "docs" / "plugins"
-PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name != "README.md")
+DOCS = ROOT / "docs"
+FOLDER = DOCS / "how-to" / "plugins"
+PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name != "index.md")
+OTHERS = sorted(
+    path for path in DOCS.rglob("*.md") if path not in PAGES and not path.relative_to(DOCS).parts[0].startswith("_")
+)
+"""All pages but those on plugins, without what a build of the site makes."""
+
+BLOCK = re.compile(r"^```(?:python|\{code-cell\} *(?:python|ipython3)?)\n(.*?)^```$", re.M | re.S)
+"""A block of code; those of executed pages are code cells, whose options stand in lines that begin with a colon."""
+
+
+def blocks_of(page):
+    """Find the blocks of a page, as the site and a reader run them."""
+    text = page.read_text(encoding="utf-8")
+    return [re.sub(r"\A(:.*\n)+", "", block) for block in BLOCK.findall(text)]
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+    blocks = blocks_of(page)
     assert len(blocks) >= 2
     package = ModuleType("my_package")
     monkeypatch.setitem(sys.modules, "my_package", package)
@@ -34,14 +48,14 @@ ALONE = {"other_models.md": "tests/models/test_page.py", "cluster.md": "tests/cl
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "page", sorted(page for page in (ROOT / "docs").glob("*.md") if page.name not in ALONE), ids=lambda page: page.stem
+    "page", [page for page in OTHERS if page.name not in ALONE and blocks_of(page)], ids=lambda page: page.stem
 )
 def test_the_examples_of_a_page_run(page, tmp_path, monkeypatch):
     """And the study that they end in, if there is one."""
     monkeypatch.chdir(tmp_path)
     example = ModuleType("page_of_docs")
     monkeypatch.setitem(sys.modules, "page_of_docs", example)
-    for block in re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S):
+    for block in blocks_of(page):
         exec(compile(block, page.name, "exec"), example.__dict__)
     if hasattr(example, "study"):
         assert "failed" not in example.study.run().attrs
@@ -55,8 +69,8 @@ def test_every_path_that_the_page_on_changes_names_is_there():
 
 
 def test_every_hook_has_a_page_and_every_link_leads_somewhere():
-    index = (FOLDER / "README.md").read_text(encoding="utf-8")
+    index = (FOLDER / "index.md").read_text(encoding="utf-8")
     assert [kind.hook for kind in plugins.KINDS.values() if kind.hook not in index] == []
-    for page in [FOLDER / "README.md", *PAGES, *(ROOT / "docs").glob("*.md"), ROOT / "README.md"]:
-        for link in re.findall(r"\]\(([^)#\s]+)\)", page.read_text(encoding="utf-8")):
+    for page in [*PAGES, *OTHERS, ROOT / "README.md"]:
+        for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", page.read_text(encoding="utf-8")):
             assert link.startswith("http") or (page.parent / link).exists(), (page.name, link)

@@ -30,7 +30,19 @@ __all__ = [
 LawName = Literal["linear", "hertz", "hunt-crossley", "kelvin-voigt"]
 """Laws with a name."""
 
-NUMBERS = stiffness, exponent, damping, friction = sympy.symbols("stiffness exponent damping friction", real=True)
+stiffness = sympy.Symbol("stiffness", real=True)
+"""Stiffness of a contact, in the units of its law: N/m if linear, N/m^(3/2) after Hertz."""
+
+exponent = sympy.Symbol("exponent", real=True)
+"""Exponent of the depth in the law of a contact, 1."""
+
+damping = sympy.Symbol("damping", real=True)
+"""Damping of a contact, in the units of its law: s/m after Hunt and Crossley, N s/m after Kelvin and Voigt."""
+
+friction = sympy.Symbol("friction", real=True)
+"""Coefficient of friction of a contact, 1."""
+
+NUMBERS = stiffness, exponent, damping, friction
 SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
 
 

@@ -65,9 +65,9 @@ class MonteCarlo(uqmbd.Propagator):
         polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
         is there already; or a cheaper study (`LowFidelity`; a study alone is ``LowFidelity(study)``), which is computed
         at the samples, and as often besides as pays.  For random sampling and 50 samples at least.  The estimates stay
-        unbiased however poor the control is, for its factors are cross-fitted in ten parts of the samples; see
-        `uqmbd_montecarlo.control`.  Where samples fail, the statistics are those of the inputs that do not.  The
-        other statistics (skewness, kurtosis, quantiles) are those of the samples.
+        unbiased however poor the control is, for its factors are cross-fitted in ten parts of the samples.  Where
+        samples fail, the statistics are those of the inputs that do not.  The other statistics (skewness, kurtosis,
+        quantiles) are those of the samples.
     sobol_indices : bool
         Estimate Sobol' indices of first order and total ones, with 95 % jackknife intervals, by pick-freeze: the
         samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input, N (d + 2) in

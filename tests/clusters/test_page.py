@@ -18,7 +18,7 @@ ROOT = Path(uqmbd.__file__).parents[1]
 @pytest.mark.thorough
 def test_the_example_runs(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    page = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "cluster.md").read_text(encoding="utf-8")
     [example] = re.findall(r"^```python\n(.*?)^```$", page, re.M | re.S)
     (tmp_path / "my_study.py").write_text((ROOT / "studies" / "pendulum.py").read_text(encoding="utf-8"))
     (tmp_path / "example.py").write_text(example + "        assert len(tree.children)\n")

@@ -12,7 +12,7 @@ from uqmbd_models import MJCF
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
-PAGE = (Path(__file__).parents[2] / "docs" / "other_models.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "other_models.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.thorough

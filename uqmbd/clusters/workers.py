@@ -29,7 +29,7 @@ class Workers:
     dask : str
         Address of a Dask scheduler (``tcp://host:8786``), the scheduler file that it writes, or who starts a cluster:
         ``"local"`` (processes of this machine), or a queue by ``dask-jobqueue``: ``"slurm"``, ``"pbs"``, ``"sge"``,
-        ``"lsf"``, ``"oar"``, ``"moab"``, ``"htcondor"``, as Dask's configuration describes it (docs/cluster.md).
+        ``"lsf"``, ``"oar"``, ``"moab"``, ``"htcondor"``, as Dask's configuration describes it (docs/how-to/cluster.md).
     mpi : bool
         Whether the processes that ``mpiexec`` has started compute.
     executor : concurrent.futures.Executor, optional

@@ -265,7 +265,9 @@ class Ensemble:
         return after
 
     def event_times(self, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
-        """Name the times of events, for `uqmbd.Trajectories.scalars`: outputs use them as `Component.event_time`.
+        """Name the times of events, for the ``scalars`` of `uqmbd.Trajectories`.
+
+        Outputs use them as `uqmbd.Component.event_time`.
 
         Parameters
         ----------

@@ -309,7 +309,7 @@ class Mechanism:
         absolute: float | None = None,
         distribution: Any = None,
     ) -> list[RandomVariable]:
-        """Make numbers of bodies and components random, by the pattern of their names (``docs/randomise.md``).
+        """Make numbers of bodies and components random, by the pattern of their names (``docs/how-to/randomise.md``).
 
         Parameters
         ----------

@@ -17,6 +17,8 @@ COMMANDS_GROUP = "uqmbd.commands"
 """Entry points of modules that offer commands: they import nothing heavy, since `uqmbd --help` waits for them."""
 
 hookimpl = pluggy.HookimplMarker("uqmbd")
+"""Mark a function of a plugin as the implementation of the hook of its name."""
+
 _hookspec = pluggy.HookspecMarker("uqmbd")
 
 

@@ -377,7 +377,7 @@ class Study:
     ) -> xr.Dataset:
         """Run methods over lists of orders or sample numbers, and compare errors with costs.
 
-        As ``study.converge(Collocation, order=[1, 2, 3, 4])``; see `uqmbd.propagation.convergence`.
+        As ``study.converge(Collocation, order=[1, 2, 3, 4])``: a dataset of both, by method, level and output.
         """
         from uqmbd.propagation.convergence import converge
 

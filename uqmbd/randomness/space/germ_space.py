@@ -37,7 +37,7 @@ class GermSpace:
     Parameters
     ----------
     inputs : tuple of str
-        Names of the inputs, in the order of :class:`uqmbd.randomness.JointInput`.
+        Names of the inputs, in the order in which the joint distribution has them.
     germs : tuple of Germ
         One for each input.
     groups : tuple of Coupled or Rosenblatt

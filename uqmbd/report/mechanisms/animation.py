@@ -50,7 +50,7 @@ STORED = 4_000_000
 
 
 def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
-    """Compute how the bodies of a study move; see `uqmbd.report.mechanisms.body_poses.motion`.
+    """Compute how the bodies of a study move, for `uqmbd.report.animate` and charts.
 
     Parameters
     ----------

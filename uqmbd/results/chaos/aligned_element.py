@@ -21,6 +21,7 @@ NOISE = 1e-10
 """Size of a coefficient in time, over the largest one of its output, that is rounding."""
 
 Landmarks = Literal["events", "phase", "time"]
+"""What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,42 @@
+"""Links: from pages into the repository, and from docstrings to names."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+
+__all__ = ["in_site", "show_as_code"]
+
+LINK = re.compile(r"\[([^\]]+)\]\((\.\.?/[^)#\s]+)(#[^)\s]*)?\)")
+"""A relative link of Markdown: text, path, place."""
+
+
+def in_site(app: Sphinx, name: str, source: list[str]) -> None:
+    """Lead links out of the folder of pages to what the site has of it: the page of a study, or the path as text."""
+    root = Path(app.srcdir).parent
+
+    def changed(link: re.Match[str]) -> str:
+        text, path, _ = link.groups()
+        target = posixpath.normpath(posixpath.join("docs", posixpath.dirname(name), path))
+        if target.startswith("docs/") or not (root / target).exists():
+            return link.group(0)
+        return f"{text} (`{target}`)" if text.strip("`") not in target else f"`{target}`"
+
+    if str(app.env.doc2path(name)).endswith(".md"):
+        source[0] = LINK.sub(changed, source[0])
+
+
+def show_as_code(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.TextElement
+) -> nodes.TextElement | None:
+    """Show a name that is not uqmbd's as code; a name of uqmbd that has no page stays a warning."""
+    target = node.get("reftarget", "")
+    if node.get("refdomain") != "py" or target.split(".")[0].split("_")[0] == "uqmbd":
+        return None
+    return content

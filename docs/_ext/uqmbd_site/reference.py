@@ -1,0 +1,92 @@
+"""Pages of the reference, one for each public name: from the lists of the packages, so that none can be forgotten."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from pathlib import Path
+from typing import Any
+
+from uqmbd_site.names import CORE, PLUGINS, file_names, kind, public_names, told_at_its_place
+
+__all__ = ["write_if_changed", "write_reference"]
+
+TITLES = {
+    "class": "Classes",
+    "function": "Functions",
+    "exception": "Errors and warnings",
+    "data": "Symbols, types and constants",
+}
+"""Heading of each kind of object."""
+
+OPTIONS = {"class": (":members:",), "exception": (":members:", ":show-inheritance:")}
+"""How autodoc shows each kind."""
+
+
+def write_if_changed(path: Path, text: str) -> None:
+    """Write a page unless it is there already: what is unchanged is not built again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
+def write_reference(source: str | Path) -> None:
+    """Write the pages of all public names into ``reference/api`` of a folder of sources."""
+    folder = Path(source) / "reference" / "api"
+    written = {folder / "core.rst", folder / "plugins.rst"}
+    write_if_changed(folder / "core.rst", _overview("Public modules", CORE))
+    write_if_changed(folder / "plugins.rst", _overview("Built-in plugins", PLUGINS))
+    for module in (*CORE, *PLUGINS):
+        pages = file_names(module)
+        write_if_changed(folder / f"{module}.rst", _module_page(module, pages))
+        written.add(folder / f"{module}.rst")
+        for name, found in public_names(module).items():
+            write_if_changed(folder / f"{pages[name]}.rst", _object_page(module, name, found))
+            written.add(folder / f"{pages[name]}.rst")
+    for path in set(folder.glob("*.rst")) - written:
+        path.unlink()
+
+
+def _overview(title: str, modules: tuple[str, ...]) -> str:
+    lines = [title, "=" * len(title), ""]
+    lines += [".. list-table::", "", *(line for module in modules for line in _row(module, module, _summary(module)))]
+    return "\n".join([*lines, "", ".. toctree::", "   :hidden:", "", *(f"   {module}" for module in modules), ""])
+
+
+def _summary(module: str) -> str:
+    return _first(importlib.import_module(module))
+
+
+def _first(found: Any) -> str:
+    """Return the first sentence of a docstring."""
+    return " ".join((inspect.getdoc(found) or "").split("\n\n", 1)[0].split())
+
+
+def _row(shown: str, page: str, text: str) -> list[str]:
+    return [f"   * - :doc:`{shown} <{page}>`", f"     - {text}"]
+
+
+def _module_page(module: str, pages: dict[str, str]) -> str:
+    """Return the page of a module: what it says of itself, and a table of each kind of names."""
+    names = public_names(module)
+    lines = [module, "=" * len(module), "", f".. automodule:: {module}", "   :no-members:", ""]
+    for which, title in TITLES.items():
+        chosen = [name for name, found in names.items() if kind(found) == which]
+        if chosen:
+            lines += [title, "-" * len(title), "", ".. list-table::", ""]
+            for name in chosen:
+                text = told_at_its_place(name, names[name]) if which == "data" else _first(names[name])
+                lines += _row(name, pages[name], text)
+            lines.append("")
+    return "\n".join([*lines, ".. toctree::", "   :hidden:", "", *(f"   {pages[name]}" for name in names), ""])
+
+
+def _object_page(module: str, name: str, found: Any) -> str:
+    title, which = f"{module}.{name}", kind(found)
+    if which == "data":
+        shown = [f".. py:data:: {name}", "   :module: " + module, "", f"   {told_at_its_place(name, found)}", ""]
+        return "\n".join([title, "=" * len(title), "", *shown])
+    options = [f"   {option}" for option in OPTIONS.get(which, ())]
+    return "\n".join(
+        [title, "=" * len(title), "", f".. currentmodule:: {module}", "", f".. auto{which}:: {title}", *options, ""]
+    )

@@ -1,0 +1,79 @@
+"""The site has a page for whatever is public, and its pages are written from the code."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def site():
+    """The modules that write pages."""
+    sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+    yield importlib.import_module("uqmbd_site.reference")
+    sys.path.remove(str(ROOT / "docs" / "_ext"))
+
+
+@pytest.fixture(scope="module")
+def pages(site, tmp_path_factory):
+    """What is documented on the pages of the reference: full names to texts."""
+    folder = tmp_path_factory.mktemp("site")
+    site.write_reference(folder)
+    found = {}
+    for path in (folder / "reference" / "api").glob("*.rst"):
+        text = path.read_text(encoding="utf-8")
+        for name in re.findall(r"^\.\. auto(?:class|exception|function):: (\S+)$", text, re.M):
+            found[name] = text
+        for name, module in re.findall(r"^\.\. py:data:: (\S+)\n +:module: (\S+)$", text, re.M):
+            found[f"{module}.{name}"] = text
+    return found
+
+
+def names_in_source(module):
+    """The names that a package makes public, read from its text: its stub, or its ``__all__``."""
+    base = ROOT if module.split(".")[0] == "uqmbd" else ROOT / "plugins"
+    place = base.joinpath(*module.split("."))
+    stub = place / "__init__.pyi"
+    if stub.exists():
+        tree = ast.parse(stub.read_text(encoding="utf-8"))
+        imported = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+        return {x.asname for node in imported for x in node.names if node.module}
+    text = (place / "__init__.py" if place.is_dir() else place.with_suffix(".py")).read_text(encoding="utf-8")
+    (listed,) = (
+        node.value
+        for node in ast.parse(text).body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+    )
+    return set(ast.literal_eval(listed))
+
+
+MODULES = ["uqmbd", *(f"uqmbd.{x}" for x in ("laws", "results", "report", "testing", "typing"))] + sorted(
+    tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]["uqmbd"].values()
+)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_name_has_a_page(pages, module):
+    names = names_in_source(module) - {"__version__"}
+    assert names, "the list of public names was not found"
+    assert [name for name in sorted(names) if f"{module}.{name}" not in pages] == []
+
+
+def test_names_without_a_docstring_are_told_where_they_are_assigned(pages):
+    told = {name: text for name, text in pages.items() if "py:data" in text}
+    assert len(told) > 10
+    assert [name for name, text in told.items() if not text.rstrip().splitlines()[-1].strip()[:1].isalpha()] == []
+
+
+def test_pages_differ_in_more_than_capitals(site):
+    """Some systems of files do not tell capitals."""
+    files = [path for module in MODULES for path in site.file_names(module).values()]
+    assert len({path.lower() for path in files}) == len(files)
