@@ -131,3 +131,17 @@ def test_limits_are_held_against_the_nearest_value(node, limit, end, error, kind
     }
     found = node(["limits.js"], 'answer = limitAt(given.limit, given.found, "m");', given)
     assert (found["kind"], found["words"]) == (kind, words)
+
+
+@pytest.mark.parametrize(
+    ("margin", "error", "kind", "words"),
+    [
+        (0.5, 0.01, "met", "met by 0.5; stated error 0.01"),
+        (-0.5, None, "violated", "violated by 0.5; its error is not known"),
+        (-0.5, 0.6, "near", "too near to tell: stated error 0.6"),
+        (None, 0.1, "unknown", "not known"),
+    ],
+)
+def test_margins_are_held_against_their_errors(node, margin, error, kind, words):
+    found = node(["limits.js"], "answer = marginAt(given[0] ?? NaN, given[1]);", [margin, error])
+    assert found == {"kind": kind, "words": words}

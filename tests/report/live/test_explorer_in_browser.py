@@ -29,6 +29,7 @@ def swinging(space):
     else:
         rod = mechanism.body("rod", mass=mass, inertia=(0.1, 0.1, 0.1), position=(length, 0, 0))
         mechanism.add(Spherical("pivot", mechanism.ground, rod, (0, 0, 0), (-length, 0, 0)))
+    mechanism.require("deep enough", rod.position[space.dimension - 1] >= -1.02 * length)
     mechanism.output("height", rod.position[space.dimension - 1], units="m")
     mechanism.output("lowest", uqmbd.minimum(rod.position[space.dimension - 1]), units="m")
     return mechanism
@@ -77,7 +78,7 @@ def slide(page, k, key, times=1):
 
 def readings(page):
     """Return what the table of outputs shows at the inputs, by their names."""
-    rows = page.locator(".explorer > .readout tbody tr").all()
+    rows = page.locator(".explorer > .readout:not(.limits) tbody tr").all()
     return {row.locator("th").inner_text(): number(row.locator("td").first.inner_text()) for row in rows}
 
 
@@ -112,7 +113,9 @@ def test_outputs_follow_the_sliders(opened, flat):
         for key, count in keys:
             slide(page, 0, key, count)
             slide(page, 1, key, count)
-        time = number(re.search(r"At (\S+) s", page.locator(".explorer > .readout caption").inner_text())[1])
+        time = number(
+            re.search(r"At (\S+) s", page.locator(".explorer > .readout:not(.limits) caption").inner_text())[1]
+        )
         germs = chaos["height"].space.to_germs(np.array([values(page)]))
         found = readings(page)
         for name, one in chaos.items():
@@ -120,6 +123,47 @@ def test_outputs_follow_the_sliders(opened, flat):
             if name == "height":
                 expected = expected[np.argmin(abs(one.labels.times - time))]
             assert found[name] == pytest.approx(float(np.squeeze(expected)), abs=2e-3 * 0.02 + 2e-4)
+
+
+def verdicts(page):
+    """Return what the table of requirements says at the inputs, by their names."""
+    rows = page.locator(".explorer > .limits tbody tr").all()
+    return {row.locator("th").inner_text(): row.locator("td").last.inner_text() for row in rows}
+
+
+def test_requirements_that_compare_no_output_with_a_number_follow_the_sliders(opened, flat):
+    """The margin of Python's surrogate of the whole motion, met and violated."""
+    tree, path = flat
+    page = opened(path)
+    margins = results.surrogate(tree["c/requirements"])
+    seen = []
+    for key in ("Home", "End"):
+        slide(page, 0, key)
+        margin = float(margins.evaluate_germs(margins.space.to_germs(np.array([values(page)])))[0, 0, -1])
+        sign, verb = ("✓", "met") if margin >= 0 else ("✗", "violated")
+        said = verdicts(page)["deep enough"]
+        assert said.startswith((f"{sign} {verb} by ", "? too near to tell"))
+        if not said.startswith("?"):
+            assert number(said.removeprefix(f"{sign} {verb} by ").split(";")[0]) == pytest.approx(abs(margin), rel=0.06)
+        seen.append(said)
+    assert seen[0] != seen[1]
+
+
+def test_requirements_alone_have_sliders(opened, tmp_path):
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Planar(gravity=(0, -9.81)))
+    height = uqmbd.RandomVariable("height", chaospy.Normal(5.0, 0.1), units="m")
+    ball = mechanism.body("ball", mass=1.0, inertia=0.1, position=(0, height))
+    mechanism.require("aloft", ball.position[1] >= 0.0)
+    study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 11), [Collocation(order=2, label="c")])
+    page = opened(report.write_report(study.run(), tmp_path / "report.html"))
+    assert page.locator(".explorer > .readout").count() == 1
+    slide(page, 0, "Home")
+    (level,) = [float(page.locator(".input-row input.value").input_value())]
+    # what falls for a second is 4.905 m lower
+    assert level < 4.905 and verdicts(page)["aloft"].startswith("✗ violated by ")
+    assert number(verdicts(page)["aloft"].removeprefix("✗ violated by ")) == pytest.approx(4.905 - level, rel=0.05)
+    slide(page, 0, "End")
+    assert verdicts(page)["aloft"].startswith("✓ met by ")
 
 
 def test_a_slider_tells_value_place_and_units(opened, flat):
@@ -195,7 +239,7 @@ def test_player_and_charts_have_one_time(opened, flat):
     page.keyboard.press("Home")
     settle(page)
     assert page.evaluate("heard") == 0 and clock.inner_text().startswith("0.00")
-    assert "At 0 s" in page.locator(".explorer > .readout caption").inner_text()
+    assert "At 0 s" in page.locator(".explorer > .readout:not(.limits) caption").inner_text()
     page.evaluate("document.dispatchEvent(new CustomEvent('uqmbd-time', { detail: { time: 0.52 } }))")
     settle(page)
     assert clock.inner_text().startswith("0.52")

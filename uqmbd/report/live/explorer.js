@@ -5,7 +5,7 @@ import { button, element, oncePerPicture } from "./dom.js";
 import { meanGerms, randomGerms } from "./germs.js";
 import { announceInputs } from "./inputs_bus.js";
 import { inputRow } from "./input_row.js";
-import { limitAt } from "./limits.js";
+import { limitAt, marginAt } from "./limits.js";
 import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
 import { LiveSurrogate } from "./surrogate.js";
 import { onTime, pageTime } from "./time_bus.js";
@@ -17,7 +17,9 @@ const known = (data) => data && { mean: unpackArray(data.mean).values, std: unpa
 export function makeExplorer(panel, data) {
   const kinds = [data.histories, data.scalars].filter((one) => one !== null);
   const parts = kinds.map((one) => ({ surrogate: new LiveSurrogate(one.surrogate), about: known(one) }));
-  const { surrogate } = parts[0];
+  const margins = data.margins && new LiveSurrogate(data.margins.surrogate);
+  const surrogates = [...parts.map((part) => part.surrogate), ...(margins ? [margins] : [])];
+  const [surrogate] = surrogates;
   const means = meanGerms(surrogate);
   const germs = Float64Array.from(means);
   let time = pageTime();
@@ -65,20 +67,32 @@ export function makeExplorer(panel, data) {
   );
   const head = element("thead", {}, element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text))));
   const table = element("div", { class: "wide readout", tabindex: 0, role: "region", "aria-label": "Outputs at these inputs" }, element("table", {}, caption, head, body));
-  panel.append(box, table);
+  panel.append(box);
+  if (parts.length) panel.append(table);
 
-  // the requirements
+  // the requirements: limits of outputs, then those that have a surrogate of their margins
   const verdicts = data.limits.map((limit) => {
     const units = parts.flatMap(({ surrogate: own }) => own.outputs).find(({ name }) => name === limit.output).units;
     const sign = limit.end === "highest" ? "≤" : "≥";
     const cell = element("td", { class: "text" });
     const name = element("th", { scope: "row" }, limit.requirement);
     const relation = element("td", { class: "text" }, `${limit.output} ${sign} ${formatQuantity(limit.limit, units)}`);
-    return { limit, units, cell, row: element("tr", {}, name, relation, cell) };
+    const find = (outputs) => limitAt(limit, outputs.get(limit.output), units);
+    return { find, cell, row: element("tr", {}, name, relation, cell) };
   });
+  for (const { name, meaning } of margins ? data.margins.requirements : []) {
+    const o = margins.outputs.findIndex((one) => one.name === name);
+    const cell = element("td", { class: "text" });
+    const find = () => marginAt(margins.values[o], margins.statedRms && margins.statedRms[o]);
+    verdicts.push({ find, cell, row: element("tr", {}, element("th", { scope: "row" }, name), element("td", { class: "text" }, meaning), cell) });
+  }
   if (verdicts.length) {
-    const titles = ["Requirement", "Limit", "At these inputs, at the times of the outputs"].map((text) => element("th", { scope: "col" }, text));
-    const all = element("table", {}, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
+    const titles = ["Requirement", "It says", "At these inputs"].map((text) => element("th", { scope: "col" }, text));
+    const notes = [];
+    if (data.limits.length) notes.push("Limits of outputs are held against these, at their times.");
+    if (margins) notes.push(`${data.limits.length ? "Other requirements have" : "Requirements have"} a surrogate of the smallest margin over the whole motion, in the units of the limit.`);
+    const about = element("caption", {}, notes.join(" "));
+    const all = element("table", {}, about, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
     panel.append(element("div", { class: "wide readout limits", tabindex: 0, role: "region", "aria-label": "Requirements at these inputs" }, all));
   }
 
@@ -110,8 +124,8 @@ export function makeExplorer(panel, data) {
   }
 
   function judge(outputs) {
-    for (const { limit, units, cell } of verdicts) {
-      const { kind, words } = limitAt(limit, outputs.get(limit.output), units);
+    for (const { find, cell } of verdicts) {
+      const { kind, words } = find(outputs);
       cell.textContent = `${{ met: "✓", violated: "✗", near: "?", unknown: "–" }[kind]} ${words}`;
       cell.className = `text verdict-${kind}`;
     }
@@ -119,7 +133,7 @@ export function makeExplorer(panel, data) {
 
   const evaluate = oncePerPicture(() => {
     const beyond = { outside: new Set(), unverified: new Set() };
-    for (const { surrogate: own } of parts) {
+    for (const own of surrogates) {
       const { outside, unverified } = own.evaluate(germs);
       outside.forEach((k) => beyond.outside.add(k));
       unverified.forEach((k) => beyond.unverified.add(k));
@@ -145,7 +159,7 @@ export function makeExplorer(panel, data) {
   });
 
   // at first it only says where it is: nothing else changes before a slider does
-  parts.forEach(({ surrogate: own }) => own.evaluate(germs));
+  surrogates.forEach((own) => own.evaluate(germs));
   const inputs = surrogate.inputsAt(germs);
   rows.forEach((row, k) => row.show(germs, inputs[k]));
   read();

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.names import ANY
 from uqmbd.report.live.packing import packed
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
-from uqmbd.results import surrogate_parts
+from uqmbd.results import answers, propagator_nodes, surrogate_parts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,8 +34,10 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
     dict
         ``method``, its label; ``histories`` and ``scalars``, outputs with and without a time: None where there are
         none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of
-        these outputs; ``missing``, why one of them is not there; ``order``, the numbers of the inputs, that which
-        matters most first.
+        these outputs; ``margins``, of other requirements: None, or the ``surrogate`` of margins of the whole motion and
+        ``requirements``, the ``name`` and ``meaning`` of each that is not among the limits; ``missing``, why outputs
+        are not there; ``still``, the names of requirements that are not; ``order``, the numbers of the inputs, that
+        which matters most first.
     """
     label = live_method(tree)
     if not label:
@@ -52,22 +55,49 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
             missing.append("There are no random inputs.")
         else:
             found[kind] = {"surrogate": data, **_statistics(part, [o["name"] for o in data["outputs"]])}
-    if not any(found.values()):
-        return {"reason": " ".join(missing)}
     names = {o["name"] for one in found.values() if one for o in one["surrogate"]["outputs"]}
     known = [dict(one) for one in limits if one["output"] in names and one.get("end") in ("highest", "lowest")]
-    surrogates = [one["surrogate"] for one in found.values() if one]
-    order = _order(node, [one["name"] for one in surrogates[0]["inputs"]])
-    return {"method": label, **found, "limits": known, "missing": missing, "order": order}
+    said = answers(propagator_nodes(tree))
+    meanings = {name: next(iter(one.values())).meaning for name, one in said.items() if name != ANY}
+    others = {name: meaning for name, meaning in meanings.items() if name not in {one["requirement"] for one in known}}
+    margins = _margins(node, others)
+    surrogates = [one["surrogate"] for one in (*found.values(), margins) if one]
+    if not surrogates:
+        return {"reason": " ".join(missing) or "The surrogate of the margins is not in these results."}
+    told = {one["name"] for one in margins["requirements"]} if margins else set()
+    return {
+        "method": label,
+        **found,
+        "limits": known,
+        "margins": margins,
+        "missing": missing,
+        "still": [name for name in others if name not in told],
+        "order": _order(node, [one["name"] for one in surrogates[0]["inputs"]]),
+    }
+
+
+def _margins(node: xr.DataTree, wanted: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return the surrogate of the margins of a method, of requirements that are wanted; None if it has none."""
+    part = node.children.get("requirements")
+    if part is None or not wanted or not surrogate_parts(part):
+        return None
+    data = live_surrogate(part, at_the_end=True)
+    if "reason" in data or not data["inputs"]:
+        return None
+    names = [o["name"] for o in data["outputs"]]
+    listed = [{"name": name, "meaning": meaning} for name, meaning in wanted.items() if name in names]
+    return {"surrogate": data, "requirements": listed} if listed else None
 
 
 def _order(node: xr.DataTree, inputs: list[str]) -> list[int]:
     """Return the numbers of inputs, that with the largest share in an output first; as they are where none is known."""
     largest = dict.fromkeys(inputs, 0.0)
-    for part in (node, node.children.get("scalars")):
+    for part in (node, node.children.get("scalars"), node.children.get("requirements")):
         data = part.children["statistics"].to_dataset() if part is not None and "statistics" in part.children else None
         if data is None or "sobol_total" not in data:
             continue
+        if part is node.children.get("requirements") and "time" in data.dims:  # running margins: of the whole motion
+            data = data.isel(time=-1)
         total, variance = data["sobol_total"], data["std"] ** 2
         if "time" in total.dims:
             total = (total * variance).sum("time") / variance.sum("time")

@@ -1,4 +1,4 @@
-// Requirements that are limits of outputs, at the chosen inputs.
+// Requirements at the chosen inputs.
 
 import { formatError, formatNumber, formatQuantity } from "./numbers.js";
 
@@ -20,4 +20,18 @@ export function limitAt({ limit, end }, { values, times, rms }, units) {
   return margin >= 0
     ? { kind: "met", words: `met by ${formatError(margin, units)}: ${value}` }
     : { kind: "violated", words: `violated by ${formatError(-margin, units)}: ${value}` };
+}
+
+/**
+ * Say whether a requirement is met, by its margin, which is below zero where it is violated, and the error of that.
+ *
+ * @param rms - the stated error of the margin; null where it is not known
+ * @returns as of `limitAt`
+ */
+export function marginAt(margin, rms) {
+  if (!Number.isFinite(margin)) return { kind: "unknown", words: "not known" };
+  const by = formatError(Math.abs(margin), "");
+  const error = rms === null ? "its error is not known" : `stated error ${formatError(rms, "")}`;
+  if (rms !== null && Math.abs(margin) < rms) return { kind: "near", words: `too near to tell: ${error}` };
+  return margin >= 0 ? { kind: "met", words: `met by ${by}; ${error}` } : { kind: "violated", words: `violated by ${by}; ${error}` };
 }

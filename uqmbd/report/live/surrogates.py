@@ -84,24 +84,28 @@ def live_method(tree: xr.DataTree) -> str:
 
 
 def with_surrogate(node: xr.DataTree) -> xr.DataTree:
-    """Return the node of a method, or that of its outputs without a time where these alone have a surrogate."""
-    return node.children["scalars"] if not surrogate_parts(node) and "scalars" in node.children else node
+    """Return the node of a method; where it has no surrogate, that of its outputs without a time, or of its margins."""
+    parts = (node, *(node.children[name] for name in ("scalars", "requirements") if name in node.children))
+    return next((part for part in parts if surrogate_parts(part)), node)
 
 
-def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
+def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool = False) -> dict[str, Any]:
     """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
 
     Parameters
     ----------
     node : xarray.DataTree
-        The node of a method, or its child ``scalars``.
+        The node of a method, or its child ``scalars`` or ``requirements``.
     most : int
         Characters of data that a page has room for.
+    at_the_end : bool
+        Whether only the last time is wanted: that of running margins is of the whole motion.
     """
     if not surrogate_parts(node):
         return {"reason": NO_SURROGATE}
     try:
-        chaos = surrogate(node)
+        times = node.children["statistics"].to_dataset().sizes.get("time", 0)
+        chaos = surrogate(node, times=[times - 1]) if at_the_end and times else surrogate(node)
         data = packed_surrogate(chaos, _stored_error(node, chaos))
     except StudyError as error:
         return {"reason": str(error)}

@@ -29,6 +29,10 @@ def explore(result: StudyResult) -> Content | None:
         notes = [f"Inputs cannot be chosen in this page: {found['reason']}"]
         return {"explorer": None, "moving": moving, "notes": notes}
     notes = [f"Some outputs do not follow the inputs: {reason}" for reason in found["missing"]]
+    if found["still"]:
+        names = ", ".join(found["still"])
+        why = f"{found['method']} has no surrogate of their margins"
+        notes.append(f"These requirements do not follow the inputs: {names}; {why}.")
     return {"explorer": live.json_script(found), "moving": moving, "notes": notes}
 
 
