@@ -59,8 +59,16 @@ def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: 
         {
             "energy": ("time", energy, {"units": "J", "long_name": "expectation of kinetic and potential energy"}),
             "constraint_rms": ("time", drift, {"long_name": "root of the expectation of the squared constraints"}),
-            "quaternion_norm_rms": ("time", norm, {"long_name": "deviation of nodal quaternions from unit length"}),
-            "top_order_share": ("time", share, {"long_name": "part of the variance of coordinates in the top order"}),
+            "quaternion_norm_rms": (
+                "time",
+                norm,
+                {"units": "1", "long_name": "deviation of nodal quaternions from unit length"},
+            ),
+            "top_order_share": (
+                "time",
+                share,
+                {"units": "1", "long_name": "part of the variance of coordinates in the top order"},
+            ),
             "smallest_singular_value": (
                 "probe_time",
                 values,

@@ -149,7 +149,10 @@ def test_simulation(start):
     expected = closed_form(np.array([[RATE, start]]))[0]
     assert abs(expected[0] - np.pi) < 0.2
     np.testing.assert_allclose(found["direction"], expected, atol=1e-5)
-    assert found["degrees"].attrs == {"units": "deg", "turn": 360.0} and "turn" not in found["x"].attrs
+    assert (
+        found["degrees"].attrs == {"long_name": "degrees", "units": "deg", "turn": 360.0}
+        and "turn" not in found["x"].attrs
+    )
 
 
 @pytest.mark.parametrize("drawn", [np.pi, -np.pi, np.nextafter(np.pi, 4), np.nextafter(-np.pi, -4)])

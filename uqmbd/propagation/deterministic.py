@@ -83,12 +83,13 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        One variable for each output, with its units, over the dimension ``time``.  Angles are unwrapped, as in a
+        One variable for each output, with its units, over the dimension ``time`` (:func:`uqmbd.results.by_output` gives
+        statistics of methods the same form).  Angles are unwrapped, as in a
         study, and have the length of a turn as an attribute.  Outputs without a time have no dimension; where there are
         no others, and statics tells them, nothing is integrated.  With `check` the coordinate ``integration_error``
-        (output, time) is the absolute error of each output, in its units, and ``scalar_integration_error`` (scalar)
-        that of outputs without a time; NaN where it is not known, with the attribute ``reason``.  Where an output has
-        one of these names, an underscore is appended.
+        (output, time) is the absolute error of each output, in its units (``output_units``), and
+        ``scalar_integration_error`` (scalar) that of outputs without a time (``scalar_units``); NaN where it is not
+        known, with the attribute ``reason``.  Where an output has one of these names, an underscore is appended.
 
         Of requirements it holds ``requirement_margin`` (requirement, time), the smallest margin until each time, and
         ``requirement_met`` (requirement).
@@ -114,6 +115,7 @@ def simulate(
     from uqmbd.dynamics import Ensemble, integrate, require_for
     from uqmbd.mechanism import Mechanism
     from uqmbd.propagation.execution import integrated_by, not_finite_output
+    from uqmbd.results.schema import CF
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -128,7 +130,7 @@ def simulate(
     ensemble = Ensemble(model, np.array([list(point.values())]))
     moved = [one for one in (model.scalars, model.margins) if one is not None]
     if not model.outputs.names and not any(one.needs_motion for one in moved):
-        still = {"mechanism": mechanism.name, "start": start}
+        still = {"Conventions": CF, "mechanism": mechanism.name, "start": start}
         alone = {} if model.scalars is None else _scalars(mechanism, ensemble, None)
         return with_margins(xr.Dataset(alone, attrs=still), mechanism.name, ensemble, grid)
     refuse_jumps(ensemble, grid, rtol, where)
@@ -142,6 +144,7 @@ def simulate(
         warnings.warn(f"{where}: {told}.", stacklevel=3)
     counters = trajectories.counters
     attrs = {
+        "Conventions": CF,
         "mechanism": mechanism.name,
         "rtol": rtol,
         "integrator": integrator,
@@ -156,7 +159,7 @@ def simulate(
     variables = variables_of(model, response, "time")
     if model.scalars is not None:
         variables |= _scalars(mechanism, ensemble, trajectories)
-    coords: dict[str, Any] = {"time": ("time", grid, {"units": "s"})}
+    coords: dict[str, Any] = {"time": ("time", grid, {"units": "s", "long_name": "time"})}
     if check:
         coords |= _errors(ensemble, grid, rtol, trajectories, response, set(variables))
     data = xr.Dataset(variables, coords=coords, attrs=attrs)
@@ -208,20 +211,23 @@ def _errors(
     comment = {"reason": reason} if reason else {"comment": f"against an integration with rtol {tight:g}"}
     found: dict[str, tuple[Any, ...]] = {}
 
-    def add(names: tuple[str, ...], dimension: str, error: Array, *more: str) -> None:
+    def add(names: tuple[str, ...], units: tuple[str, ...], dimension: str, error: Array, *more: str) -> None:
         name = free_name(f"{'scalar_' if dimension == 'scalar' else ''}integration_error", taken)
+        beside = free_name(f"{dimension}_units", taken)
         dimension = free_name(dimension, taken)
         found[dimension] = (dimension, np.array(names, dtype=np.str_))
-        found[name] = ((dimension, *more), error, {"long_name": LONG_NAME, **comment})
+        found[beside] = (dimension, np.array(units, dtype=np.str_))
+        one = {"units": units[0]} if len(set(units)) == 1 and units[0] else {}
+        found[name] = ((dimension, *more), error, {"long_name": LONG_NAME, **one, **comment})
 
     if model.outputs.names:
         error = np.full((len(model.outputs.names), len(times)), np.nan)
         if again is not None and not reason:
             error = deviation(response, ensemble.outputs(times, again.states)[0], model.outputs.turns)
-        add(model.outputs.names, "output", error, "time")
+        add(model.outputs.names, model.outputs.units, "output", error, "time")
     if model.scalars is not None and model.scalars.needs_motion:
         values = scalars_of(ensemble, again).values[0] if again is not None and not reason else np.nan
-        add(model.scalars.names, "scalar", np.abs(scalars_of(ensemble, first).values[0] - values))
+        add(model.scalars.names, model.scalars.units, "scalar", np.abs(scalars_of(ensemble, first).values[0] - values))
     return found
 
 
@@ -248,7 +254,11 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
     variables: dict[str, tuple[Any, ...]] = {}
     for k, (name, units) in enumerate(zip(seen.names, seen.units, strict=True)):
         late = bool(found.censored[0, k])
-        variables[name] = ((), found.values[0, k], {"units": units, **({"comment": seen.late[k]} if late else {})})
+        variables[name] = (
+            (),
+            found.values[0, k],
+            {**_about(name, units), **({"comment": seen.late[k]} if late else {})},
+        )
         if late and seen.of_events(k):
             warnings.warn(
                 f"simulate {mechanism.name!r}: {seen.late[k]}; the output {name!r} is NaN. Take later times, or look "
@@ -262,9 +272,14 @@ def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, t
     """Variables of a dataset from the response (output, ...) of one realisation."""
     seen = model.outputs
     return {
-        name: (dimensions, response[k], {"units": units} | ({"turn": turn} if turn else {}))
+        name: (dimensions, response[k], {**_about(name, units), **({"turn": turn} if turn else {})})
         for k, (name, units, turn) in enumerate(zip(seen.names, seen.units, seen.turns.tolist(), strict=True))
     }
+
+
+def _about(name: str, units: str) -> dict[str, str]:
+    """Return the attributes of an output; units that are not stated are not said."""
+    return {"long_name": name, **({"units": units} if units else {})}
 
 
 def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None) -> dict[str, float]:

@@ -34,6 +34,7 @@ from uqmbd.results import (
     with_scalars,
 )
 from uqmbd.results.chaos import verified_std, verified_trials
+from uqmbd.results.schema import with_units
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 
@@ -57,8 +58,13 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     -------
     xarray.DataTree
         The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
-        requirements.
+        requirements; variables that have one unit say it.
     """
+    return with_units(_run_all(propagator, problem, check))
+
+
+def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
+    """Run a method on all kinds of outputs."""
     if not check and (problem.model.outputs.names or problem.model.scalars is not None):
         problem = replace(problem, model=replace(problem.model, margins=None))
     model = problem.model

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.results.accessor import Accessor
 from uqmbd.results.chaos import (
     AlignedChaos,
     AlignedElement,
@@ -65,6 +66,7 @@ from uqmbd.results.schema import (
     statistics_dataset,
     validate,
 )
+from uqmbd.results.selection import by_output, output
 from uqmbd.results.statistics import (
     CircularMoments,
     CountedQuantiles,
@@ -88,6 +90,7 @@ from uqmbd.results.tree import happening, joined_outputs, scalar_nodes, study_tr
 from uqmbd.status import Status
 
 __all__ = [
+    "Accessor",
     "AlignedChaos",
     "AlignedElement",
     "Answer",
@@ -116,6 +119,7 @@ __all__ = [
     "Violations",
     "align",
     "answers",
+    "by_output",
     "chaos_from_dataset",
     "choose_reference",
     "circular_mean",
@@ -138,6 +142,7 @@ __all__ = [
     "mean_rotation",
     "node_parts",
     "open",
+    "output",
     "overall",
     "own_statements",
     "project",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
-from uqmbd.results.chaos.composed import ComposedChaos, chaos_from_dataset, stored_as
+from uqmbd.results.chaos.composed import ComposedChaos, Part, chaos_from_dataset, stored_as
 from uqmbd.results.chaos.decay import error_words, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
@@ -32,6 +32,7 @@ __all__ = [
     "Landmarks",
     "LeastSquares",
     "NodeRegression",
+    "Part",
     "PiecewiseChaos",
     "PolynomialChaos",
     "QuasiPeriodicChaos",

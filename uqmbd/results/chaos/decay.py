@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqmbd.results.chaos.stated_error import first_above, reference_spread
 from uqmbd.results.chaos.terms import constant_columns, standard_deviation
-from uqmbd.results.schema import Labels, fixed_width
+from uqmbd.results.schema import Labels, fixed_width, united
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array, Index, Mask
 from uqmbd.wording import format_at_most, format_percent
@@ -84,18 +84,20 @@ def decay_dataset(
     """Build the dataset of energies (N + 1, O, T) and (d, N + 1, O, T), with no rate where (O, T) nothing varies."""
     dims, note = labels.dims, {"long_name": energy_note}
     rate = np.where(constant, np.nan, decay_rate(energy))
-    return xr.Dataset(
-        {
-            "energy": (("order", *dims), energy, note),
-            "energy_germ": (("germ", "degree", *dims), by_germ, note),
-            "rate": (dims, rate, {"long_name": "decay per order", "comment": rate_note}),
-        },
-        coords={
-            **labels.output_coords(),
-            "order": np.arange(len(energy)),
-            "germ": ("germ", fixed_width(germ_names)),
-            "degree": np.arange(by_germ.shape[1]),
-        },
+    return united(
+        xr.Dataset(
+            {
+                "energy": (("order", *dims), energy, note),
+                "energy_germ": (("germ", "degree", *dims), by_germ, note),
+                "rate": (dims, rate, {"long_name": "decay per order", "comment": rate_note}),
+            },
+            coords={
+                **labels.output_coords(),
+                "order": np.arange(len(energy)),
+                "germ": ("germ", fixed_width(germ_names)),
+                "degree": np.arange(by_germ.shape[1]),
+            },
+        )
     )
 
 

@@ -13,7 +13,7 @@ from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.boxes import VERIFICATION, rows_of_boxes
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
-from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos
+from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos, united
 from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def aligned_dataset(chaos: Surrogate, elements: Sequence[AlignedElement]) -> xr.
             {"long_name": "what ends segments"},
         ),
         "segments": ("element", np.array([e.segments.shape[1] for e in elements]), {"long_name": "number of segments"}),
-        "probability": ("element", np.array([e.box.probability for e in elements])),
+        "probability": ("element", np.array([e.box.probability for e in elements]), {"units": "1"}),
         **_ends([e.box for e in elements]),
     }
     if chaos.verification_germs is not None:
@@ -230,7 +230,7 @@ def quasi_periodic_dataset(
         "harmonics": (("harmonic", "base"), lattice, {"long_name": "multiples of the base frequencies"}),
         "origin": ((), origin, {"long_name": "time from which phases count", "units": "s"}),
         "multi_index": (("term", "input"), chaos.multi_index, {"long_name": _DEGREES}),
-        "probability": ("element", np.array([e.box.probability for e in elements])),
+        "probability": ("element", np.array([e.box.probability for e in elements]), {"units": "1"}),
         **_ends([e.box for e in elements]),
     }
     if chaos.verification_germs is not None:
@@ -271,7 +271,7 @@ def _landmarks(text: str) -> Landmarks:
 def _dataset(chaos: Surrogate, variables: dict[str, Any]) -> xr.Dataset:
     """Put variables beside the germ space and the meaning of the axes."""
     coords = {**chaos.labels.output_coords(), **chaos.labels.input_coords()}
-    return chaos.space.to_dataset().assign(variables).assign_coords(coords)
+    return united(chaos.space.to_dataset().assign(variables).assign_coords(coords))
 
 
 def _read(

@@ -96,14 +96,14 @@ def requirements_dataset(
             f"requirement {names[k]!r}: the probability {probability[k]:g} is given the interval from {ends[0][k]:g} "
             f"to {ends[1][k]:g}; expected one within 0 and 1 that holds it."
         )
-    about = {"long_name": "probability that the requirement is violated"}
+    about = {"long_name": "probability that the requirement is violated", "units": "1"}
     data: dict[str, Any] = {
         "violation_probability": (dims, probability, about),
-        "std_error": (dims, error, {"long_name": "standard error of the probability"}),
+        "std_error": (dims, error, {"long_name": "standard error of the probability", "units": "1"}),
         "interval": (
             (*dims, "bound"),
             np.stack(ends, axis=1),
-            {"long_name": f"{LEVEL:.0%} interval of the probability", "level": LEVEL},
+            {"long_name": f"{LEVEL:.0%} interval of the probability", "level": LEVEL, "units": "1"},
         ),
     }
     words = {ANY: ANY_WORDS} | {name: r.description for name, r in known.items()}
@@ -119,7 +119,7 @@ def requirements_dataset(
             raise StudyError("violated_by is given without times; expected both, or none.")
         grid, over_time = np.asarray(times, dtype=float), np.asarray(violated_by, dtype=float)
         check_shape("violated_by", over_time, (*shape, len(grid)), (*dims, "time"))
-        about = {"long_name": "probability of having been violated by a time"}
+        about = {"long_name": "probability of having been violated by a time", "units": "1"}
         data["violated_by"] = ((*dims, "time"), over_time, about)
         coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
     return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))

@@ -29,9 +29,11 @@ from uqmbd.results.schema.nodes import (
     propagator_node,
     propagator_nodes,
 )
+from uqmbd.results.schema.units import CF, product_of_units, united, units_of, with_units
 from uqmbd.results.schema.validation import validate
 
 __all__ = [
+    "CF",
     "DEFAULT_PROBABILITIES",
     "InputInfo",
     "Labels",
@@ -48,10 +50,14 @@ __all__ = [
     "node_parts",
     "output_index",
     "output_infos",
+    "product_of_units",
     "propagator_node",
     "propagator_nodes",
     "sample_dataset",
     "statistics_dataset",
     "time_index",
+    "united",
+    "units_of",
     "validate",
+    "with_units",
 ]

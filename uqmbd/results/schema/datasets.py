@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.axes import Labels, fixed_width
+from uqmbd.results.schema.units import united
 from uqmbd.status import Status
 
 __all__ = [
@@ -196,14 +197,20 @@ def sample_dataset(
         "flag_values": np.array(sorted(known), dtype=np.int32),
         "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),
     }
-    return xr.Dataset(
-        {
-            "response": (("sample", *labels.dims), values, {"comment": "NaN where status is not 0"}),
-            "inputs": (("sample", "input"), drawn),
-            "status": ("sample", flags, flag_attrs),
-            "message": ("sample", fixed_width(reasons)),
-        },
-        coords={**labels.output_coords(), **labels.input_coords()},
+    return united(
+        xr.Dataset(
+            {
+                "response": (
+                    ("sample", *labels.dims),
+                    values,
+                    {"long_name": "response", "comment": "NaN where status is not 0"},
+                ),
+                "inputs": (("sample", "input"), drawn, {"long_name": "value of the input"}),
+                "status": ("sample", flags, flag_attrs),
+                "message": ("sample", fixed_width(reasons)),
+            },
+            coords={**labels.output_coords(), **labels.input_coords()},
+        )
     )
 
 
@@ -303,10 +310,13 @@ def statistics_dataset(
         check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
         attrs = {"long_name": _LONG_NAMES[name]} | ({"comment": _COMMENTS[name]} if name in _COMMENTS else {})
         variables[name] = ((*dims, *labels.dims), array, attrs)
-    coords = {**labels.output_coords(), "probability": ("probability", levels)}
+    coords = {
+        **labels.output_coords(),
+        "probability": ("probability", levels, {"units": "1", "long_name": "probability"}),
+    }
     if any(value is not None for value in by_input.values()):
         coords |= labels.input_coords()
-    return xr.Dataset(variables, coords=coords)
+    return united(xr.Dataset(variables, coords=coords))
 
 
 def check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:

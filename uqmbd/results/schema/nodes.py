@@ -16,6 +16,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
+from uqmbd.results.schema.units import with_units
 from uqmbd.status import Status
 
 __all__ = ["comparable", "failed_methods", "join_nodes", "node_parts", "propagator_node", "propagator_nodes"]
@@ -114,7 +115,12 @@ def join_nodes(
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    root: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "study": study, "mechanism": mechanism}
+    root: dict[str, Any] = {
+        "Conventions": f"uqmbd-{SCHEMA_VERSION}",
+        "schema_version": SCHEMA_VERSION,
+        "study": study,
+        "mechanism": mechanism,
+    }
     root |= {"created": created, "uqmbd_version": _version("uqmbd")}
     datasets = {"/": xr.Dataset(attrs=root | dict(attrs or {}))}
     for node in nodes:
@@ -122,7 +128,7 @@ def join_nodes(
         if label in datasets:
             raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
         datasets |= {f"{label}/{path}".rstrip("/"): data for path, data in node_parts(node).items()}
-    return xr.DataTree.from_dict(datasets)
+    return with_units(xr.DataTree.from_dict(datasets))
 
 
 def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:

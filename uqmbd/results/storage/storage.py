@@ -15,6 +15,7 @@ from xarray.backends import H5NetCDFStore
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.results.schema import SCHEMA_VERSION, check_version
+from uqmbd.results.storage.chunks import chunks_of
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_codecs
@@ -159,7 +160,10 @@ def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
             dataset = node.to_dataset(inherit=False)
             large = [n for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.size >= _COMPRESS_FROM]
             group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
-            dataset.dump_to_store(H5NetCDFStore(group), encoding={n: light for n in large})
+            dataset.dump_to_store(
+                H5NetCDFStore(group),
+                encoding={n: {**light, "chunksizes": chunks_of(dataset.variables[n])} for n in large},
+            )
             made.check()
 
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 from zarr.storage import LocalStore
 
+from uqmbd.results.storage.chunks import chunks_of
+
 if TYPE_CHECKING:
     from zarr.core.buffer import Buffer
 
@@ -27,6 +29,10 @@ PATIENCE = 60.0
 def write_zarr(tree: xr.DataTree, path: Path) -> None:
     """Write a tree to a folder that does not exist; when this returns or fails, nobody writes there any more."""
     writes = _Writes()
+    encoding = {
+        node.path: {name: {"chunks": chunks_of(variable)} for name, variable in node.variables.items() if variable.size}
+        for node in tree.subtree
+    }
 
     class Store(LocalStore):
         async def set(self, key: str, value: Buffer) -> None:
@@ -37,7 +43,7 @@ def write_zarr(tree: xr.DataTree, path: Path) -> None:
 
     try:
         # Format 2: the specification of format 3 has no fixed-width text and no consolidated metadata yet (both warn).
-        tree.to_zarr(Store(path), zarr_format=2)
+        tree.to_zarr(Store(path), zarr_format=2, encoding=encoding)
     except BaseException:
         writes.end()
         raise

@@ -1,0 +1,55 @@
+"""What data of xarray have as ``.uqmbd``: one output with its unit, a variable for each output, the surrogate.
+
+It is registered when `uqmbd.results` is imported, hence by all that makes or reads results.  Where a file was opened by
+xarray alone, ``import uqmbd.results`` is needed: ``import uqmbd`` imports neither xarray nor anything that needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos import ComposedChaos, Part, surrogate
+from uqmbd.results.selection import by_output, output
+
+__all__ = ["Accessor"]
+
+
+@xr.register_datatree_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray
+@xr.register_dataset_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray
+@xr.register_dataarray_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray
+class Accessor:
+    """``data.uqmbd``: functions of `uqmbd.results` as methods of data.
+
+    Parameters
+    ----------
+    data : xarray.DataTree, xarray.Dataset or xarray.DataArray
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> data = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [2.0]])
+    >>> data.uqmbd.output("F")["std"].attrs["units"], list(data.uqmbd.by_output("mean"))
+    ('N', ['x', 'F'])
+    """
+
+    def __init__(self, data: Any) -> None:
+        self._data = data
+
+    def output(self, name: str, *, input: str | None = None) -> Any:
+        """Return one output with its unit; see :func:`uqmbd.results.output`."""
+        return output(self._data, name, input=input)
+
+    def by_output(self, variable: str = "mean") -> xr.Dataset:
+        """Return a variable for each output; see :func:`uqmbd.results.by_output`."""
+        return by_output(self._data, variable)
+
+    def surrogate(self, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
+        """Return the surrogate of a method, of whose node this is; see :func:`uqmbd.results.surrogate`."""
+        if not isinstance(self._data, xr.DataTree):
+            kind = type(self._data).__name__
+            raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")
+        return surrogate(self._data, output, times)

@@ -1,0 +1,37 @@
+"""Chunks of variables in files: what one output takes over time lies together."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+__all__ = ["chunks_of"]
+
+SMALL = 1 << 20
+"""Bytes of a variable that is one chunk."""
+
+LARGE = 1 << 22
+"""Bytes of a chunk, about."""
+
+
+def chunks_of(variable: xr.Variable) -> tuple[int, ...]:
+    """Return the chunks of a variable: one where it is small, else one output each, at all times.
+
+    Of what is left of a chunk the last dimensions take what they need first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chunks_of(xr.Variable(("sample", "output", "time"), np.zeros((500, 4, 401))))
+    (500, 1, 401)
+    >>> chunks_of(xr.Variable(("sample", "output", "time"), np.zeros((5, 4, 401))))
+    (5, 4, 401)
+    """
+    if variable.nbytes <= SMALL:
+        return tuple(max(size, 1) for size in variable.shape)
+    left = max(LARGE // variable.dtype.itemsize, 1)
+    found = {}
+    for dim in sorted(variable.dims, key=lambda dim: (dim != "time", -variable.dims.index(dim))):
+        size = 1 if dim == "output" else variable.sizes[dim]
+        found[dim] = size if dim == "time" else max(1, min(size, left))
+        left = max(left // found[dim], 1)
+    return tuple(found[dim] for dim in variable.dims)
