@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Index", "Mask", "Quantity", "Vector"]
+__all__ = ["Array", "Distribution", "Index", "Mask", "Quantity", "Vector"]
 
 Array = NDArray[np.float64]
 """Numbers."""
@@ -21,6 +21,9 @@ Index = NDArray[np.int64]
 
 Mask = NDArray[np.bool_]
 """Truth values."""
+
+Distribution: TypeAlias = Any
+"""A distribution of chaospy, of ``scipy.stats`` with its parameters, or of OpenTURNS; these packages have no types."""
 
 
 class Quantity(Protocol):

@@ -112,7 +112,7 @@ def test_pickling_keeps_identity_within_an_expression():
 WRONG = {
     "a class": (lambda: uqmbd.RandomVariable("x", chaospy.Normal), "is the class chaospy.Normal; give it its parameters"),
     "a number": (lambda: uqmbd.RandomVariable("x", 3.0), "the distribution is 3.0 (float); expected a chaospy distribution"),
-    "of scipy": (lambda: uqmbd.RandomVariable("x", scipy.stats.norm()), "expected a chaospy distribution"),
+    "a kernel density of scipy": (lambda: uqmbd.RandomVariable("x", scipy.stats.gaussian_kde([1.0, 2.0, 4.0])), "expected a chaospy distribution"),
     "none": (lambda: uqmbd.RandomVariable("x", None), "the distribution is None"),
     "joint": (lambda: uqmbd.RandomVariable("x", chaospy.MvNormal([0, 0], np.eye(2))), "has 2 dimensions, expected 1; for dependent variables use uqmbd.random_vector"),
     "no name": (lambda: uqmbd.RandomVariable("", chaospy.Normal()), "the name is empty"),

@@ -318,7 +318,7 @@ class Mechanism:
             ``COMPONENT.parameter``, or an entry of a vector, as ``BODY.com.x``.
         relative, absolute : float
             Standard deviation, over the size of the number or in its units; the mean is the number itself.
-        distribution : str, chaospy distribution or function
+        distribution : str, uqmbd.typing.Distribution or function
             ``"normal"``, ``"lognormal"``, ``"uniform"``; by default normal, in a range lognormal or beta.  Instead of
             a standard deviation: a distribution of a factor, or a function from number to distribution.
 

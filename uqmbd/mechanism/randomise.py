@@ -17,7 +17,7 @@ from uqmbd.mechanism.components import Component, range_text, settle, stated_in_
 from uqmbd.mechanism.expressions import shown
 from uqmbd.mechanism.scope import Described
 from uqmbd.names import did_you_mean
-from uqmbd.randomness import RandomVariable, distribution_about, is_distribution, strays
+from uqmbd.randomness import RandomVariable, adopted, distribution_about, is_distribution, strays
 
 __all__ = ["randomise"]
 
@@ -86,7 +86,7 @@ class Law:
     def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
         """Return the distribution of a number, or say what cannot be."""
         if self.made or is_distribution(self.distribution):
-            found = self.distribution(value) if self.made else value * self.distribution
+            found = adopted(self.where, self.distribution(value)) if self.made else value * self.distribution
             if not is_distribution(found):
                 raise StudyError(
                     f"{self.where}: distribution({value:g}), of {name}, is {shown(found)}; expected a chaospy "
@@ -154,6 +154,7 @@ def randomise(
 
 def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Law:
     """Check how numbers are to vary."""
+    distribution = adopted(where, distribution)
     own = is_distribution(distribution) or callable(distribution)
     if isinstance(distribution, type) or not (own or distribution in (None, "normal", "lognormal", "uniform")):
         raise StudyError(

@@ -15,9 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import stated_tolerance
-
-if TYPE_CHECKING:
-    import chaospy
+from uqmbd.typing import Distribution
 
 __all__ = ["Joint", "RandomVariable", "random_vector", "uniform_variable"]
 
@@ -47,16 +45,16 @@ class RandomVariable(Symbolic, Symbol):
     ----------
     name : str
         What appears in data, plots and messages.
-    distribution : chaospy.Distribution
-        Its distribution, of one dimension.
+    distribution : uqmbd.typing.Distribution
+        Its distribution, of one dimension: of chaospy, a frozen one of ``scipy.stats`` or one of its newer
+        infrastructure, or one of OpenTURNS.  The attribute of this name is a distribution of chaospy in any case.
     units : str
         Its units, for people; nothing is converted.  Left out, they are those of a size of `uqmbd.iso286`.
 
     Raises
     ------
     uqmbd.StudyError
-        If the name is unusable, the distribution is not a chaospy distribution of one dimension, or it states other
-        units.
+        If the name is unusable, the distribution is none, or not of one dimension, or it states other units.
 
     Examples
     --------
@@ -66,6 +64,9 @@ class RandomVariable(Symbolic, Symbol):
     2
     >>> round(length.mean, 12)
     1.0
+    >>> import scipy.stats
+    >>> uqmbd.RandomVariable("stiffness", scipy.stats.weibull_min(2, scale=3), units="N/m").description
+    'scipy.stats.weibull_min(2, scale=3)'
     """
 
     units: str
@@ -74,10 +75,10 @@ class RandomVariable(Symbolic, Symbol):
     component: int
 
     @checked
-    def __new__(cls, name: str, distribution: chaospy.Distribution = None, units: str = "") -> RandomVariable:
+    def __new__(cls, name: str, distribution: Distribution = None, units: str = "") -> RandomVariable:
         """Check what is given."""
         where = f"random variable {check_name(name, 'random variable')!r}"
-        _require_distribution(where, distribution, 1)
+        distribution = _checked_distribution(where, distribution, 1)
         check_units(units, where)
         stated = stated_tolerance(distribution)
         if stated is not None and stated.units and units not in ("", stated.units):
@@ -123,7 +124,7 @@ class RandomVariable(Symbolic, Symbol):
 
 @checked
 def random_vector(
-    names: Sequence[str], distribution: chaospy.Distribution, units: str | Sequence[str] = ""
+    names: Sequence[str], distribution: Distribution, units: str | Sequence[str] = ""
 ) -> tuple[RandomVariable, ...]:
     """Make dependent random variables from one joint distribution.
 
@@ -131,8 +132,9 @@ def random_vector(
     ----------
     names : sequence of str
         One name for each dimension of the distribution.
-    distribution : chaospy.Distribution
-        A joint distribution, e.g. ``chaospy.MvNormal(mean, covariance)``.
+    distribution : uqmbd.typing.Distribution
+        A joint distribution, e.g. ``chaospy.MvNormal(mean, covariance)``; ``scipy.stats.multivariate_normal`` with its
+        parameters, or one of OpenTURNS with a normal copula or none.
     units : str or sequence of str
         Units of all, or of each.
 
@@ -162,7 +164,7 @@ def random_vector(
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise StudyError(f"{where}: the name {twice[0]!r} occurs twice; every random variable needs its own.")
-    _require_distribution(where, distribution, len(names))
+    distribution = _checked_distribution(where, distribution, len(names))
     if not isinstance(units, (str, Sequence)):
         raise StudyError(f"{where}: units is {units!r}; expected a text, or a sequence of texts, one each.")
     given = (units,) * len(names) if isinstance(units, str) else units
@@ -197,9 +199,13 @@ def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> 
     return RandomVariable(name, chaospy.Uniform(lower, upper), units)
 
 
-def _require_distribution(where: str, distribution: Any, dimension: int) -> None:
+def _checked_distribution(where: str, given: Distribution, dimension: int) -> Any:
+    """Return what is given as a distribution of chaospy that exists and has a dimension."""
     import chaospy
 
+    from uqmbd.randomness.distributions import adopted, flaw_of
+
+    distribution = adopted(where, given)
     if isinstance(distribution, type) and issubclass(distribution, chaospy.Distribution):
         kind = f"chaospy.{distribution.__name__}"
         raise StudyError(
@@ -208,7 +214,7 @@ def _require_distribution(where: str, distribution: Any, dimension: int) -> None
     if not isinstance(distribution, chaospy.Distribution):
         raise StudyError(
             f"{where}: the distribution is {distribution!r} ({type(distribution).__name__}); "
-            "expected a chaospy distribution, e.g. chaospy.Normal(0.15, 0.003)."
+            "expected a chaospy distribution, e.g. chaospy.Normal(0.15, 0.003), or one of scipy.stats or OpenTURNS."
         )
     if len(distribution) != dimension:
         count = f"{len(distribution)} dimension{'s' * (len(distribution) != 1)}"
@@ -218,13 +224,12 @@ def _require_distribution(where: str, distribution: Any, dimension: int) -> None
             else "give one name for each dimension"
         )
         raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
-    from uqmbd.randomness.distributions import flaw_of
-
     if flaw := flaw_of(distribution):
         raise StudyError(
             f"{where}: no random number is distributed as {distribution}: {flaw}. Look at its parameters: deviations, "
             "scales and shapes are positive, and lower ends are below upper ones; what does not vary is a plain number."
         )
+    return distribution
 
 
 def mean_of(distribution: Any) -> np.ndarray:

@@ -1,8 +1,12 @@
-"""Distributions of chaospy: what they are made of, whether they exist, and how heavy their tails are."""
+"""Distributions of chaospy: what they are made of, whether they exist, and how heavy their tails are.
+
+Those of other packages are adopted: they become distributions of chaospy.
+"""
 
 from __future__ import annotations
 
 from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
+from uqmbd.randomness.distributions.adopted import adopted
 from uqmbd.randomness.distributions.decomposed import Law, is_dependent
 from uqmbd.randomness.distributions.sound import flaw_of
 from uqmbd.randomness.distributions.tabulated import tabulated
@@ -12,6 +16,7 @@ __all__ = [
     "FEWEST",
     "Law",
     "Tail",
+    "adopted",
     "distribution_about",
     "flaw_of",
     "heaviest_tail",

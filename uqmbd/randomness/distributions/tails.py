@@ -100,7 +100,7 @@ def tail_of(quantile: Callable[[Array], Array]) -> Tail:
     for probabilities in (DEPTH, 1 - DEPTH):
         distance = np.abs(quantile(probabilities) - middle)
         grown = np.diff(distance)[[0, 2]]
-        if not np.all(grown > 1e-6 * max(high - low, distance[-1])):  # it ends there
+        if not np.all(grown > 1e-6 * np.maximum(high - low, distance[[1, 3]])):  # it ends there
             tails.append(Tail(np.inf, np.inf))
             continue
         first, second = np.log(10) / np.log(distance[[1, 3]] / distance[[0, 2]])

@@ -1,0 +1,161 @@
+"""Distributions of scipy.stats and OpenTURNS behind one interface: what chaospy asks of a distribution of one variable.
+
+Neither package is imported here: objects of them bring what is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["Frozen", "Infrastructure", "OpenTurns", "Source"]
+
+
+class Source(Protocol):
+    """A distribution of another package, of one variable; every function takes and returns arrays of shape (N,)."""
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it takes single values only."""
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Its ends, which may be infinite."""
+
+    def density(self, x: Array) -> Array:
+        """Density, or the probability of a single value where it is discrete."""
+
+    def cdf(self, x: Array) -> Array:
+        """Probability up to, and including, `x`."""
+
+    def quantile(self, u: Array) -> Array:
+        """Quantiles."""
+
+    def upper_quantile(self, u: float) -> float:
+        """Value that is exceeded with probability `u`."""
+
+    def moment(self, order: int) -> float:
+        """Raw moment; NaN or infinite where there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frozen:
+    """A distribution with parameters of ``scipy.stats.rv_continuous`` or ``rv_discrete``."""
+
+    given: Any
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it takes whole numbers only."""
+        return hasattr(self.given, "pmf")
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Its ends."""
+        low, high = self.given.support()
+        return float(low), float(high)
+
+    def density(self, x: Array) -> Array:
+        """Density or probability."""
+        return np.asarray(self.given.pmf(x) if self.discrete else self.given.pdf(x), dtype=float)
+
+    def cdf(self, x: Array) -> Array:
+        """Probability up to `x`."""
+        return np.asarray(self.given.cdf(x), dtype=float)
+
+    def quantile(self, u: Array) -> Array:
+        """Quantiles."""
+        return np.asarray(self.given.ppf(u), dtype=float)
+
+    def upper_quantile(self, u: float) -> float:
+        """Value that is exceeded with probability `u`."""
+        return float(self.given.isf(u))
+
+    def moment(self, order: int) -> float:
+        """Raw moment."""
+        # the mean of most has a formula of its own
+        return float(self.given.mean() if order == 1 else self.given.moment(order))
+
+
+@dataclass(frozen=True, eq=False)
+class Infrastructure:
+    """A distribution of scipy's newer infrastructure, such as ``scipy.stats.Normal(mu=1, sigma=0.1)``."""
+
+    given: Any
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it takes single values only."""
+        return any(kind.__name__ == "DiscreteDistribution" for kind in type(self.given).__mro__)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Its ends."""
+        low, high = self.given.support()
+        return float(low), float(high)
+
+    def density(self, x: Array) -> Array:
+        """Density or probability."""
+        return np.asarray(self.given.pmf(x) if self.discrete else self.given.pdf(x), dtype=float)
+
+    def cdf(self, x: Array) -> Array:
+        """Probability up to `x`."""
+        return np.asarray(self.given.cdf(x), dtype=float)
+
+    def quantile(self, u: Array) -> Array:
+        """Quantiles."""
+        return np.asarray(self.given.icdf(u), dtype=float)
+
+    def upper_quantile(self, u: float) -> float:
+        """Value that is exceeded with probability `u`."""
+        return float(self.given.iccdf(u))
+
+    def moment(self, order: int) -> float:
+        """Raw moment."""
+        return float(self.given.mean() if order == 1 else self.given.moment(order))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenTurns:
+    """A distribution of OpenTURNS of dimension one."""
+
+    given: Any
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it takes single values only."""
+        return bool(self.given.isDiscrete())
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Its ends."""
+        found = self.given.getRange()
+        low = float(found.getLowerBound()[0]) if found.getFiniteLowerBound()[0] else -np.inf
+        return low, float(found.getUpperBound()[0]) if found.getFiniteUpperBound()[0] else np.inf
+
+    def density(self, x: Array) -> Array:
+        """Density or probability."""
+        return np.asarray(self.given.computePDF(np.asarray(x)[:, None]), dtype=float).ravel()
+
+    def cdf(self, x: Array) -> Array:
+        """Probability up to `x`."""
+        return np.asarray(self.given.computeCDF(np.asarray(x)[:, None]), dtype=float).ravel()
+
+    def quantile(self, u: Array) -> Array:
+        """Quantiles."""
+        return np.asarray(self.given.computeQuantile(np.asarray(u).tolist()), dtype=float).ravel()
+
+    def upper_quantile(self, u: float) -> float:
+        """Value that is exceeded with probability `u`."""
+        return float(self.given.computeQuantile(u, True)[0])
+
+    def moment(self, order: int) -> float:
+        """Raw moment; NaN where there is none, which OpenTURNS raises."""
+        try:
+            return float(self.given.getMean()[0] if order == 1 else self.given.getMoment(order)[0])
+        except (TypeError, RuntimeError, NotImplementedError, ValueError):
+            return np.nan

@@ -1,0 +1,152 @@
+"""Distributions of other packages as those of chaospy, which evaluate what they wrap.
+
+`chaospy.UserDistribution` holds functions, has no moments, and is always continuous.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from chaospy.distributions.baseclass import ShiftScaleDistribution, SimpleDistribution
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.distributions.sources import Source
+from uqmbd.typing import Array
+
+__all__ = ["MovedDistribution", "WholeNumbers", "WrappedDistribution"]
+
+RARE = 1e-15
+"""Probability beyond an end of the support that chaospy is told of where the true one is infinite, as for its own."""
+
+MOST_VALUES = 100_000
+"""Whole numbers that a discrete distribution may take."""
+
+
+class WrappedDistribution(SimpleDistribution):
+    """A continuous distribution of another package.
+
+    Parameters
+    ----------
+    source : Source
+        What is evaluated.
+    text : str
+        How it is shown.
+    """
+
+    def __init__(self, source: Source, text: str) -> None:
+        super().__init__(parameters={}, repr_args=[])
+        self._source, self._text = source, text
+        low, high = source.support
+        self._low = low if np.isfinite(low) else float(source.quantile(np.array([RARE]))[0])
+        self._high = high if np.isfinite(high) else source.upper_quantile(RARE)
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def __str__(self) -> str:
+        return self._text
+
+    def _ppf(self, u: Array, **_: Any) -> Array:
+        return self._source.quantile(u)
+
+    def _cdf(self, x: Array, **_: Any) -> Array:
+        return self._source.cdf(x)
+
+    def _pdf(self, x: Array, **_: Any) -> Array:
+        return self._source.density(x)
+
+    def _mom(self, order: Array, **_: Any) -> float:
+        wanted = int(np.ravel(order)[0])
+        return self._source.moment(wanted) if wanted else 1.0
+
+    def _lower(self, **_: Any) -> float:
+        return self._low
+
+    def _upper(self, **_: Any) -> float:
+        return self._high
+
+
+class MovedDistribution(ShiftScaleDistribution):
+    """The distribution of ``shift + scale * x``, with ``x`` distributed as another; shown as its package shows it."""
+
+    def __init__(self, standard: WrappedDistribution, shift: float, scale: float, text: str) -> None:
+        super().__init__(standard, shift=shift, scale=scale)
+        self._text = text
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def __str__(self) -> str:
+        return self._text
+
+
+class WholeNumbers(SimpleDistribution):
+    """A distribution of whole numbers as a table, spread over an interval of length one about each, as in chaospy.
+
+    Parameters
+    ----------
+    source : Source
+        Where it comes from; it is not kept.
+    text : str
+        How it is shown.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it takes a value that is no whole number, or too many; the message is a part of a sentence.
+    """
+
+    interpret_as_integer = True
+
+    def __init__(self, source: Source, text: str) -> None:
+        super().__init__(parameters={}, repr_args=[])
+        low, high = source.support
+        low = low if np.isfinite(low) else float(source.quantile(np.array([RARE]))[0])
+        high = high if np.isfinite(high) else source.upper_quantile(RARE)
+        if not (np.isfinite([low, high]).all() and high - low < MOST_VALUES):
+            raise StudyError(f"it takes whole numbers from {low:g} to {high:g}; expected at most {MOST_VALUES} of them")
+        numbers = np.arange(np.floor(low), np.ceil(high) + 1)
+        probability = source.density(numbers)
+        if abs(probability.sum() - 1) > 1e-9:
+            raise StudyError(
+                f"single values have probabilities, and those of whole numbers sum to {probability.sum():.6g}; "
+                "expected whole numbers only"
+            )
+        self._text, self._numbers, self._probability = text, numbers, probability / probability.sum()
+        self._edges = np.r_[numbers[0] - 0.5, numbers + 0.5]
+        self._cumulated = np.r_[0.0, np.cumsum(self._probability)]
+
+    def __repr__(self) -> str:
+        return self._text
+
+    def __str__(self) -> str:
+        return self._text
+
+    def _ppf(self, u: Array, **_: Any) -> Array:
+        chosen = np.clip(np.searchsorted(self._cumulated, u, side="right") - 1, 0, len(self._numbers) - 1)
+        part = np.divide(
+            u - self._cumulated[chosen],
+            self._probability[chosen],
+            out=np.zeros_like(u),
+            where=self._probability[chosen] > 0,
+        )
+        # chaospy rounds halves to even numbers: what is drawn stays inside of the interval of its number
+        return self._numbers[chosen] + np.clip(part - 0.5, -0.5 + 1e-10, 0.5 - 1e-10)
+
+    def _cdf(self, x: Array, **_: Any) -> Array:
+        return np.interp(x, self._edges, self._cumulated)
+
+    def _pdf(self, x: Array, **_: Any) -> Array:
+        place = np.rint(x - self._numbers[0])
+        inside = (place >= 0) & (place < len(self._numbers))
+        return np.where(inside, self._probability[np.where(inside, place, 0).astype(int)], 0.0)
+
+    def _mom(self, order: Array, **_: Any) -> float:
+        return float(self._numbers ** int(np.ravel(order)[0]) @ self._probability)
+
+    def _lower(self, **_: Any) -> float:
+        return float(self._edges[0] + 1e-10)
+
+    def _upper(self, **_: Any) -> float:
+        return float(self._edges[-1] - 1e-10)
