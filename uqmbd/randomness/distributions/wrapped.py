@@ -132,10 +132,11 @@ class WholeNumbers(SimpleDistribution):
             where=self._probability[chosen] > 0,
         )
         # chaospy rounds halves to even numbers: what is drawn stays inside of the interval of its number
-        return self._numbers[chosen] + np.clip(part - 0.5, -0.5 + 1e-10, 0.5 - 1e-10)
+        found: Array = self._numbers[chosen] + np.clip(part - 0.5, -0.5 + 1e-10, 0.5 - 1e-10)
+        return found
 
     def _cdf(self, x: Array, **_: Any) -> Array:
-        return np.interp(x, self._edges, self._cumulated)
+        return np.asarray(np.interp(x, self._edges, self._cumulated))
 
     def _pdf(self, x: Array, **_: Any) -> Array:
         place = np.rint(x - self._numbers[0])
