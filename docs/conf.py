@@ -60,7 +60,7 @@ copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
 # pydata-sphinx-theme, not furo: the kinds of pages stand side by side in its bar, as at NumPy, and tables have room;
-#  furo has all pages in one column.
+# furo has all pages in one column.
 html_theme = "pydata_sphinx_theme"
 html_title = f"uqmbd {release}"
 html_static_path = ["_static", _mathjax()]

@@ -26,7 +26,7 @@ def site():
 def pages(site, tmp_path_factory):
     """What is documented on the pages of the reference: full names to texts."""
     folder = tmp_path_factory.mktemp("site")
-    site.write_reference(folder)
+    site.write_reference(folder, pictures=False)
     found = {}
     for path in (folder / "reference" / "api").glob("*.rst"):
         text = path.read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from uqmbd_site.interface import write_command_line, write_hooks
 from uqmbd_site.reference import write_reference
 
 if TYPE_CHECKING:
@@ -14,6 +15,8 @@ __all__ = ["setup"]
 
 def _write(app: Sphinx) -> None:
     write_reference(app.srcdir)
+    write_command_line(app.srcdir)
+    write_hooks(app.srcdir)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -7,9 +7,11 @@ import inspect
 from pathlib import Path
 from typing import Any
 
+import uqmbd
+from uqmbd_site.components import component_page, draw
 from uqmbd_site.names import CORE, PLUGINS, file_names, kind, public_names, told_at_its_place
 
-__all__ = ["write_if_changed", "write_reference"]
+__all__ = ["is_component", "write_if_changed", "write_reference"]
 
 TITLES = {
     "class": "Classes",
@@ -30,10 +32,10 @@ def write_if_changed(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def write_reference(source: str | Path) -> None:
+def write_reference(source: str | Path, *, pictures: bool = True) -> None:
     """Write the pages of all public names into ``reference/api`` of a folder of sources."""
     folder = Path(source) / "reference" / "api"
-    written = {folder / "core.rst", folder / "plugins.rst"}
+    written = {folder / f"{page}.rst" for page in ("core", "plugins", "command_line", "hooks")}
     write_if_changed(folder / "core.rst", _overview("Public modules", CORE))
     write_if_changed(folder / "plugins.rst", _overview("Built-in plugins", PLUGINS))
     for module in (*CORE, *PLUGINS):
@@ -41,10 +43,27 @@ def write_reference(source: str | Path) -> None:
         write_if_changed(folder / f"{module}.rst", _module_page(module, pages))
         written.add(folder / f"{module}.rst")
         for name, found in public_names(module).items():
-            write_if_changed(folder / f"{pages[name]}.rst", _object_page(module, name, found))
+            text = _object_page(module, name, found)
+            if is_component(found):
+                picture = folder / f"{pages[name]}.svg"
+                if pictures and _older(picture, found):
+                    draw(found, picture)
+                text += "\n".join(component_page(found, picture.name))
+            write_if_changed(folder / f"{pages[name]}.rst", text)
             written.add(folder / f"{pages[name]}.rst")
     for path in set(folder.glob("*.rst")) - written:
         path.unlink()
+
+
+def is_component(found: Any) -> bool:
+    """Whether an object is a joint, driver, spring, load or contact."""
+    return isinstance(found, type) and issubclass(found, uqmbd.Component) and found.__module__.split(".")[0] in PLUGINS
+
+
+def _older(picture: Path, component: type) -> bool:
+    """Whether a picture is to be drawn: it is not there, or the component was changed since."""
+    source = Path(inspect.getsourcefile(component) or "")
+    return not picture.exists() or picture.stat().st_mtime < source.stat().st_mtime
 
 
 def _overview(title: str, modules: tuple[str, ...]) -> str:
@@ -85,8 +104,7 @@ def _object_page(module: str, name: str, found: Any) -> str:
     title, which = f"{module}.{name}", kind(found)
     if which == "data":
         shown = [f".. py:data:: {name}", "   :module: " + module, "", f"   {told_at_its_place(name, found)}", ""]
-        return "\n".join([title, "=" * len(title), "", *shown])
-    options = [f"   {option}" for option in OPTIONS.get(which, ())]
-    return "\n".join(
-        [title, "=" * len(title), "", f".. currentmodule:: {module}", "", f".. auto{which}:: {title}", *options, ""]
-    )
+        return "\n".join([name, "=" * len(name), "", *shown])
+    options = [] if is_component(found) else [f"   {option}" for option in OPTIONS.get(which, ())]
+    lines = [name, "=" * len(name), "", f".. currentmodule:: {module}", "", f".. auto{which}:: {title}", *options, ""]
+    return "\n".join(lines)

@@ -1,0 +1,246 @@
+"""Pages of components: a picture of one in a mechanism, and its equations, from what the class declares and states."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["component_page", "draw", "equations", "example_of"]
+
+LONGEST = 700
+"""Characters of LaTeX of one equation; a longer one is read in the statement of the terms."""
+
+PLACES = {"at": ((0.5, 0), (-0.5, 0)), "apart": ((0, 0), (-0.4, 0.1))}
+"""Points of body i and body j: where joints are, and where what has a length ends."""
+
+
+def example_of(component: type[uqmbd.Component]) -> tuple[uqmbd.Mechanism, uqmbd.Component]:
+    """Return a component between two bodies (in the plane where it can be), with a value for whatever it declares."""
+    kind = uqmbd.Planar if uqmbd.Planar in component.spaces else component.spaces[0]
+    space = kind()
+    mechanism = uqmbd.Mechanism(component.__name__, space)
+    pose = (1, 0) if "at" in component.drawn_by or component.symbol == "contact" else (1, 0.2)
+    bodies: dict[str, Any] = {}
+    for k, role in enumerate(component.bodies):
+        place = [0, 0, 0] if k == 0 and len(component.bodies) > 1 else [*pose, 0]
+        turning: dict[str, Any] = {"inertia": 0.1 if space.dimension == 2 else (0.1, 0.1, 0.1)} if space.turns else {}
+        body = bodies[role] = mechanism.body(role, mass=1, position=place[: space.dimension], **turning)
+        if space.turns:
+            for n, end in enumerate((-0.5, 0.5)):
+                mechanism.output(f"{role}_{n}", body.point((end, *[0] * (space.dimension - 1)))[0], units="m")
+    declared = {key: p for key, p in component.parameters().items() if p.fits(space)}
+    values = {key: value for key, p in declared.items() if (value := _value(component, key, p, space)) is not None}
+    made = component("component", **bodies, **values)
+    return mechanism, mechanism.add(made)
+
+
+def _value(component: type[uqmbd.Component], key: str, p: uqmbd.Parameter[Any], space: Any) -> Any:
+    """Return a value of a parameter; None: it is left out."""
+    rest = [0] * (space.dimension - 2)
+    if p.example is not None:
+        return p.example
+    if p.kind == "point":
+        points = PLACES["at" if "at" in component.drawn_by else "apart"]
+        last = component.body_of(key) == component.bodies[-1]
+        return [*points[last], *rest]
+    if p.kind in ("axis", "turning_axis"):
+        flat = p.kind == "axis" and space.dimension == 2
+        normal = key.startswith("normal")
+        return (0, 1) if flat and normal else (1, 0) if flat else (0, 0, 1) if space.dimension == 3 else None
+    if p.kind == "vector" and p.required:
+        return [1, -1, *rest]
+    if p.kind == "moment" and p.required:
+        return 1 if space.dimension == 2 else (0, 0, 1)
+    if p.kind == "option":
+        return p.words[0] if p.required and p.words else None
+    if p.kind == "scalar":
+        low = max(p.minimum, 0.0)
+        return min(low + 0.3, p.maximum)
+    return None
+
+
+def draw(component: type[uqmbd.Component], path: Path) -> None:
+    """Draw a component between two bodies, as the report draws mechanisms."""
+    import matplotlib.pyplot as plt
+
+    mechanism, _ = example_of(component)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        figure = uqmbd.report.mechanism(mechanism)
+    figure.savefig(path, bbox_inches="tight", metadata={"Date": None})
+    plt.close(figure)
+
+
+class _Shown(uqmbd.Frame):
+    """A body whose points, directions and turns have symbols of their own, for equations that people read."""
+
+    def __init__(self, space: Any, letter: str, names: dict[tuple[Any, ...], str]) -> None:
+        super().__init__(space)
+        self.letter, self.names, self.is_ground = letter, names, False
+
+    def _symbols(self, head: str, below: str) -> sympy.Matrix:
+        below = below if len(below) == 1 else rf"\mathrm{{{below}}},"
+        axes = "xyz"[: self.space.dimension]
+        return sympy.Matrix([sympy.Symbol(f"{head}_{{{below}{axis}}}", real=True) for axis in axes])
+
+    def _of(self, local: Any) -> str:
+        found = self.names.get(tuple(local))
+        return self.letter if found is None else found
+
+    @property
+    def position(self) -> sympy.Matrix:
+        return self._symbols("o", self.letter)
+
+    @property
+    def velocity(self) -> sympy.Matrix:
+        return self._symbols(r"\dot o", self.letter)
+
+    @property
+    def quaternion(self) -> sympy.Matrix:
+        count = self.space.size - self.space.dimension
+        return sympy.Matrix([sympy.Symbol(f"e_{{{self.letter}{k}}}", real=True) for k in range(count)])
+
+    @property
+    def rotation(self) -> sympy.Matrix:
+        d = self.space.dimension
+        return sympy.Matrix(d, d, lambda m, n: sympy.Symbol(f"A_{{{self.letter},{m + 1}{n + 1}}}", real=True))
+
+    @property
+    def angular_velocity(self) -> sympy.Matrix:
+        if self.space.dimension == 2:
+            return sympy.Matrix([sympy.Symbol(rf"\omega_{{{self.letter}}}", real=True)])
+        return self._symbols(r"\omega", self.letter)
+
+    body_angular_velocity = angular_velocity
+
+    def point(self, local: Any) -> sympy.Matrix:
+        return self._symbols("r", self._of(local))
+
+    def point_velocity(self, local: Any) -> sympy.Matrix:
+        return self._symbols(r"\dot r", self._of(local))
+
+    def direction(self, local: Any) -> sympy.Matrix:
+        return self._symbols("a", self._of(local))
+
+    def attitude(self, local: Any) -> tuple[sympy.Expr, ...]:
+        return tuple(self.quaternion)
+
+
+def equations(component: type[uqmbd.Component]) -> list[str]:
+    """Return in LaTeX what a component states: energies, virtual work, constraints, events."""
+    mechanism, made = example_of(component)
+    space = mechanism.space
+    values, names = {}, {}
+    for key, value in made.values.items():
+        letter = key.rsplit("_", 1)[-1] if key.rsplit("_", 1)[-1] in ("i", "j") else key
+        if isinstance(value, (tuple, list, sympy.MatrixBase)) and len(value):
+            axes = "xyz" if len(value) < 4 else "0123456789"
+            head = _latex_name(key, bare=True)
+            values[key] = tuple(sympy.Symbol(f"{head}_{{{axes[n % 10]}}}", real=True) for n in range(len(value)))
+            names[values[key]] = letter
+        elif key in component.parameters() and component.parameters()[key].kind != "option":
+            values[key] = sympy.Symbol(_latex_name(key), real=True) if value != () else value
+        else:
+            values[key] = value
+    ends = [role.rsplit("_", 1)[-1] if role.rsplit("_", 1)[-1] in ("i", "j") else role for role in component.bodies]
+    frames = {role: _Shown(space, end, names) for role, end in zip(component.bodies, ends, strict=True)}
+    local = uqmbd.Local(space, frames, values, uqmbd.t)
+    terms, _ = made.stated(local)
+    spoken: dict[Any, str] = {symbol: rf"\mathrm{{{_words(name)}}}" for name, symbol in local.states.items()}
+    for symbol, (kind, expression) in local.quantities.items():
+        spoken[symbol] = _rate(expression, spoken) if kind == "rate" else _named(symbol, local)
+    lines = [line for term in terms for line in _lines(term, spoken)]
+    used = {x for _, e in lines for x in sympy.sympify(e).free_symbols}
+    needed = _needed(used, local)
+    lines += [(f"{spoken[x]} =", e) for x, (kind, e) in local.quantities.items() if kind == "value" and x in needed]
+    text = [f"{head} {_latex(e, spoken)}" for head, e in lines]
+    return text if all(len(line) <= LONGEST for line in text) else []
+
+
+def _needed(used: set[Any], local: uqmbd.Local) -> set[Any]:
+    """Return the named quantities that terms hold, themselves or in others."""
+    found, todo = set(), [x for x in used if x in local.quantities]
+    while todo:
+        symbol = todo.pop()
+        if symbol not in found:
+            found.add(symbol)
+            todo += [x for x in local.quantities[symbol][1].free_symbols if x in local.quantities]
+    return found
+
+
+def _named(symbol: Any, local: uqmbd.Local) -> str:
+    """Return the name of a quantity, with an axis where several are entries of one vector."""
+    same = [x for x, (kind, _) in local.quantities.items() if x.name == symbol.name and kind == "value"]
+    below = f"_{{{'xyz'[same.index(symbol) % 3]}}}" if len(same) > 1 else ""
+    return rf"\mathrm{{{_words(symbol.name)}}}{below}"
+
+
+def _rate(expression: Any, spoken: dict[Any, str]) -> str:
+    text = _latex(expression, spoken)
+    return rf"\dot{{{text}}}" if expression.is_Symbol else rf"\frac{{\mathrm d}}{{\mathrm dt}}\left({text}\right)"
+
+
+def _latex(expression: Any, spoken: dict[Any, str]) -> str:
+    return str(sympy.latex(expression, symbol_names=spoken, order="none"))
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").replace(" ", "~")
+
+
+def _latex_name(key: str, *, bare: bool = False) -> str:
+    head, _, end = key.rpartition("_")
+    below = end in ("i", "j") and not bare
+    return rf"\mathrm{{{_words(head)}}}_{{{end}}}" if below else rf"\mathrm{{{_words(key)}}}"
+
+
+def _lines(term: Any, spoken: dict[Any, str]) -> Iterator[tuple[str, Any]]:
+    """Yield the parts of a term: what stands before, and the expression."""
+    match term:
+        case uqmbd.Kinetic(energy=energy):
+            yield "T =", sympy.sympify(energy)
+        case uqmbd.Potential(energy=energy):
+            yield "V =", sympy.sympify(energy)
+        case uqmbd.VirtualWork(force=force, velocity=velocity):
+            for f, v in zip(_column(force), _column(velocity), strict=True):
+                if f != 0:
+                    yield rf"\dot s = {_latex(v, spoken)}:\quad F =", f
+        case uqmbd.Constraint(equations=found) | uqmbd.VelocityConstraint(equations=found):
+            for e in _column(found):
+                yield "0 =", e
+        case uqmbd.Auxiliary(state=state, rate=rate):
+            yield rf"\frac{{\mathrm d}}{{\mathrm dt}}\,{_latex(state, spoken)} =", sympy.sympify(rate)
+        case uqmbd.Event(guard=guard, jump=uqmbd.Impact(speed=speed, restitution=restitution)):
+            yield "g =", sympy.sympify(guard)
+            yield rf"\dot g = {_latex(speed, spoken)},\quad \dot g^+ / \dot g^- =", -sympy.sympify(restitution)
+
+
+def _column(found: Any) -> list[Any]:
+    if isinstance(found, sympy.MatrixBase):
+        return list(found)
+    return [sympy.sympify(x) for x in found] if isinstance(found, (list, tuple)) else [sympy.sympify(found)]
+
+
+def component_page(component: type[uqmbd.Component], image: str) -> list[str]:
+    """Return what the page of a component has beside its docstring: picture, spaces, equations, statement."""
+    spaces = ", ".join(f"`uqmbd.{space.__name__}`" for space in component.spaces)
+    shown = uqmbd.Planar if uqmbd.Planar in component.spaces else component.spaces[0]
+    lines = ["", "Figure", "------", "", f".. figure:: {image}", "   :width: 100%"]
+    lines += [f"   :alt: {component.__name__} between two bodies", ""]
+    lines += [f"Spaces: {spaces}.", "", "Equations", "---------", ""]
+    if found := equations(component):
+        lines += [f"In `uqmbd.{shown.__name__}`, in :ref:`symbols of points, axes and turns <symbols>`:", ""]
+        for line in found:
+            lines += [".. math::", "", f"   {line}", ""]
+    source = textwrap.dedent(inspect.getsource(component.terms))
+    lines += ["The terms as the component states them, from which the equations of motion are derived:", ""]
+    lines += [".. code-block:: python", "", *(f"   {line}".rstrip() for line in source.splitlines()), ""]
+    return lines
