@@ -118,3 +118,17 @@ print(*[name for name in late if name in sys.modules])
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.stdout.splitlines() == [""], run.stderr
+
+
+@pytest.mark.thorough
+def test_a_run_with_its_report_needs_no_matplotlib(folder):
+    """Charts are drawn in the browser, and drawings of the first screen are written without it; files of figures need it."""
+    command = [sys.executable, "-X", "importtime", "-m", "uqmbd"]
+    run = subprocess.run([*command, "run", "pendulum.py"], capture_output=True, text=True, check=False, cwd=folder)
+    assert run.returncode == 0 and (folder / "results/report.html").exists(), run.stderr
+    assert "jinja2" in run.stderr and not re.search(r"\| +matplotlib$", run.stderr, re.MULTILINE)
+    again = subprocess.run(
+        [*command, "report", "results", "--figures"], capture_output=True, text=True, check=False, cwd=folder
+    )
+    assert "matplotlib" in again.stderr
+    assert any((folder / "results/figures").glob("*time-history-histogram.svg"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -106,8 +108,9 @@ def test_it_is_accessible(source: str) -> None:
     page = Page(source)
     assert ("html", {"lang": "en"}) in page.tags
     assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
-    images = [attrs for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == 3 and all(attrs["alt"] for attrs in images)
+    said = [attrs["alt"] for tag, attrs in page.tags if tag == "img"]
+    said += [attrs["aria-label"] for tag, attrs in page.tags if tag == "svg" and attrs.get("role") == "img"]
+    assert said and all(said)
     assert all(attrs.get("data-alt", "of the first screen") for attrs in (a for tag, a in page.tags if tag == "figure"))
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
 
@@ -159,11 +162,11 @@ def test_the_contents_lead_to_every_output(source: str) -> None:
 
 
 def test_figures_come_in_order_with_their_words(source: str) -> None:
-    """Bands, time-history histogram, densities, convergence, standard deviation: each with an alternative text."""
+    """Bands, densities, convergence, standard deviation: each with an alternative text."""
     every = [attrs.get("alt") or attrs.get("data-alt") for tag, attrs in Page(source).tags if tag in ("img", "figure")]
     alts = [alt for alt in every if alt]
-    starts = ["Mean of", "Time-history histogram of", "Probability densities of", "Mean and standard", "Standard dev"]
-    of_first = alts[1:6]
+    starts = ["Mean of", "Probability densities of", "Mean and standard", "Standard dev"]
+    of_first = alts[1:5]
     assert all(alt.startswith(start) and "slider_x" in alt for alt, start in zip(of_first, starts, strict=True))
 
 
@@ -241,3 +244,35 @@ def test_unusable_targets_are_named(study: xr.DataTree, tmp_path: Path) -> None:
         )
     with pytest.raises(StudyError, match="at least one propagator"):
         report.write_report(xr.DataTree(), tmp_path / "a.html")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("before", ["", "import matplotlib"])
+def test_what_a_section_sets_is_undone(tmp_path: Path, before: str) -> None:
+    """Settings of Matplotlib are as before, also where the section is the first to load it; other sections do not."""
+    code = f"""
+import sys
+from uqmbd import report, results
+{before}
+class Plain:
+    title = "plain"
+    def render(self, tree):
+        return "<p>text</p>"
+class Bold:
+    title = "bold"
+    def render(self, tree):
+        import matplotlib
+        matplotlib.rcParams["font.size"] = 99
+        return "<p>text</p>"
+axes = results.labels(["x"], [], [0.0, 1.0])
+node = results.propagator_node(
+    "m", results.statistics_dataset(axes, mean=[[0, 1]], std=[[0, 0]]), propagator="p", realisations=1, wall_time=0
+)
+tree = results.study_tree([node], study="s", mechanism="m")
+report.write_report(tree, "a.html", sections=[Plain()])
+print("matplotlib" in sys.modules)
+report.write_report(tree, "b.html", sections=[Bold()])
+print(sys.modules["matplotlib"].rcParams["font.size"] == 99)
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.stdout.split() == [str(bool(before)), "False"], run.stderr

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +132,6 @@ def _built_in(
 def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, str]:
     """Make a section of a plugin; whatever goes wrong in it is told by its name, and costs nothing else."""
     from markupsafe import Markup
-    from matplotlib import rc_context
 
     kind = type(section)
     title, fragment, problem = kind.__name__, "", ""
@@ -141,7 +142,7 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
         title = str(given)
     problem = work.reason
     # it may do to its copy what it likes
-    with Isolated() as work, rc_context():
+    with Isolated() as work, _own_settings():
         made: Any = section.render(tree.copy())
         if not isinstance(made, str):
             raise TypeError(f"render() returned a {type(made).__name__}; a text of HTML is expected")
@@ -152,6 +153,18 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
         warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=3)
         return {"title": title, "anchor": anchor, "html": "", "problem": f"{problem} ({where})"}
     return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
+
+
+@contextmanager
+def _own_settings() -> Iterator[None]:
+    """Undo what a section changes of the settings of Matplotlib, which is not loaded for sections that do without."""
+    earlier = sys.modules.get("matplotlib")
+    try:
+        with nullcontext() if earlier is None else earlier.rc_context():
+            yield
+    finally:
+        if earlier is None and (loaded := sys.modules.get("matplotlib")):
+            loaded.rc_file_defaults()
 
 
 def _write(page: str, target: Path) -> Path:

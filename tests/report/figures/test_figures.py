@@ -323,7 +323,7 @@ def test_pictures_of_the_page_are_where_characters_put_them(study: xr.DataTree) 
 
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    from uqmbd.report.drawing import svg
+    from uqmbd.report.drawing.images import svg
 
     with patch.object(ConstrainedLayoutEngine, "execute") as execute:
         svg(report.bands(study, "slider_x"))

@@ -328,10 +328,10 @@ def test_nothing_is_wider_than_the_page(opened, spatial, width):
 
 def test_without_scripts_and_on_paper_the_picture_stands(opened, flat):
     page = opened(flat[1], java_script_enabled=False)
-    assert page.locator("figure.player img").is_visible() and page.locator(".explorer canvas").count() == 0
+    assert page.locator("figure.player .still").is_visible() and page.locator(".explorer canvas").count() == 0
     page = opened(flat[1])
     page.emulate_media(media="print")
-    assert page.locator("figure.player img").is_visible() and not page.locator(".inputs-box").is_visible()
+    assert page.locator("figure.player .still").is_visible() and not page.locator(".inputs-box").is_visible()
 
 
 def test_a_slider_moves_at_thirty_frames_a_second(opened, flat):

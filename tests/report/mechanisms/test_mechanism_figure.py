@@ -130,8 +130,8 @@ def test_scale_is_equal_and_in_metres():
     assert across == pytest.approx(box.height / np.ptp(axes.get_ylim()), rel=1e-6)
     assert axes.get_xlabel() == "x [m]" and axes.get_ylabel() == "y [m]"
     made = canvas_for(np.array([[0.0, 0, 0], [3, 1, 0.2]]))
-    ends = made.project(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    assert np.sum((ends[1:] - ends[0]) ** 2) == pytest.approx(2 / made.unit**2, rel=1e-6)
+    ends = made.sheet.project(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    assert np.sum((ends[1:] - ends[0]) ** 2) == pytest.approx(2 / made.sheet.unit**2, rel=1e-6)
     # what is projected lies where mplot3d draws it
     made.axes.plot([0, 3], [0, 1], [0, 0.2], color=(1, 0, 0), lw=2, solid_capstyle="butt")
     canvas = FigureCanvasAgg(made.figure)
@@ -139,7 +139,7 @@ def test_scale_is_equal_and_in_metres():
     pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3].astype(int)
     rows, columns = np.nonzero((pixels[..., 0] > 200) & (pixels[..., 1:].max(axis=-1) < 80))
     drawn = np.array([[columns.min(), rows[columns.argmin()]], [columns.max(), rows[columns.argmax()]]])
-    expected = made.project(np.array([[0.0, 0, 0], [3, 1, 0.2]])) * made.figure.dpi
+    expected = made.sheet.project(np.array([[0.0, 0, 0], [3, 1, 0.2]])) * made.figure.dpi
     np.testing.assert_allclose(drawn, expected, atol=2.5)
 
 
@@ -242,7 +242,8 @@ def test_contacts_are_planes_and_circles():
     assert data["component_symbol"].values.tolist() == ["contact", "contact", "damper"]
     assert data["point_radius"].values[0].tolist()[:5] == [0, 0.2, 0, 0.2, 0.3]
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = canvas_for(sketch.extent(points))
+    canvas = canvas_for(sketch.extent(points))
+    drawn = canvas.sheet
     shapes = sketch.draw(drawn, points).shapes
     line = next(s.vertices for s in shapes if s.width == 1.2 and len(s.vertices) == 2 and s.order == 0.9)
     zero = drawn.project(np.zeros(2))
@@ -253,7 +254,7 @@ def test_contacts_are_planes_and_circles():
     away = np.hypot(*(circle - drawn.project(centre)).T) * drawn.unit
     np.testing.assert_allclose(away, 0.2, rtol=1e-6)
     # the largest circle is inside the axes
-    assert drawn.axes.get_xlim()[1] > 1.4 and drawn.axes.get_ylim()[1] > 1.3
+    assert canvas.axes.get_xlim()[1] > 1.4 and canvas.axes.get_ylim()[1] > 1.3
 
 
 def test_planes_in_space_are_patches():
@@ -285,7 +286,7 @@ def test_a_joint_that_is_open_is_a_red_line():
     data = drawn_pose(made)
     assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = canvas_for(points[sketch.placed])
+    drawn = canvas_for(points[sketch.placed]).sheet
     (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == FAILED)
     np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)
 
@@ -299,7 +300,7 @@ def test_a_rolling_wheel_in_space_is_a_disc_about_its_axis():
     data = drawn_pose(made)
     assert data["component_symbol"].values.tolist() == ["wheel"]
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = canvas_for(sketch.extent(points))
+    drawn = canvas_for(sketch.extent(points)).sheet
     shapes = sketch.draw(drawn, points).shapes
     rim = next(s.vertices for s in shapes if s.face is None and s.closed and len(s.vertices) > 20)
     zero, x, z = drawn.project(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1.0]]))
@@ -316,7 +317,7 @@ def test_a_skate_is_a_blade_along_its_axis():
     made.add(Skate("blade", made.ground, body, (0.5, 0), (1, 0)))
     data = drawn_pose(made)
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = canvas_for(points[sketch.placed])
+    drawn = canvas_for(points[sketch.placed]).sheet
     (blade,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.width == 3.2)
     np.testing.assert_allclose(blade.mean(axis=0), drawn.project(np.array([1, 2.5])), atol=1e-9)
     along = blade[1] - blade[0]

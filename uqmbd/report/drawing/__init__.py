@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image, image_html, svg, write_images
+from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image, image_html, still_image, write_images
 from uqmbd.report.drawing.scales import decades, log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
     FAILED,
+    ON_DARK,
     WIDTH,
     arrange,
     axes_grid,
@@ -25,11 +26,19 @@ from uqmbd.report.drawing.style import (
     with_units,
     wrapped,
 )
+from uqmbd.report.drawing.vectors import DARK_STYLE, GROUND, LETTER, PALE, ROLES, Drawing, mixed
 
 __all__ = [
     "CHARTED",
     "COLOURS",
+    "DARK_STYLE",
+    "Drawing",
     "FAILED",
+    "GROUND",
+    "LETTER",
+    "ON_DARK",
+    "PALE",
+    "ROLES",
     "WIDTH",
     "arrange",
     "axes_grid",
@@ -46,11 +55,12 @@ __all__ = [
     "limit_times",
     "line_width",
     "log_axis",
+    "mixed",
     "shortened",
     "single_axes",
+    "still_image",
     "style",
     "surroundings",
-    "svg",
     "widen_if_constant",
     "with_units",
     "wrapped",

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.report.drawing.ticks import freeze_ticks
+from uqmbd.report.drawing.vectors import UNWRITABLE, Drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "svg", "write_images"]
+__all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "still_image", "svg", "write_images"]
 
 CHARTED = '<figure class="charted">'
 """How the figure of a chart begins; scripts of the page look for it."""
@@ -25,7 +26,6 @@ CHARTED = '<figure class="charted">'
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
-_UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _BETWEEN = re.compile(r">\s+<")
 _CURVED = re.compile("[A-KN-Y]")
 _DIGITS = re.compile(r"(?<=\.\d\d)\d+")
@@ -67,6 +67,27 @@ def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") ->
     finally:
         if collecting:
             gc.enable()
+
+
+def still_image(
+    make: Callable[[], Drawing], alt: str, caption: str, name: str, draw: Callable[[], Figure]
+) -> dict[str, Any]:
+    """Return a drawing that stands in the page; one that cannot be drawn is a note in its place.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the drawing.
+    alt, caption, name
+        As of `image`.
+    draw : callable
+        Makes the figure that is written to a file, if that is asked for.
+    """
+    found = {"source": "", "drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
+    try:
+        return found | {"drawing": make().inline(alt), "draw": draw}
+    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+        return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
 def charted(
@@ -125,9 +146,9 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     return image_html(image(draw, alt, caption))
 
 
-def image_html(found: Mapping[str, str], chart: str = "") -> str:
+def image_html(found: Mapping[str, Any], chart: str = "") -> str:
     """Return what `image` made as HTML; ``chart``: JSON, safe in HTML, of the chart that stands for it."""
-    text = {key: html.escape(value) for key, value in found.items()}
+    text = {key: html.escape(found[key]) for key in ("source", "alt", "caption", "problem")}
     if found["problem"]:
         told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
         return f'<p class="problem">{told}</p>'
@@ -169,8 +190,8 @@ def write_images(content: object, folder: Path) -> list[Path]:
 
 def _named(content: object) -> Iterator[tuple[str, str]]:
     if isinstance(content, Mapping):
-        sources = {key: content.get(key) for key in ("source", "moving", "still")}
-        if content.get("draw") and not sources["source"]:
+        sources = {key: content.get(key) for key in ("source", "moving")}
+        if content.get("draw") and not sources["source"] and not content.get("problem"):
             sources["source"] = image(content["draw"], "", "")["source"]
         for source in sources.values():
             if content.get("name") and source:
@@ -199,6 +220,6 @@ def svg(figure: Figure) -> str:
         canvas.print_svg(buffer, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
     # texts of other packages' results may hold what no XML may
-    drawn = _UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
+    drawn = UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
     drawn = _BETWEEN.sub("><", drawn)
     return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COLOURS",
     "FAILED",
+    "ON_DARK",
     "arrange",
     "axes_grid",
     "constant",
@@ -43,6 +44,8 @@ __all__ = [
 
 # Okabe and Ito's colours: distinguishable with every common colour vision, and by their line style in print.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
+# The same, lighter, in the same order: legible on a dark page.
+ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
 FAILED = "#B00020"
 WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it

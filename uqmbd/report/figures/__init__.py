@@ -5,7 +5,7 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 
 from __future__ import annotations
 
-from uqmbd.report.figures.curves import Band, Curve, checked, curves
+from uqmbd.report.figures.curves import Band, Curve, checked
 from uqmbd.report.figures.decay import (
     LARGEST,
     LIMIT,
@@ -80,7 +80,6 @@ __all__ = [
     "convergence",
     "densities",
     "design_of",
-    "curves",
     "differences",
     "elements_in_words",
     "error_cost",

@@ -10,22 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import (
-    arrange,
-    limit_times,
-    line_width,
-    single_axes,
-    style,
-    widen_if_constant,
-    with_units,
-    wrapped,
-)
+from uqmbd.report.drawing import line_width, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-__all__ = ["Band", "Curve", "checked", "curves", "draw_curve"]
+__all__ = ["Band", "Curve", "checked", "draw_curve"]
 
 _Array = NDArray[np.float64]
 
@@ -154,24 +144,3 @@ def draw_curve(axes: Axes, times: _Array, curve: Curve, k: int, count: int) -> t
             axes.plot(times, np.asarray(edge, dtype=float), color=colour, ls=line, lw=0.6 * width)
     (drawn,) = axes.plot(times, np.asarray(curve.values, dtype=float), color=colour, ls=line, lw=width)
     return drawn, areas
-
-
-def curves(name: str, times: _Array, drawn: Sequence[Curve], units: str) -> Figure:
-    """Draw curves over time, as `checked` returns them; ``units`` are those of all of them."""
-    figure, axes = single_axes(3.3)
-    handles: dict[str, Any] = {}
-    edges = []
-    for k, curve in enumerate(drawn):
-        edges += [curve.values, *(edge for band in curve.bands[:2] for edge in (band.low, band.high))]
-        handles[curve.name], areas = draw_curve(axes, times, curve, k, len(drawn))
-        of = f"{curve.name}: " if len(drawn) > 1 else ""
-        handles |= dict(zip((of + band.name for band in curve.bands), areas, strict=False))
-    known = np.concatenate([np.asarray(edge, dtype=float) for edge in edges])
-    known = known[~np.isnan(known)]
-    if known.size:
-        widen_if_constant(axes, "y", float(known.min()), float(known.max()))
-    axes.set_ylabel(wrapped(with_units(name, units), 34))
-    axes.set_xlabel("time [s]")
-    limit_times(axes, times)
-    arrange(figure, [axes], legend=handles)
-    return figure

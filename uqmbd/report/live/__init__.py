@@ -14,6 +14,7 @@ from uqmbd.report.live.player_data import player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
 from uqmbd.report.live.scripts import joined_modules
 from uqmbd.report.live.statistics_charts import difference_data, indices_data, std_data
+from uqmbd.report.live.still import still_chart
 from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "settling_data",
     "shipped",
     "std_data",
+    "still_chart",
     "unpacked",
     "with_poses",
 ]

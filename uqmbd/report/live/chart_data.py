@@ -9,18 +9,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import line_width, style
+from uqmbd.report.drawing import ON_DARK, line_width, style
 from uqmbd.report.figures import Band, Curve, band_edges, of_output, thinned
 from uqmbd.report.live.packing import packed
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "ON_DARK", "bands_data", "curve_data", "curves_data"]
+__all__ = ["MOST_TIMES", "bands_data", "curve_data", "curves_data"]
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
-
-# The colours of `style`, lighter, in the same order: legible on a dark page.
-ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 
 _Array = NDArray[np.float64]
 

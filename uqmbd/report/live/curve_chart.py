@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image, image_html
+from uqmbd.report.drawing import image_html
 from uqmbd.report.figures import Curve, checked
 from uqmbd.report.live.chart_data import curves_data
 from uqmbd.report.live.packing import json_script
+from uqmbd.report.live.still import still_chart
 
 __all__ = ["chart_html"]
 
@@ -62,7 +62,6 @@ def chart_html(
     (1, 1, 1)
     """
     moments, found = checked(name, times, curves)
-    data, chosen = curves_data(name, moments, found, units)
-    seen = [curve.at(chosen) for curve in found]
-    shown = image(lambda: figures.curves(name, moments[chosen], seen, units), alt, caption)
+    data, _ = curves_data(name, moments, found, units)
+    shown = {"source": still_chart(data).source(), "alt": alt, "caption": caption, "problem": ""}
     return image_html(shown, json_script(data))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.drawing import COLOURS, FAILED
+from uqmbd.report.drawing import COLOURS, ON_DARK, ROLES
 from uqmbd.report.figures import (
     FAILED_INPUTS,
     Curve,
@@ -18,7 +18,7 @@ from uqmbd.report.figures import (
     input_densities,
     output_densities,
 )
-from uqmbd.report.live.chart_data import ON_DARK, curve_data
+from uqmbd.report.live.chart_data import curve_data
 from uqmbd.report.live.packing import packed
 from uqmbd.typing import Array
 from uqmbd.wording import reciprocal_units, typeset_units
@@ -30,7 +30,6 @@ __all__ = ["densities_data", "inputs_data"]
 
 _INPUT = 2
 """Which colour inputs have."""
-_FAILED_ON_DARK = "#FF6B81"
 _PLACES = 160
 """Points along the axis of a chart, besides those at which something jumps: estimates are smooth."""
 
@@ -92,7 +91,7 @@ def inputs_data(node: Samples, space: GermSpace | None = None) -> dict[str, Any]
             nothing = Curve(FAILED_INPUTS, np.full(view["of"], np.nan), (), "density")
             marks = [[float(f"{value:.7g}"), 0.0] for value in np.unique(one.failed)]
             view["methods"].append(
-                curve_data(0, 1, nothing, short=True) | {"colours": [FAILED, _FAILED_ON_DARK], "marks": marks}
+                curve_data(0, 1, nothing, short=True) | {"colours": list(ROLES["limit"]), "marks": marks}
             )
         views.append(view)
     return {"choose": "Input", "seen": 0, "views": views}

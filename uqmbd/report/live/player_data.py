@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.live.chart_data import ON_DARK
+from uqmbd.report.drawing import ON_DARK
 from uqmbd.report.live.packing import packed
 from uqmbd.report.mechanisms import Film
 

@@ -18,6 +18,7 @@ from uqmbd.report.mechanisms.animation import (
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.picture import mechanism
 from uqmbd.report.mechanisms.sketch import Part
+from uqmbd.report.mechanisms.still import still
 
 __all__ = [
     "SECONDS",
@@ -33,5 +34,6 @@ __all__ = [
     "motion",
     "observed_bodies",
     "poses",
+    "still",
     "with_motion",
 ]

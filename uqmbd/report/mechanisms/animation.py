@@ -219,7 +219,7 @@ def poses(data: xr.Dataset, time: float | None = None) -> Figure:
     film = Film(data, 6.4, 100)
     times = data["time"].values
     frame = film.widest if time is None else int(np.argmin(abs(times - time)))
-    film.canvas.draw(film.shapes(frame))
+    film.canvas.draw(film.shapes(film.canvas.sheet, frame))
     for artist in film.cloud(frame):
         film.canvas.figure.add_artist(artist)
         film.canvas.own(artist)

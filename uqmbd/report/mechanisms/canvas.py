@@ -13,52 +13,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.report.mechanisms.sheet import MARGIN, VIEW, Shape, Sheet
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Shape", "Canvas", "canvas_for"]
+__all__ = ["Canvas", "canvas_for"]
 
 
 LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.15, 0.5, 0.34  # inches around the axes
 SIDES = 0.68  # inches around the box of a spatial view, for ticks and labels
-MARGIN = 0.5  # inches between the axes and the points: joints, names and the ground need them
 LOWEST, HIGHEST = 1.9, 5.2  # inches: height of plane axes
-VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A line or area on the page.
-
-    Attributes
-    ----------
-    vertices : array, shape (N, 2)
-        Inches; a line is broken where they are NaN.
-    edge, face : str or tuple, optional
-        Colours; no face: a line.
-    width : float
-        Of the line, points.
-    closed : bool
-        Whether the last vertex joins the first.
-    style : object
-        Line style of Matplotlib.
-    order : float
-        What is higher lies above.
-    alpha : float
-        Opacity.
-    """
-
-    vertices: Array
-    edge: Any = "0.15"
-    face: Any = None
-    width: float = 1.0
-    closed: bool = False
-    style: Any = "-"
-    order: float = 3.0
-    alpha: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,25 +35,13 @@ class Canvas:
     Attributes
     ----------
     figure, axes : matplotlib objects
-    project : callable
-        From points (..., 2 or 3), m, to the page (..., 2), inches.
-    depth : callable
-        From points to their distance behind the page, for drawing those behind first.
-    unit : float
-        Metres to an inch.
-    box : (left, bottom, right, top)
-        Where there is room for names, inches.
-    spatial : bool
-        Whether the view is one of space.
+    sheet : Sheet
+        Where points are on the page.
     """
 
     figure: Figure
     axes: Axes
-    project: Callable[[Array], Array]
-    depth: Callable[[Array], Array]
-    unit: float
-    box: tuple[float, float, float, float]
-    spatial: bool
+    sheet: Sheet
 
     def artists(self, shapes: Iterable[Shape], kept: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
         """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure.
@@ -127,7 +82,7 @@ class Canvas:
     def own(self, artist: Any) -> Any:
         """Tell an artist which figure it is drawn on, and keep it inside plane axes."""
         artist.set_figure(self.figure)
-        if not self.spatial:
+        if not self.sheet.spatial:
             artist.set_clip_path(self.axes.patch)
         return artist
 
@@ -155,7 +110,7 @@ def canvas_for(points: Array, *, width: float = 6.4, labels: str = "") -> Canvas
     --------
     >>> import numpy as np
     >>> made = canvas_for(np.array([[0.0, 0.0], [2.0, 0.5]]))
-    >>> a, b, c = made.project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    >>> a, b, c = made.sheet.project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     >>> bool(np.isclose(b[0] - a[0], c[1] - a[1]))
     True
     """
@@ -200,7 +155,8 @@ def _plane(low: Array, high: Array, width: float, labels: str) -> Canvas:
     def depth(points: Array) -> Array:
         return np.zeros(points.shape[:-1])
 
-    return Canvas(figure, axes, project, depth, unit, (LEFT, BOTTOM, width - RIGHT, BOTTOM + height), spatial=False)
+    box = (LEFT, BOTTOM, width - RIGHT, BOTTOM + height)
+    return Canvas(figure, axes, Sheet(project, depth, unit, box, spatial=False))
 
 
 def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
@@ -245,7 +201,8 @@ def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
     ends = project(np.concatenate([centre[None], centre + reach * np.eye(3)]))
     # of an orthographic view of equal scale, the squares of the projected unit vectors add up to two
     inches = np.sqrt(np.sum((ends[1:] - ends[0]) ** 2) / 2) / reach
-    return Canvas(figure, axes, project, depth, 1 / float(inches), (0.1, 0.1, width - 0.1, height - TOP), spatial=True)
+    box = (0.1, 0.1, width - 0.1, height - TOP)
+    return Canvas(figure, axes, Sheet(project, depth, 1 / float(inches), box, spatial=True))
 
 
 def _onto_page(figure: Figure, axes: Any) -> Callable[[Array], tuple[Array, Array]]:

@@ -11,7 +11,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.mechanisms.canvas import Canvas, Shape, canvas_for
+from uqmbd.report.drawing import mixed
+from uqmbd.report.mechanisms.canvas import Canvas, canvas_for
+from uqmbd.report.mechanisms.sheet import Shape, Sheet
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.report.mechanisms.symbols import hull
 from uqmbd.typing import Array
@@ -111,10 +113,6 @@ class Film:
         return self.sketch.reaches(self.points[0])
 
     @cached_property
-    def _page(self) -> Array:
-        return self.canvas.project(self.points)
-
-    @cached_property
     def corners(self) -> list[tuple[str, list[int]]]:
         """Each body, and the points that span it."""
         local = self.data["local"].values[0]
@@ -139,9 +137,9 @@ class Film:
         spread = apart.max(axis=(0, 2, 3), initial=0.0)
         return int(np.argmax(spread))
 
-    def shapes(self, frame: int) -> list[Shape]:
+    def shapes(self, sheet: Sheet, frame: int) -> list[Shape]:
         """Return the mechanism at the means of its inputs."""
-        return self.sketch.draw(self.canvas, self.points[0, frame], self.reaches, THICK).shapes
+        return self.sketch.draw(sheet, self.points[0, frame], self.reaches, THICK).shapes
 
     def cloud(self, frame: int) -> list[Any]:
         """Bodies of all realisations but the first: thin dark lines above those at the means."""
@@ -150,26 +148,27 @@ class Film:
         made = []
         count = len(self.points) - 1
         alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
-        for (body, corners), outlines in zip(self.corners, self._outlines(frame), strict=True):
+        for (body, corners), outlines in zip(self.corners, self.outlines(self.canvas.sheet, frame), strict=True):
             # bodies of one point lie beneath their joint: their cloud is drawn above it
             width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
             lines = LineCollection(
-                outlines, colors=[darker(self.sketch.colour(body))], linewidths=width, alpha=alpha, capstyle="round",
-                joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
+                outlines, colors=[mixed(self.sketch.colour(body), "#000000", 0.3)], linewidths=width, alpha=alpha,
+                capstyle="round", joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
             # both ends of a point's line would be moved onto the same pixel, and nothing drawn
             lines.set_snap(False)
             made.append(lines)
         return made
 
-    def _outlines(self, frame: int) -> Iterator[list[Array]]:
-        """Yield the lines of the cloud, body by body."""
+    def outlines(self, sheet: Sheet, frame: int) -> Iterator[list[Array]]:
+        """Yield the lines of the cloud, inches, body by body as in `corners`."""
+        places = sheet.project(self.points[1:, frame])
         for _, corners in self.corners:
             outlines = []
-            for page in self._page[1:, frame][:, corners]:
+            for page in places[:, corners]:
                 if not np.isfinite(page).all():
                     continue
-                shown = hull(page) if self.canvas.spatial and len(page) > 3 else page
+                shown = hull(page) if sheet.spatial and len(page) > 3 else page
                 shown = np.concatenate([shown, shown[:1]]) if len(shown) != 2 else shown
                 outlines.append(shown + [[0, 0], *[[1e-3, 0]] * (len(shown) - 1)] if len(corners) == 1 else shown)
             yield outlines
@@ -205,9 +204,9 @@ class Film:
         clouds = [made.own(lines) for lines in self.cloud(0)]
         for frame in range(self.points.shape[1]):
             canvas.restore_region(empty)
-            for lines, outlines in zip(clouds, self._outlines(frame), strict=True):
+            for lines, outlines in zip(clouds, self.outlines(made.sheet, frame), strict=True):
                 lines.set_segments(outlines)
-            drawn = [*made.artists(self.shapes(frame), kept), *clouds]
+            drawn = [*made.artists(self.shapes(made.sheet, frame), kept), *clouds]
             for artist in sorted(drawn, key=lambda one: one.get_zorder()):
                 artist.draw(renderer)
             text.set_text(self._time(frame))
@@ -217,11 +216,3 @@ class Film:
             for colour in range(3):  # a copy of all three at once takes six times as long
                 picture[..., colour] = seen[..., colour]
             yield picture
-
-
-def darker(colour: str) -> tuple[float, float, float]:
-    """Mix a colour with black, so that it stands out from a body's outline in it."""
-    from matplotlib.colors import to_rgb
-
-    r, g, b = (0.7 * x for x in to_rgb(colour))
-    return r, g, b

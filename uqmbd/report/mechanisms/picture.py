@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uqmbd.report.mechanisms.canvas import Canvas, Shape, canvas_for
+from uqmbd.report.mechanisms.canvas import Canvas, canvas_for
 from uqmbd.report.mechanisms.labels import Placed, place
+from uqmbd.report.mechanisms.sheet import Shape
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.typing import Array
 
@@ -65,10 +66,10 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     data = drawn_pose(mechanism, values, time)
     sketch, points = Sketch(data), world(data)[0, 0]
     made = canvas_for(sketch.extent(points))
-    pen = sketch.draw(made, points)
-    labels = sketch.labels(made, points)[:MOST_NAMES]
+    pen = sketch.draw(made.sheet, points)
+    labels = sketch.labels(made.sheet, points)[:MOST_NAMES]
     made.draw(pen.shapes)
-    _write(made, place(labels, _obstacles(pen.shapes), made.box))
+    _write(made, place(labels, _obstacles(pen.shapes), made.sheet.box))
     note = f"{mechanism.name} – as drawn: it cannot be assembled" if data.attrs["note"] else mechanism.name
     _title(made, note, warning=bool(data.attrs["note"]))
     return made.figure

@@ -10,14 +10,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import COLOURS
-from uqmbd.report.mechanisms.canvas import Canvas
+from uqmbd.report.drawing import COLOURS, GROUND, PALE, mixed
 from uqmbd.report.mechanisms.contact import across, draw_contact, extremes, foot
 from uqmbd.report.mechanisms.labels import Label
+from uqmbd.report.mechanisms.sheet import Sheet
 from uqmbd.report.mechanisms.symbols import Pen
 from uqmbd.typing import Array
 
-__all__ = ["Sketch", "world"]
+__all__ = ["Part", "Sketch", "world"]
 
 
 POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
@@ -121,14 +121,11 @@ class Sketch:
 
     def colour(self, body: str) -> str:
         """Colour of a body."""
-        return COLOURS[:5][self.bodies.index(body) % 5] if body in self.bodies else "0.45"
+        return COLOURS[:5][self.bodies.index(body) % 5] if body in self.bodies else GROUND
 
-    def light(self, body: str, share: float = 0.72) -> tuple[float, float, float]:
+    def light(self, body: str) -> str:
         """Its colour, mixed with white."""
-        from matplotlib.colors import to_rgb
-
-        r, g, b = (share + (1 - share) * x for x in to_rgb(self.colour(body)))
-        return r, g, b
+        return mixed(self.colour(body), "#ffffff", PALE)
 
     @cached_property
     def radii(self) -> list[float]:
@@ -212,7 +209,7 @@ class Sketch:
 
     def draw(
         self,
-        canvas: Canvas,
+        sheet: Sheet,
         points: Array,
         reaches: dict[str, tuple[float, float]] | None = None,
         thick: float = 9.5,
@@ -221,7 +218,7 @@ class Sketch:
 
         Parameters
         ----------
-        canvas : Canvas
+        sheet : Sheet
             What it is drawn on.
         points : array, shape (point, axis)
             In the world, one realisation and time of `world`.
@@ -230,12 +227,12 @@ class Sketch:
         thick : float
             Width of links, points.
         """
-        pen = Pen(canvas, thick)
+        pen = Pen(sheet, thick)
         if not np.isfinite(points).all():
             return pen
         reaches = self.reaches(points[None]) if reaches is None else reaches
         middles = np.array([points[self.points_of(body)].mean(axis=0) for body in self.bodies])
-        behind = np.argsort(-canvas.depth(middles), kind="stable") if canvas.spatial else range(len(self.bodies))
+        behind = np.argsort(-sheet.depth(middles), kind="stable") if sheet.spatial else range(len(self.bodies))
         boxed = {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
         for order, k in enumerate(behind):
             body = self.bodies[k]
@@ -245,14 +242,14 @@ class Sketch:
         for part in self.parts:
             self._component(pen, part, points, reaches)
         joints = [k for part in self.parts for k in part.points]
-        taken = canvas.project(points[joints]) if joints else np.zeros((0, 2))
+        taken = sheet.project(points[joints]) if joints else np.zeros((0, 2))
         for k, kind in enumerate(self.kinds):
             if kind == "com":
-                near = np.hypot(*(taken - canvas.project(points[k])).T)
+                near = np.hypot(*(taken - sheet.project(points[k])).T)
                 if not len(near) or near.min() > 0.1:
                     pen.centre_of_mass(points[k])
             elif kind == "observed":
-                near = np.hypot(*(taken - canvas.project(points[k])).T)
+                near = np.hypot(*(taken - sheet.project(points[k])).T)
                 if not len(near) or near.min() > 0.1:
                     pen.dot(points[k])
         return pen
@@ -325,11 +322,11 @@ class Sketch:
         if places:
             pen.diamond(places[-1])
 
-    def labels(self, canvas: Canvas, points: Array) -> list[Label]:
+    def labels(self, sheet: Sheet, points: Array) -> list[Label]:
         """Names of the bodies, then of the components, each with the place on the page that it names."""
         found = []
         for body in self.bodies:
-            middle = canvas.project(points[self.points_of(body)].mean(axis=0))
+            middle = sheet.project(points[self.points_of(body)].mean(axis=0))
             found.append(Label(_short(body), middle, 9.0, self.colour(body), bold=True))
         for part in self.parts:
             where = [points[part.anchor]] if part.anchor is not None else [points[k] for k in part.ends]
@@ -338,7 +335,7 @@ class Sketch:
                 if part.symbol in ON_GROUND and part.directions:
                     where = [foot(where[0], points[part.directions[0]], where[1])]
             if where:
-                found.append(Label(_short(part.name), canvas.project(np.mean(where, axis=0)), 8.0, "0.25"))
+                found.append(Label(_short(part.name), sheet.project(np.mean(where, axis=0)), 8.0, "0.25"))
         return found
 
 

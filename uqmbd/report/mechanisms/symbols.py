@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.report.drawing import FAILED
-from uqmbd.report.mechanisms.canvas import Canvas, Shape
+from uqmbd.report.mechanisms.sheet import Shape, Sheet
 from uqmbd.typing import Array
 
 __all__ = ["Pen", "hull", "normals"]
@@ -53,7 +53,7 @@ def _cross(a: Array, b: Array) -> float:
 class Pen:
     """Collects shapes; all points and directions that it is given are in the world, m."""
 
-    canvas: Canvas
+    sheet: Sheet
     thick: float = 9.5
     """Width of a link, points."""
     shapes: list[Shape] = field(default_factory=list)
@@ -61,7 +61,7 @@ class Pen:
     # -- bodies ------------------------------------------------------------------------------------------------------
     def outline(self, points: Array) -> Array:
         """Corners of a body on the page, shape (1 or more, 2), inches: those that differ by a hair are one."""
-        page = np.unique(np.round(self.canvas.project(points), 3), axis=0)
+        page = np.unique(np.round(self.sheet.project(points), 3), axis=0)
         return hull(page)
 
     def body(self, points: Array, colour: str, light: Any, order: float) -> None:
@@ -76,7 +76,7 @@ class Pen:
 
     def centre_of_mass(self, point: Array) -> None:
         """Draw the circle with two black quarters."""
-        centre, r = self.canvas.project(point), 0.045
+        centre, r = self.sheet.project(point), 0.045
         self._add(centre + r * _circle(), "0.15", "white", 0.7, closed=True, order=5)
         for first in (0, 16):
             arc = r * _circle()[first : first + 9]
@@ -85,7 +85,7 @@ class Pen:
     # -- the ground --------------------------------------------------------------------------------------------------
     def support(self, point: Array) -> None:
         """Draw what holds a point to the ground: a triangle on hatching."""
-        centre = self.canvas.project(point)
+        centre = self.sheet.project(point)
         foot = centre + [[0, 0], [-0.11, -0.17], [0.11, -0.17]]
         self._add(foot, "0.45", "0.96", 0.9, closed=True, order=1)
         self._hatch(centre + [-0.17, -0.17], centre + [0.17, -0.17])
@@ -107,12 +107,12 @@ class Pen:
     # -- joints ------------------------------------------------------------------------------------------------------
     def hinge(self, point: Array, axis: Array | None) -> None:
         """Draw a circle; in space a ring about the axis."""
-        if not self.canvas.spatial or axis is None:
+        if not self.sheet.spatial or axis is None:
             self._disc(point, RADIUS)
             return
         self._axis(point, axis, 0.26)
         self._add(
-            self.canvas.project(point + 1.5 * RADIUS * self.canvas.unit * _ring(axis)), DARK, "white", 1.3, closed=True
+            self.sheet.project(point + 1.5 * RADIUS * self.sheet.unit * _ring(axis)), DARK, "white", 1.3, closed=True
         )
 
     def ball(self, point: Array) -> None:
@@ -129,12 +129,12 @@ class Pen:
     def weld(self, point: Array) -> None:
         """Draw a square."""
         square = 1.1 * RADIUS * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        self._add(self.canvas.project(point) + square, DARK, "0.35", 1.0, closed=True, order=4)
+        self._add(self.sheet.project(point) + square, DARK, "0.35", 1.0, closed=True, order=4)
 
     def diamond(self, point: Array) -> None:
         """Draw the sign for what has no sign of its own."""
         diamond = 1.2 * RADIUS * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])
-        self._add(self.canvas.project(point) + diamond, DARK, "white", 1.1, closed=True, order=4)
+        self._add(self.sheet.project(point) + diamond, DARK, "white", 1.1, closed=True, order=4)
 
     def dot(self, point: Array) -> None:
         """Draw a small filled circle."""
@@ -142,32 +142,32 @@ class Pen:
 
     def slide(self, point: Array, axis: Array, light: Any, *, round_: bool = False) -> None:
         """Draw a box along its axis; `round_` for one that turns as well."""
-        long, high = 0.19 * self.canvas.unit, 0.1 * self.canvas.unit
+        long, high = 0.19 * self.sheet.unit, 0.1 * self.sheet.unit
         axis = axis / np.linalg.norm(axis)
-        if not self.canvas.spatial:
+        if not self.sheet.spatial:
             across = np.array([-axis[1], axis[0]])
             corners = [point + a * long * axis + b * high * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            self._add(self.canvas.project(np.array(corners)), DARK, light, 1.2, closed=True, order=2.8)
+            self._add(self.sheet.project(np.array(corners)), DARK, light, 1.2, closed=True, order=2.8)
             return
         b, c = normals(axis)
         ends = [point + s * long * axis for s in (-1.0, 1.0)]
         section = _ring(axis) * high if round_ else np.array([b + c, c - b, -b - c, b - c]) * high * 0.85
-        both = [self.canvas.project(end + section) for end in ends]
+        both = [self.sheet.project(end + section) for end in ends]
         self._add(hull(np.concatenate(both)), DARK, light, 1.1, closed=True, order=2.8)
-        near = int(np.argmin(self.canvas.depth(np.array(ends))))
+        near = int(np.argmin(self.sheet.depth(np.array(ends))))
         self._add(both[near], DARK, light, 0.9, closed=True, order=2.9)
 
     def guide(self, origin: Array, axis: Array, reach: tuple[float, float], *, grounded: bool) -> None:
         """Draw the line on which something slides, from one place along the axis to another, m."""
         axis = axis / np.linalg.norm(axis)
-        more = 0.36 * self.canvas.unit
+        more = 0.36 * self.sheet.unit
         ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
-        if self.canvas.spatial or not grounded:
-            self._add(self.canvas.project(ends), "0.45", None, 1.0, style=(0, (7, 2, 1, 2)), order=0.7)
+        if self.sheet.spatial or not grounded:
+            self._add(self.sheet.project(ends), "0.45", None, 1.0, style=(0, (7, 2, 1, 2)), order=0.7)
             return
         across = np.array([axis[1], -axis[0]])
         across = -across if (across[1] > 1e-9 or (abs(across[1]) <= 1e-9 and across[0] > 0)) else across
-        ends = self.canvas.project(ends) + 0.115 * across
+        ends = self.sheet.project(ends) + 0.115 * across
         along = ends[1] - ends[0]
         right = np.array([along[1], -along[0]])
         self._hatch(*(ends if right @ across > 0 else ends[::-1]))
@@ -175,71 +175,71 @@ class Pen:
     def line(self, origin: Array, axis: Array, reach: tuple[float, float]) -> None:
         """Draw a line that something stays on."""
         axis = axis / np.linalg.norm(axis)
-        more = 0.3 * self.canvas.unit
+        more = 0.3 * self.sheet.unit
         ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
-        self._add(self.canvas.project(ends), "0.45", None, 1.0, style=(0, (5, 2)), order=0.7)
+        self._add(self.sheet.project(ends), "0.45", None, 1.0, style=(0, (5, 2)), order=0.7)
 
     def plane(self, origin: Array, normal: Array, point: Array) -> None:
         """Draw the part of a plane beneath a point; in the plane a line."""
         normal = normal / np.linalg.norm(normal)
         foot = point - normal * float(normal @ (point - origin))
-        if not self.canvas.spatial:
+        if not self.sheet.spatial:
             self.line(foot, np.array([-normal[1], normal[0]]), (0.0, 0.0))
             return
-        b, c = (0.35 * self.canvas.unit * x for x in normals(normal))
+        b, c = (0.35 * self.sheet.unit * x for x in normals(normal))
         corners = np.array([foot + b + c, foot - b + c, foot - b - c, foot + b - c])
-        self._add(self.canvas.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+        self._add(self.sheet.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
 
     def ground(
         self, origin: Array, normal: Array, along: Sequence[Array], reaches: Sequence[tuple[float, float]]
     ) -> None:
         """Draw what bodies hit or lie on: a hatched line, in space a patch, which `reaches` so far `along`, m."""
-        more = 0.45 * self.canvas.unit
+        more = 0.45 * self.sheet.unit
         first = origin + np.outer([reaches[0][0] - more, reaches[0][1] + more], along[0])
-        if not self.canvas.spatial:
-            self._hatch(*self.canvas.project(first))
+        if not self.sheet.spatial:
+            self._hatch(*self.sheet.project(first))
             return
         second = np.outer([reaches[1][0] - more, reaches[1][1] + more], along[1])
         corners = np.array([first[0] + second[0], first[1] + second[0], first[1] + second[1], first[0] + second[1]])
-        self._add(self.canvas.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+        self._add(self.sheet.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
 
     def blade(self, point: Array, axis: Array) -> None:
         """Draw the blade of a skate: a short thick line along its axis."""
-        step = 0.22 * self.canvas.unit * axis / np.linalg.norm(axis)
-        self._add(self.canvas.project(np.array([point - step, point + step])), DARK, None, 3.2, order=4.1)
+        step = 0.22 * self.sheet.unit * axis / np.linalg.norm(axis)
+        self._add(self.sheet.project(np.array([point - step, point + step])), DARK, None, 3.2, order=4.1)
 
     def circle(self, point: Array, radius: float, colour: Any, axis: Array | None = None) -> None:
         """Draw a circle or sphere of a radius, m, in space with an axis a disc; a dot where it is too small to see."""
-        inches = radius / self.canvas.unit
+        inches = radius / self.sheet.unit
         if inches < 0.6 * RADIUS:
             self.dot(point)
             return
-        line = self.canvas.project(point) + inches * _circle(97)
-        if self.canvas.spatial and axis is not None:
-            line = self.canvas.project(point + radius * _ring(axis))
+        line = self.sheet.project(point) + inches * _circle(97)
+        if self.sheet.spatial and axis is not None:
+            line = self.sheet.project(point + radius * _ring(axis))
         self._add(line, colour, None, 1.3, closed=True, order=3.2)
         self._add(line, "none", colour, 0.0, closed=True, order=1.5, alpha=0.15)
 
     def rod(self, first: Array, second: Array) -> None:
         """Draw a massless rod."""
-        self._add(self.canvas.project(np.array([first, second])), "0.3", None, 2.2, order=2.5)
+        self._add(self.sheet.project(np.array([first, second])), "0.3", None, 2.2, order=2.5)
         self._disc(first, 0.7 * RADIUS)
         self._disc(second, 0.7 * RADIUS)
 
     def link(self, first: Array, second: Array) -> None:
         """Draw that two places have to do with each other."""
-        self._add(self.canvas.project(np.array([first, second])), "0.5", None, 1.0, style=(0, (2, 2)), order=2.5)
+        self._add(self.sheet.project(np.array([first, second])), "0.5", None, 1.0, style=(0, (2, 2)), order=2.5)
 
     def gap(self, first: Array, second: Array) -> None:
         """Draw that two places should be one, and are not."""
-        ends = self.canvas.project(np.array([first, second]))
+        ends = self.sheet.project(np.array([first, second]))
         if np.hypot(*(ends[1] - ends[0])) > RADIUS:
             self._add(ends, FAILED, None, 1.5, style=(0, (4, 2.5)), order=3.9)
 
     # -- springs, drivers, loads -------------------------------------------------------------------------------------
     def spring(self, first: Array, second: Array) -> None:
         """Draw a zigzag between two points; a small coil where they coincide."""
-        start, end = self.canvas.project(np.array([first, second]))
+        start, end = self.sheet.project(np.array([first, second]))
         along = end - start
         length = float(np.hypot(*along))
         if length < 0.2:
@@ -255,7 +255,7 @@ class Pen:
 
     def damper(self, first: Array, second: Array) -> None:
         """Draw a piston in a cylinder between two points; a spring's small circle where they coincide."""
-        start, end = self.canvas.project(np.array([first, second]))
+        start, end = self.sheet.project(np.array([first, second]))
         along = end - start
         length = float(np.hypot(*along))
         if length < 0.2:
@@ -291,30 +291,30 @@ class Pen:
 
     def force(self, point: Array, direction: Array | None) -> None:
         """Draw an arrow that pushes at a point; downwards where its direction is not known beforehand."""
-        head = self.canvas.project(point)
+        head = self.sheet.project(point)
         if direction is None:
             tail = head + [0.0, 0.5]
         else:
-            step = 0.55 * self.canvas.unit * direction / np.linalg.norm(direction)
-            tail = self.canvas.project(point - step)
+            step = 0.55 * self.sheet.unit * direction / np.linalg.norm(direction)
+            tail = self.sheet.project(point - step)
         self.arrow(tail, head)
 
     def push(self, first: Array, second: Array, axis: Array | None) -> None:
         """Draw an arrow from one point to another; with an axis a short one along it, at the driven point."""
         if axis is not None:
-            along, unit = axis / np.linalg.norm(axis), self.canvas.unit
+            along, unit = axis / np.linalg.norm(axis), self.sheet.unit
             way = float((second - first) @ along)
             first = second - np.copysign(min(max(abs(way), PUSH[0] * unit), PUSH[1] * unit), way) * along
-        self.arrow(*self.canvas.project(np.array([first, second])))
+        self.arrow(*self.sheet.project(np.array([first, second])))
 
     # -- helpers -----------------------------------------------------------------------------------------------------
     def _around(self, point: Array, axis: Array | None, size: Array, turn: Array, edge: Any, width: float) -> Array:
-        if self.canvas.spatial and axis is not None:
+        if self.sheet.spatial and axis is not None:
             b, c = normals(axis)
             offsets = np.outer(size * np.cos(turn), b) + np.outer(size * np.sin(turn), c)
-            path = self.canvas.project(point + self.canvas.unit * offsets)
+            path = self.sheet.project(point + self.sheet.unit * offsets)
         else:
-            path = self.canvas.project(point) + size[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+            path = self.sheet.project(point) + size[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
         self._add(path, edge, None, width, order=4.4)
         return path
 
@@ -328,11 +328,11 @@ class Pen:
         )  # fmt: skip
 
     def _axis(self, point: Array, axis: Array, half: float, style: Any = (0, (7, 2, 1, 2))) -> None:
-        step = half * self.canvas.unit * axis / np.linalg.norm(axis)
-        self._add(self.canvas.project(np.array([point - step, point + step])), DARK, None, 0.9, style=style, order=4.3)
+        step = half * self.sheet.unit * axis / np.linalg.norm(axis)
+        self._add(self.sheet.project(np.array([point - step, point + step])), DARK, None, 0.9, style=style, order=4.3)
 
     def _disc(self, point: Array, radius: float, face: Any = "white", order: float = 4.0) -> None:
-        self._add(self.canvas.project(point) + radius * _circle(), DARK, face, 1.3, closed=True, order=order)
+        self._add(self.sheet.project(point) + radius * _circle(), DARK, face, 1.3, closed=True, order=order)
 
     def _add(
         self, vertices: Array, edge: Any, face: Any, width: float, *, closed: bool = False, style: Any = "-",

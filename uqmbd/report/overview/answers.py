@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import image, still_image
 from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.trusted import holder_of, populations
-from uqmbd.report.sections import Content, TemplateSection, chart_content, mechanism_picture
+from uqmbd.report.sections import Content, TemplateSection, mechanism_picture
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_count
@@ -117,8 +117,11 @@ def _picture(result: StudyResult, name: str) -> Content | None:
             return figures.bands(holders, name, limits=limits)
 
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
-        chart = chart_content(holders, name, limits)
-        return image(draw, words, words, "first-screen") | ({} if chart is None else {"chart": chart})
+        data = live.bands_data(holders, name, limits=limits)
+        if data is None:
+            return image(draw, words, words, "first-screen")
+        made = still_image(lambda: live.still_chart(data), words, words, "first-screen", draw)
+        return made | {"chart": live.json_script(data)}
     if answers(result.nodes) and any(
         figures.changing_with_time(method.node.children["requirements"].to_dataset())
         for method in result.methods.values()

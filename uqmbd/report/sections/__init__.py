@@ -12,7 +12,7 @@ from uqmbd.report.sections.influence import INFLUENCE
 from uqmbd.report.sections.inputs import INPUTS
 from uqmbd.report.sections.methods import METHODS, precision_sentences
 from uqmbd.report.sections.motion import mechanism_picture
-from uqmbd.report.sections.outputs import OUTPUTS, bands_chart, chart_content, most_uncertain, ranked
+from uqmbd.report.sections.outputs import OUTPUTS, bands_chart, most_uncertain, ranked
 from uqmbd.report.sections.provenance import PROVENANCE
 from uqmbd.report.sections.requirements import REQUIREMENTS
 from uqmbd.report.sections.scalars import SCALARS
@@ -26,7 +26,6 @@ __all__ = [
     "Section",
     "TemplateSection",
     "bands_chart",
-    "chart_content",
     "environment",
     "mechanism_picture",
     "most_uncertain",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 
 from uqmbd.report import live
-from uqmbd.report.drawing import svg
-from uqmbd.report.mechanisms import gif, poses
+from uqmbd.report.drawing import still_image
+from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.sections.section import Content
 from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_count, format_number
@@ -20,8 +20,8 @@ def mechanism_picture(result: StudyResult) -> Content | None:
     Returns
     -------
     dict of str, or None
-        ``player``, JSON; ``still``, ``alt``, ``caption`` and ``short``, a shorter one; ``moving``, which makes the film
-        as a file; ``problem``: why it could not be drawn.
+        As of `still_image`, and ``player``, JSON; ``short``, a shorter caption; ``moving``, which makes the film as a
+        file.
     """
     data = result.motion
     if data is None:
@@ -40,16 +40,14 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             + (left_out if failed else "")
             + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points."
         )
-        return {
+        alt = (
+            f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
+            f"{others}, at the time at which these are farthest apart."
+        )
+        return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
             "player": live.json_script({**live.player_data(data), **_live(result), "caption": caption}),
-            "still": svg(poses(data)),
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
-            "alt": f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
-            f"{others}, at the time at which these are farthest apart.",
-            "caption": caption,
             "short": "At the means of the inputs" + ("; thin, other realisations." if count else "."),
-            "problem": "",
-            "name": "motion",
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,7 +18,7 @@ from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "bands_chart", "chart_content", "json_chart", "most_uncertain", "ranked"]
+__all__ = ["FULL", "OUTPUTS", "bands_chart", "json_chart", "most_uncertain", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -110,6 +111,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             "numbers": [],
         }
     sampled = {method.label: method for method in shown if method.sampled}
+    files: list[Content] = []
     deviation = (
         []
         if not whole
@@ -127,14 +129,10 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     if sampled and whole:
         method = next(iter(sampled.values()))
         from_label = f" (samples of {method.label})" if result.several else ""
+        # the page says the same by bands over time, and by densities at chosen times
+        histogram = functools.partial(figures.time_history_histogram, method.node, name)
+        files.append({"name": f"{name}-time-history-histogram", "draw": histogram})
         drawn += [
-            image(
-                lambda: figures.time_history_histogram(method.node, name),
-                f"Time-history histogram of {name}: how many samples have which value at which time.",
-                f"Where the samples are: the darker, the more of them have this value at this time{from_label}. "
-                "White: none.",
-                f"{name}-time-history-histogram",
-            ),
             _densities(result, [*sampled, *surrogate_nodes(every)], name),
             charted(
                 lambda: figures.convergence(method.node, name),
@@ -158,6 +156,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "name": name,
         "folded": not whole,
         "figures": [*drawn, *deviation, *compared],
+        "files": files,
         "note": "",
         "words": " ".join(filter(None, words)),
         "numbers": numbers(first, name),
@@ -170,21 +169,16 @@ def bands_chart(result: StudyResult, name: str, *, drawn: bool = False) -> Conte
     holders = shown_methods(every)
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
     limits = result.limits_of(name)
-    chart = chart_content(holders, name, limits)
+    data = live.bands_data(holders, name, limits=limits)
     made = charted(
         lambda: figures.bands(holders, name, limits=limits),
         f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
         + in_words(result.methods[next(iter(holders))], name),
         "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
         f"{name}-bands",
-        None if drawn else chart,
+        json_chart(data),
     )
-    return made | ({"chart": chart} if drawn and chart is not None else {})
-
-
-def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> str | None:
-    """Return the data of the chart of an output; None if there is none."""
-    return json_chart(live.bands_data(holders, name, limits=limits))
+    return made | ({"source": live.still_chart(data).source()} if drawn and data is not None else {})
 
 
 def json_chart(data: Mapping[str, object] | None) -> str | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import xarray as xr
 
+from uqmbd.report.drawing import DARK_STYLE
 from uqmbd.report.view import StudyResult
 
 if TYPE_CHECKING:
@@ -64,10 +65,12 @@ def environment() -> Environment:
     """Return what reads the templates: all that is not marked as HTML is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    made = Environment(
         loader=PackageLoader(__package__),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    made.globals["still_on_dark"] = DARK_STYLE
+    return made

@@ -1,0 +1,117 @@
+"""The page that a mechanism is drawn on, in inches, and what lies on it; it knows nothing of who paints it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["MARGIN", "VIEW", "Shape", "Sheet", "sheet_for"]
+
+
+VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
+MARGIN = 0.5  # inches between the ends of the page and the points: joints, names and the ground need them
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line or area on the page.
+
+    Attributes
+    ----------
+    vertices : array, shape (N, 2)
+        Inches; a line is broken where they are NaN.
+    edge, face : str or tuple, optional
+        Colours; no face: a line.
+    width : float
+        Of the line, points.
+    closed : bool
+        Whether the last vertex joins the first.
+    style : object
+        Line style of Matplotlib.
+    order : float
+        What is higher lies above.
+    alpha : float
+        Opacity.
+    """
+
+    vertices: Array
+    edge: Any = "0.15"
+    face: Any = None
+    width: float = 1.0
+    closed: bool = False
+    style: Any = "-"
+    order: float = 3.0
+    alpha: float = 1.0
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Where points are on the page.
+
+    Attributes
+    ----------
+    project : callable
+        From points (..., 2 or 3), m, to the page (..., 2), inches.
+    depth : callable
+        From points to their distance behind the page, for drawing those behind first.
+    unit : float
+        Metres to an inch.
+    box : (left, bottom, right, top)
+        Where there is room for names, inches.
+    spatial : bool
+        Whether the view is one of space.
+    """
+
+    project: Callable[[Array], Array]
+    depth: Callable[[Array], Array]
+    unit: float
+    box: tuple[float, float, float, float]
+    spatial: bool
+
+
+def sheet_for(points: Array, width: float, height: float) -> Sheet:
+    """Return a page without axes that holds all points; a view of space is orthographic.
+
+    It is laid out as the player of a report does (`view.js`).
+
+    Parameters
+    ----------
+    points : array, shape (N, 2 or 3)
+        m, finite.
+    width, height : float
+        Inches.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> sheet = sheet_for(np.array([[0.0, 0.0], [2.0, 0.5]]), 6.0, 3.0)
+    >>> sheet.project(np.array([[1.0, 0.25], [2.0, 0.25]])).tolist()
+    [[3.0, 1.5], [5.5, 1.5]]
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent, centre, spatial = high - low, (low + high) / 2, points.shape[-1] == 3
+    if spatial:
+        e, a = np.deg2rad(VIEW)
+        rows = np.array([[-np.sin(a), np.cos(a), 0], [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]])
+        towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        unit = (float(np.linalg.norm(extent)) or 1.0) / (min(width, height) - 0.8 * MARGIN)
+    else:
+        rows, towards = np.eye(2), np.zeros(2)
+        largest = float(extent.max())
+        unit = max(float(extent[0]), 0.25 * largest if largest > 0 else 0.5) / (width - 2 * MARGIN)
+        unit = max(unit, float(extent[1]) / (height - 2 * MARGIN))
+
+    def project(given: Array) -> Array:
+        page: Array = np.array([width / 2, height / 2]) + (given - centre) @ rows.T / unit
+        return page
+
+    def depth(given: Array) -> Array:
+        behind: Array = -(given @ towards)
+        return behind
+
+    return Sheet(project, depth, unit, (0.1, 0.1, width - 0.1, height - 0.1), spatial)

@@ -1,0 +1,98 @@
+"""The mechanism of a page for readers without scripts, and for paper: what the player shows at first, as SVG."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report.drawing import COLOURS, FAILED, GROUND, PALE, Drawing, mixed
+from uqmbd.report.mechanisms.film import Film
+from uqmbd.report.mechanisms.sheet import Sheet, sheet_for
+from uqmbd.typing import Array
+from uqmbd.wording import format_number
+
+__all__ = ["still"]
+
+INCH = 72
+WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
+
+_WHITE = "#ffffff"
+_ROLES = {
+    **{"0.15": "ink", "0.3": "dark", "0.96": "plate", "0.9": "plate", "white": "paper", "#B45309": "drive"},
+    **dict.fromkeys(("0.35", "0.4", "0.45", "0.5", "0.55"), "ground"),
+    **{FAILED: "limit", GROUND: "ground", mixed(GROUND, _WHITE, PALE): "pale-ground"},
+    **{colour: f"c{k}" for k, colour in enumerate(COLOURS)},
+    **{mixed(colour, _WHITE, PALE): f"pale-c{k}" for k, colour in enumerate(COLOURS)},
+}
+"""What the colours of shapes mean."""
+
+
+def still(data: xr.Dataset) -> Drawing:
+    """Draw a mechanism at the means of its inputs, and the cloud of other realisations, where these are farthest apart.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Of `uqmbd.report.motion`, or the node ``motion`` of results.
+    """
+    film = Film(data, WIDTH, INCH)
+    bounds, frame = film.bounds, film.widest
+    height = _height(bounds)
+    sheet = sheet_for(bounds, WIDTH, height)
+    made = Drawing(INCH * WIDTH, INCH * height)
+
+    def page(places: Array) -> Array:
+        return INCH * (places * [1, -1] + [0, height])
+
+    _scale(made, sheet, page(np.array([0.15, 0.16])))
+    count = len(film.points) - 1
+    alpha = f"{np.clip(5 / max(count, 1), 0.15, 0.6):.2f}"
+    for (body, corners), outlines in zip(film.corners, film.outlines(sheet, frame), strict=True):
+        looks: dict[str, Any] = {"stroke_width": 5 if len(corners) == 1 else 0.8, "stroke_opacity": alpha}
+        for outline in outlines:
+            made.line(page(outline), _role(film.sketch.colour(body)), **looks)
+    for shape in sorted(film.shapes(sheet, frame), key=lambda one: one.order):
+        dashes = None if shape.style == "-" else " ".join(f"{shape.width * x:g}" for x in shape.style[1])
+        edge = None if shape.edge == "none" else _role(shape.edge)
+        face = None if shape.face is None else _role(shape.face)
+        opacity = None if shape.alpha == 1 else shape.alpha
+        width = None if edge is None or shape.width == 1 else shape.width
+        made.line(
+            page(shape.vertices), edge, face, closed=shape.closed, stroke_width=width, stroke_dasharray=dashes,
+            opacity=opacity,
+        )  # fmt: skip
+    return made
+
+
+def _role(colour: str) -> str:
+    return _ROLES.get(colour, colour)
+
+
+def _height(bounds: Array) -> float:
+    if bounds.shape[-1] == 3:
+        return HIGHEST
+    across, up = np.ptp(bounds, axis=0)
+    unit = max(float(across), 0.25 * float(up), 1e-9) / (WIDTH - 1.0)
+    return float(np.clip(up / unit + 1.0, LOWEST, HIGHEST))
+
+
+def _scale(made: Drawing, sheet: Sheet, corner: Array) -> None:
+    """Draw a length in metres, and in space the directions of the axes."""
+    longest = 1.3 * sheet.unit
+    power = 10.0 ** math.floor(math.log10(longest))
+    length = next(x * power for x in (5, 2, 1) if x * power <= longest)
+    end = corner + [INCH * length / sheet.unit, 0]
+    tick = [0, -0.05 * INCH]
+    made.line([corner + tick, corner, end, end + tick], "soft")
+    made.text(round(end[0] + 6, 1), round(end[1] + 4, 1), f"{format_number(length)} m", "soft", font_size=12)
+    if sheet.spatial:
+        origin, *ends = sheet.project(np.concatenate([np.zeros((1, 3)), sheet.unit * np.eye(3)]))
+        foot = corner + [0.35 * INCH, -0.59 * INCH]
+        for letter, tip in zip("xyz", ends, strict=True):
+            along = INCH * (tip - origin) * [1, -1]
+            made.line([foot, foot + 0.3 * along], "soft")
+            x, y = foot + 0.4 * along + [-2, 4]
+            made.text(round(x, 1), round(y, 1), letter, "soft", font_size=12)
