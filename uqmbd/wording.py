@@ -283,8 +283,8 @@ def format_percent(share: float, unknown: str = "–") -> str:
 
     Examples
     --------
-    >>> [format_percent(x) for x in (0.0123, 1.7, 2e-9, 0.0, float("nan"))]
-    ['1.2 %', '170 %', 'below 0.0001 %', '0 %', '–']
+    >>> [format_percent(x) for x in (0.0123, 0.08, 0.1204, 1.7, 2e-9, 0.0, float("nan"))]
+    ['1.2 %', '8.0 %', '12 %', '170 %', 'below 0.0001 %', '0 %', '–']
     """
     if not math.isfinite(share):
         return unknown
@@ -292,7 +292,7 @@ def format_percent(share: float, unknown: str = "–") -> str:
         return "0 %"
     if share < SMALLEST_SHARE:
         return "below 0.0001 %"
-    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+    return f"{f'{100 * share:#.2g}'.rstrip('.')} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
 def format_at_most(share: float) -> str:

@@ -73,6 +73,16 @@ def test_a_number_has_the_digits_that_its_spread_needs(node):
     assert found == ["100000.00012", "0.5", "1", "1.2346 × 10⁻⁷", "12.5"]
 
 
+def test_errors_have_two_digits_also_where_the_second_is_zero(node):
+    given = [0.004, 0.0996, 0.996, 9.96, 12.5, 1234.0, 2e-4, 6.44e-9, 1.5e7, 0.0, None, -0.5]
+    expected = ["0.0040", "0.10", "1.0", "10", "13", "1200", "2.0 × 10⁻⁴", "6.4 × 10⁻⁹", "1.5 × 10⁷", "0", "–", "−0.50"]
+    assert node(["numbers.js"], "answer = given.map((v) => formatError(v));", given) == expected
+
+
+def test_a_mean_that_is_zero_but_for_rounding_is_zero(node):
+    assert node(["numbers.js"], "answer = given.map((v) => plainNumber(v, 0.01));", [-2.1e-20, 1e-3]) == ["0", "0.001"]
+
+
 @pytest.mark.parametrize("scale", [1e-12, 1e-5, 0.02, 1.0, 400.0, 3e6])
 def test_values_of_one_time_have_the_same_digits_and_zero_is_zero(node, scale):
     """Two more than the first of their spread, all of them; what is rounding has neither sign nor exponent."""

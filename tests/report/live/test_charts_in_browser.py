@@ -28,7 +28,13 @@ def chart(page, number=1):
     figure.scroll_into_view_if_needed()
     figure.locator(".plot canvas").wait_for()
     # those above it become charts, too, and are as high as that then
-    page.wait_for_timeout(150)
+    seen = []
+
+    def rests():
+        seen.append(figure.bounding_box()["y"])
+        return len(seen) > 4 and len(set(seen[-4:])) == 1
+
+    until(page, rests)
     figure.scroll_into_view_if_needed()
     return figure
 
@@ -37,6 +43,15 @@ def inner(figure):
     """Return where lines are drawn: left, top, width and height."""
     box = figure.locator(".u-over").bounding_box()
     return box["x"], box["y"], box["width"], box["height"]
+
+
+def until(page, true):
+    """Wait for what a busy browser does late; it is false in the end if it does not happen."""
+    for _ in range(200):
+        if true():
+            return
+        page.wait_for_timeout(50)
+    assert true()
 
 
 def point(page, figure, share, down=0.5):
@@ -254,16 +269,16 @@ def test_fingers_move_the_time_and_zoom(opened, page_file):
     for share in (0.3, 0.4, 0.6):
         touch("touchMove", share)
     touch("touchEnd")
-    assert told(figure)[0] == pytest.approx(1.2, abs=0.06)
+    until(page, lambda: abs(told(figure)[0] - 1.2) < 0.06)
     everything = figure.get_by_role("button", name="Show all times")
     assert not everything.is_visible()
     touch("touchStart", 0.4, 0.6)
     touch("touchMove", 0.3, 0.7)
     touch("touchMove", 0.2, 0.8)
     touch("touchEnd")
-    assert everything.is_visible()
+    until(page, everything.is_visible)
     everything.tap()
-    everything.wait_for(state="hidden")
+    until(page, everything.is_hidden)
 
 
 def test_dark_pages_have_dark_charts(opened, page_file):

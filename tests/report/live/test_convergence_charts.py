@@ -38,6 +38,12 @@ def test_stated_errors_are_those_of_the_figure_in_per_cent():
     assert data["limits"][0]["value"] == 1.0 and marks == [[times[1], 1.0]]
 
 
+def test_errors_that_are_all_far_below_the_limit_are_seen():
+    times = np.linspace(0, 1, 5)
+    up = errors_data(stating(1e-9 * np.array([[1.0, 3.0, 2.0, 1.5, 1.0]]), times))["up"]
+    assert up["low"] <= 1e-7 and up["high"] >= 1.0
+
+
 def test_of_many_outputs_the_worst_of_the_others_is_one_line():
     times = np.linspace(0, 1, 5)
     errors = np.geomspace(1e-4, 1e-1, 9)[:, None] * (1 + times)

@@ -141,8 +141,8 @@ def test_heads_of_tables_and_files_are_plain_texts(node):
     """
     found = node(["chart_model.js"], lines, data)
     assert found["heads"] == ["=1+1", "bounds"]
-    assert found["rows"] == [["0.000", "−1.000 to 1.000"], ["1", "–"]]
-    assert found["told"] == "0 s. b: =1+1 0.000 m, bounds from −1.000 to 1.000 m. c: =1+1 1 m"
+    assert found["rows"] == [["0.000", "−1.000 to 1.000"], ["1.000", "–"]]
+    assert found["told"] == "0 s: b: =1+1 0.000 m, bounds from −1.000 to 1.000 m. c: =1+1 1.000 m"
     head, first, *_ = csv.reader(io.StringIO(found["csv"]))
     assert head[:2] == ["time [s]", "'=1+1 of x by b [m]"]
     assert [float(text) for text in first] == pytest.approx([0, 0, -1, 1, 1], abs=1e-6)

@@ -118,9 +118,9 @@ def test_without_a_surrogate_there_is_a_reason(study):
 @pytest.mark.parametrize(
     ("limit", "end", "error", "kind", "words"),
     [
-        (3.5, "highest", None, "met", "met by 0.5 m: 3 m at 2 s"),
-        (2.5, "highest", None, "violated", "violated by 0.5 m: 3 m at 2 s"),
-        (-1.2, "lowest", None, "met", "met by 0.2 m: −1 m at 1 s"),
+        (3.5, "highest", None, "met", "met by 0.50 m: 3 m at 2 s"),
+        (2.5, "highest", None, "violated", "violated by 0.50 m: 3 m at 2 s"),
+        (-1.2, "lowest", None, "met", "met by 0.20 m: −1 m at 1 s"),
         (-0.9, "lowest", 0.2, "near", "too near to tell: −1 m at 1 s"),
     ],
 )
@@ -136,9 +136,9 @@ def test_limits_are_held_against_the_nearest_value(node, limit, end, error, kind
 @pytest.mark.parametrize(
     ("margin", "error", "kind", "words"),
     [
-        (0.5, 0.01, "met", "met by 0.5; stated error 0.01"),
-        (-0.5, None, "violated", "violated by 0.5; its error is not known"),
-        (-0.5, 0.6, "near", "too near to tell: stated error 0.6"),
+        (0.5, 0.01, "met", "met by 0.50; stated error 0.010"),
+        (-0.5, None, "violated", "violated by 0.50; its error is not known"),
+        (-0.5, 0.6, "near", "too near to tell: stated error 0.60"),
         (None, 0.1, "unknown", "not known"),
     ],
 )

@@ -53,7 +53,7 @@ def test_player_and_chart_begin_where_the_output_in_view_is_most_uncertain(opene
     page = opened(page_file)
     std = made["collocation/statistics/std"].sel(output="height")
     expected = float(std["time"][int(std.values.argmax())])
-    assert page.locator("#in-view .now").inner_text().startswith(f"{expected:.4g} s.")
+    assert page.locator("#in-view .now").inner_text().startswith(f"{expected:.4g} s:")
     assert float(page.locator("#mechanism .clock").inner_text().removesuffix(" s")) == expected
     assert f"At {expected:.4g} s" in page.locator(".explorer > .readout:not(.limits) caption").inner_text()
 

@@ -63,6 +63,22 @@ def test_effects_are_those_of_the_model():
     assert found.words == "a (+89 %)" and "100 % of the variance" in found.kind
 
 
+def test_inputs_that_depend_on_one_another_have_correlations_and_no_shares():
+    """A regression on inputs of correlation 0.99 has effects of several times the spread; correlations are at most 1."""
+    first, second = np.random.default_rng(0).normal(size=(2, 400))
+    a, b = first, 0.99 * first + np.sqrt(1 - 0.99**2) * second
+    axes = results.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    response = (TIMES * (5 * a - 4.9 * b)[:, None])[:, None]
+    data = results.sample_dataset(response, np.stack([a, b], axis=1), axes)
+    node = results.propagator_node(
+        "after", results.statistics_of_samples(data), data, propagator="p", realisations=400, wall_time=1.0
+    )
+    found = of_history(StudyResult.of(results.study_tree([node], study="s", mechanism="m")), "y")
+    expected = {name: np.corrcoef(x, response[:, 0, -1])[0, 1] for name, x in (("a", a), ("b", b))}
+    assert dict(zip(found.names, found.shares, strict=True)) == pytest.approx(expected)
+    assert found.words.startswith(f"{found.names[0]} (correlation ") and "depend on one another" in found.kind
+
+
 def test_a_requirement_is_met_where_all_methods_say_so():
     first = required(sampled("first"), [0.02, 0.001, 0.021], [0.01, 0.0, 0.011], [0.03, 0.002, 0.031])
     second = required(sampled("second", seed=1), [0.06, 0.001, 0.061], [0.04, 0.0, 0.041], [0.08, 0.002, 0.081])

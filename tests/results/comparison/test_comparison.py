@@ -52,6 +52,18 @@ def test_reference_rule() -> None:
         results.compare({"many": many}, reference="nobody")
 
 
+def test_a_method_without_a_spread_that_others_have_is_no_reference() -> None:
+    """A chaos of order 0 states that it has no error, for it has no spread to be wrong about."""
+    axes = results.labels([("x", "m")], [], TIMES)
+    still = results.statistics_dataset(axes, mean=[TIMES], std=[0.0 * TIMES])
+    still["verification_error"] = (("output", "time"), [0.0 * TIMES])
+    blind = results.propagator_node("blind", still, propagator="p", realisations=1000, wall_time=2.0)
+    seeing = _node("seeing", TIMES)
+    for nodes in ({"blind": blind, "seeing": seeing}, {"seeing": seeing, "blind": blind}):
+        assert results.choose_reference(nodes) == "seeing"
+    assert results.choose_reference({"blind": blind}) == "blind"
+
+
 def test_different_axes_are_refused(make_node: MakeNode) -> None:
     """Other outputs or other times cannot be compared."""
     with pytest.raises(StudyError, match="same times"):

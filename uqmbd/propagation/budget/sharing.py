@@ -359,7 +359,7 @@ class Within:
         )
         if asked is not None:
             about["met"] = one.met
-            text += f"; {format_percent(asked, 'no error')} was asked for"
+            text += f"; {100 * asked:g} % was asked for"
             text += "" if one.met else f" and is not reached: {one.problem or 'the budget is used'}"
         about["summary"] = text
         one.node.attrs["budget_summary"] = text

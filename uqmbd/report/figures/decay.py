@@ -267,7 +267,7 @@ def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
     worst = sorted(range(len(names)), key=lambda k: -float(errors[k].max()))
     named = sorted(worst if len(names) <= _MOST_LINES else worst[: _MOST_LINES - 1])
     seen = errors[errors > _ROUNDING]
-    low, high = float(seen.min(initial=limit)), float(seen.max(initial=limit))
+    low, high = float(seen.min(initial=limit)), float(seen.max(initial=0.0)) or limit
     return StatedErrors(
         times=times,
         names=names,
@@ -275,8 +275,8 @@ def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
         horizons=[horizon(times, error, limit) for error in errors],
         named=named,
         others=[k for k in worst if k not in named],
-        # What is far below the limit needs no room.
-        ends=(max(low, min(1e-4 * limit, high)), max(high, 2 * limit)),
+        # What is far below the limit needs no room, where there is anything else.
+        ends=(max(low, min(1e-4 * limit, 0.1 * high)), max(high, 2 * limit)),
     )
 
 

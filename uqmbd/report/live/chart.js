@@ -116,6 +116,10 @@ export function makeChart(figure, model) {
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
   const holder = element("div", { class: "chart", role: "group", "aria-label": described }, ...(small ? [reading, space, all] : [space, tools, reading]));
+  if (small && several) {
+    const lines = model.methods.map((method) => element("span", {}, lineSample(method), ` ${method.label}`));
+    holder.append(element("p", { class: "beyond lines" }, ...lines));
+  }
   if (model.beyond.length) {
     const list = model.beyond.map(({ name, value }) => `${name} (${formatQuantity(value, model.units)})`).join(", ");
     holder.append(element("p", { class: "beyond" }, `Too far away to be drawn: the limit of ${list}.`));
@@ -149,11 +153,6 @@ export function makeChart(figure, model) {
   function zoomed(u) {
     const { min, max } = u.scales.x;
     all.hidden = min <= whole[0] && max >= whole[1];
-    changed();
-  }
-
-  function changed() {
-    figure.classList.toggle("changed", !all.hidden || chosen.values !== null || model.methods.some((method) => !method.shown));
   }
 
   function refresh() {
@@ -172,7 +171,6 @@ export function makeChart(figure, model) {
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
     if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
-    changed();
   }
 
   /** Put the cursor at the time of the page. */

@@ -2,7 +2,7 @@
 
 import { unpackArray } from "./arrays.js";
 import { chosenLine } from "./chart_chosen.js";
-import { alike, formatQuantity, withUnits } from "./numbers.js";
+import { alike, formatError, formatQuantity, withUnits } from "./numbers.js";
 
 const numbersOf = (packed) => Array.from(unpackArray(packed).values, (v) => (Number.isNaN(v) ? null : v));
 
@@ -95,9 +95,12 @@ const alikeSizes = (sizes) =>
 
 const sizeOf = (values) => Math.max(0, ...values.map((v) => Math.abs(v ?? 0)).filter(Number.isFinite));
 
+const fixed = (v, decimals) => (v === null ? "–" : v.toFixed(decimals).replace("-", "−"));
+
 /** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
   const names = toldOf(model.methods);
+  const { decimals } = model;
   const told = names.map((name) =>
     model.methods.map(({ columns }) => columns.find((column) => column.name === name)?.values[index] ?? null),
   );
@@ -107,13 +110,19 @@ export function rowsAt(model, index) {
   const spreads = ends.map(([low = null, high = null], k) => told[0]?.[k] ?? (low === null || high === null ? 0 : (high - low) / 4));
   const banded = ends.some((pair) => pair.length > 0);
   const values = model.methods.map(({ lines }, k) => [lines[0].values[index], ...ends[k]]);
-  const sizes = alikeSizes(spreads.map((spread) => spread ?? 0));
+  const least = Math.min(...spreads.filter((spread) => spread > 0));
+  // what has no spread of its own has the digits of the others
+  const sizes = alikeSizes(spreads.map((spread) => spread || (Number.isFinite(least) ? least : 0)));
   const columns = told.map((column) => {
+    if (decimals !== undefined) return column.map((v) => fixed(v, decimals));
     const own = alikeSizes(column.map((v) => Math.abs(v ?? 0)));
     return column.map((v, k) => alike([v], own[k] / 10, sizeOf(column))[0]);
   });
   return model.methods.map((_, k) => {
-    const [value, ...pair] = alike(values[k], sizes[k], sizeOf(values.flat()));
+    const [value, ...pair] =
+      decimals !== undefined ? values[k].map((v) => fixed(v, decimals))
+      : model.digits ? values[k].map((v) => formatError(v))
+      : alike(values[k], sizes[k], sizeOf(values.flat()));
     const band = pair.length > 0 ? pair.join(" to ") : "–";
     return [value, ...columns.map((texts) => texts[k]), ...(banded ? [band] : [])];
   });
@@ -132,7 +141,7 @@ export function sentenceAt(model, index) {
   });
   const { values, shown, label } = model.chosen;
   if (values && shown) parts.push(`${label[0].toUpperCase()}${label.slice(1)}: ${formatQuantity(values[index], model.units, model.methods[0].columns[0].values[index])}`);
-  return `${model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index)}. ${parts.join(". ")}`;
+  return `${model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index)}: ${parts.join(". ")}`;
 }
 
 /** A cell of the head; no program takes it for a formula. */

@@ -65,6 +65,7 @@ def errors_data(results: Results) -> dict[str, Any] | None:
         data["methods"][-1] |= {"colours": list(PALE), "dash": [], "width": 1.0}
     worst = np.fmax.reduce([np.asarray(curve.values)[chosen] for curve in curves])
     return data | {
+        "digits": 2,
         "up": _logarithmic(found.ends),
         "limits": [_LIMIT],
         "start": int(np.nan_to_num(worst, nan=-1.0).argmax()),
@@ -153,6 +154,7 @@ def decay_data(results: Results, output: str) -> dict[str, Any] | None:
                 "units": "%",
                 "time": packed(np.arange(1.0, count + 1)),
                 "of": count,
+                "digits": 2,
                 "start": count - 1,
                 "across": {"name": across, "units": "", "told": "", "before": f"{word} ", "whole": True},
                 "methods": methods,

@@ -56,10 +56,14 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
         else:
             found[kind] = {"surrogate": data, **_statistics(part, [o["name"] for o in data["outputs"]])}
     names = {o["name"] for one in found.values() if one for o in one["surrogate"]["outputs"]}
-    known = [dict(one) for one in limits if one["output"] in names and one.get("end") in ("highest", "lowest")]
+    # outputs that are equal have the same limit
+    known: dict[object, dict[str, object]] = {}
+    for one in limits:
+        if one["output"] in names and one.get("end") in ("highest", "lowest"):
+            known.setdefault(one["requirement"], dict(one))
     said = answers(propagator_nodes(tree))
     meanings = {name: next(iter(one.values())).meaning for name, one in said.items() if name != ANY}
-    others = {name: meaning for name, meaning in meanings.items() if name not in {one["requirement"] for one in known}}
+    others = {name: meaning for name, meaning in meanings.items() if name not in known}
     margins = _margins(node, others)
     surrogates = [one["surrogate"] for one in (*found.values(), margins) if one]
     if not surrogates:
@@ -68,7 +72,7 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
     return {
         "method": label,
         **found,
-        "limits": known,
+        "limits": list(known.values()),
         "margins": margins,
         "missing": missing,
         "still": [name for name in others if name not in told],

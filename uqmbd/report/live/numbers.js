@@ -4,12 +4,13 @@ const SUPERSCRIPTS = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴"
 
 const superscript = (whole) => String(whole).replace(/./g, (c) => SUPERSCRIPTS[c]);
 const withMinus = (text) => text.replace("-", "−");
+const inPowers = (text) => withMinus(text.replace(/e([+-]\d+)$/, (_, power) => ` × 10${superscript(Number(power))}`));
 
 /**
- * Write a number for reading: four digits, or as many as show a hundredth of its spread; at most fourteen.
- * What is not a number is "–".
+ * Write a number for reading: four digits, or as many as show a hundredth of its spread; at most fourteen, and none of
+ * the last ones where they are `zeros`, unless these are wanted. What is not a number is "–".
  */
-export function formatNumber(value, spread = 0) {
+export function formatNumber(value, spread = 0, zeros = false) {
   if (value === null || Number.isNaN(value)) return "–";
   if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
   if (value === 0) return "0";
@@ -18,8 +19,8 @@ export function formatNumber(value, spread = 0) {
   const digits = Math.min(Math.max(4, wanted), 14);
   // where all digits mean something, larger numbers are plain, too
   if (exponent >= -3 && exponent < (digits > exponent ? 10 : 5)) return withMinus(String(Number(value.toPrecision(Math.max(digits, exponent + 1)))));
-  const [mantissa, power] = value.toExponential(digits - 1).split("e");
-  return `${withMinus(String(Number(mantissa)))} × 10${superscript(Number(power))}`;
+  const written = value.toExponential(digits - 1);
+  return inPowers(zeros ? written : written.replace(/\.?0*e/, "e"));
 }
 
 /**
@@ -32,7 +33,7 @@ export function alike(values, spread, most = 0) {
   const largest = Math.max(...known.map(Math.abs), spread || 0, most);
   if (!(spread > 0) || !(largest >= 1e-3 && largest < 1e10)) {
     const floor = 1e-4 * (spread || 0);
-    return values.map((v) => formatNumber(v !== null && Math.abs(v) < floor ? 0 : v, spread || 0));
+    return values.map((v) => formatNumber(v !== null && Math.abs(v) < floor ? 0 : v, spread || 0, spread > 0));
   }
   const places = Math.min(Math.max(2 - Math.floor(Math.log10(spread)), 0), 13 - Math.floor(Math.log10(largest)), 100);
   return values.map((v) => {
@@ -112,12 +113,21 @@ export function nearestIndex(times, time) {
   return time - times[low] <= times[high] - time ? low : high;
 }
 
-/** Write an error: two digits are enough. */
-export const formatError = (value, units) => formatQuantity(value === null ? NaN : Number(value.toPrecision(2)), units);
+/** Write an error: two digits are enough, and the second one is written where it is zero, too. */
+export function formatError(value, units = "") {
+  const known = value === null ? NaN : Number(value.toPrecision(2));
+  if (!Number.isFinite(known) || known === 0) return formatQuantity(known, units);
+  const exponent = Math.floor(Math.log10(Math.abs(known)));
+  const plain = exponent >= -3 && exponent < 5;
+  const text = plain ? withMinus(known.toFixed(Math.max(1 - exponent, 0))) : inPowers(known.toExponential(1));
+  return units === "" ? text : `${text} ${units}`;
+}
 
 /** A number as people and programs write it into a field, with the digits that mean something beside a spread. */
 export function plainNumber(value, spread = 0) {
   if (!Number.isFinite(value)) return "";
+  // a mean that is zero but for rounding
+  if (Math.abs(value) < 1e-12 * spread) return "0";
   const digits = spread > 0 && value !== 0 ? Math.ceil(Math.log10(Math.abs(value) / spread)) + 3 : 0;
   return String(Number(value.toPrecision(Math.min(Math.max(digits, 4), 14))));
 }

@@ -71,7 +71,8 @@ def difference_data(
             curves.append(Curve(label, data[statistic].values - base[statistic].values, (), "difference"))
     largest = max((np.nan_to_num(np.abs(np.asarray(c.values))) for c in curves[1:]), key=lambda off: off.max())
     what = {"mean": "mean", "std": "standard deviation"}[statistic]
-    return _chart(f"{output}: difference of the {what}", times, curves, _units(statistics), int(largest.argmax()))
+    name, axis = f"{output}: difference of the {what}", f"difference of the {what}"
+    return _chart(name, times, curves, _units(statistics), int(largest.argmax())) | {"axis": axis}
 
 
 def indices_data(found: Indices, output: str, most: int = 5) -> dict[str, Any] | None:
@@ -87,6 +88,7 @@ def indices_data(found: Indices, output: str, most: int = 5) -> dict[str, Any] |
     data, chosen = curves_data(f"share of the variance of {output}", found.times, curves, "1", told=[
         {"explains alone": found.first[k] + quiet} for k in named
     ])  # fmt: skip
+    data["decimals"] = 3
     data["start"] = int(np.nan_to_num(np.where(found.meaningful, found.std, -1.0)[chosen], nan=-1.0).argmax())
     return data
 

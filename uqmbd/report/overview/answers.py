@@ -111,7 +111,7 @@ def _picture(result: StudyResult, name: str) -> Content | None:
         found = [holder_of(part, name) for part in populations(result)]
         holders = {method.label: method.node for method in found if method is not None}
         limits = result.limits_of(name)
-        said = f"; dotted, the limit of {', '.join(limits)}" if limits else ""
+        said = "; dotted, what limits it" if limits else ""
 
         def draw() -> Figure:
             return figures.bands(holders, name, limits=limits)

@@ -14,7 +14,7 @@ from uqmbd.report.overview.trusted import trusted_labels
 from uqmbd.report.view import StudyResult
 from uqmbd.status import Status
 from uqmbd.typing import Array
-from uqmbd.wording import format_share
+from uqmbd.wording import format_share, minus
 
 __all__ = ["Influences", "of_history", "of_requirement", "of_scalar"]
 
@@ -23,6 +23,9 @@ LEAST = 0.005
 
 SAMPLES = 4
 """Samples for each input that effects of a regression need."""
+
+DEPENDENT = 0.3
+"""Correlation of two inputs from which on a regression does not tell their effects apart."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +42,28 @@ class Influences:
         What the numbers are, in words.
     signed : bool
         Whether they are effects, of which a negative one lowers the quantity.
+    correlations : bool
+        Whether they are correlations, which are no shares of anything.
     """
 
     names: tuple[str, ...]
     shares: tuple[float, ...]
     kind: str
     signed: bool = False
+    correlations: bool = False
 
     @property
     def words(self) -> str:
         """The largest, for a table."""
         if not self.names or not math.isfinite(self.shares[0]):
             return ""
-        return f"{self.names[0]} ({self.written(0)})"
+        return f"{self.names[0]} ({'correlation ' if self.correlations else ''}{self.written(0)})"
 
     def written(self, k: int) -> str:
-        """Write a number: an effect with its sign in shares of the standard deviation."""
+        """Write a number: an effect with its sign in shares of the standard deviation, a correlation as a number."""
         share = self.shares[k]
+        if self.correlations:
+            return minus(f"{share:+.2f}")
         text = format_share(abs(share))
         return f"{'−' if share < 0 else '+'}{text}" if self.signed and text != "0 %" else text
 
@@ -136,7 +144,12 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences |
         if response.ndim > 1:
             at = int(np.nan_to_num(inner.of(name)["std"].values, nan=-1.0).argmax())
             response, when = response[:, at], f" at {float(samples['time'][at]):.4g} s"
-        effects, explained = _regression(np.asarray(samples["inputs"].values, dtype=float), response)
+        values = np.asarray(samples["inputs"].values, dtype=float)
+        if _dependent(values) and np.ptp(response) > 0:
+            kind = f"Correlations{when} by {label}, whose inputs depend on one another: + raises, − lowers."
+            found = _standard(values).T @ _standard(response) / count
+            return _sorted(samples["input"].values, found, kind, signed=True, correlations=True)
+        effects, explained = _regression(values, response)
         if not np.isfinite(effects).all() or not np.ptp(response) > 0:
             return None
         kind = (
@@ -147,17 +160,29 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences |
     return None
 
 
+def _dependent(inputs: Array) -> bool:
+    """Tell whether effects of inputs (K, input) cannot be told apart: two of them are correlated, not by chance."""
+    x = _standard(inputs)
+    return bool((np.abs(np.triu(x.T @ x / len(x), 1)) > max(DEPENDENT, 4 / math.sqrt(len(x)))).any())
+
+
+def _standard(values: Array) -> Array:
+    """Return values (K, ...) less their means, over their standard deviations; zeros where these are none."""
+    scale = values.std(axis=0)
+    return np.asarray((values - values.mean(axis=0)) / np.where(scale > 0, scale, 1.0))
+
+
 def _regression(inputs: Array, response: Array) -> tuple[Array, float]:
     """Return standardised coefficients, and the share of the variance that they explain."""
-    scale = inputs.std(axis=0)
-    x = (inputs - inputs.mean(axis=0)) / np.where(scale > 0, scale, 1.0)
-    spread = float(response.std())
-    y = (response - response.mean()) / (spread or 1.0)
-    effects = np.linalg.lstsq(x, y, rcond=None)[0]
+    x, y = _standard(inputs), _standard(response)
+    effects = np.asarray(np.linalg.lstsq(x, y, rcond=None)[0], dtype=float)
     return effects, float(np.clip(1 - np.mean((y - x @ effects) ** 2), 0.0, 1.0))
 
 
-def _sorted(names: Iterable[object], shares: Array, kind: str, *, signed: bool = False) -> Influences:
+def _sorted(
+    names: Iterable[object], shares: Array, kind: str, *, signed: bool = False, correlations: bool = False
+) -> Influences:
     known = [str(name) for name in names]
     order = sorted(range(len(shares)), key=lambda k: (-abs(shares[k]), k))
-    return Influences(tuple(known[k] for k in order), tuple(float(shares[k]) for k in order), kind, signed)
+    numbers = tuple(float(shares[k]) for k in order)
+    return Influences(tuple(known[k] for k in order), numbers, kind, signed, correlations)

@@ -21,12 +21,12 @@ def _rows(result: StudyResult) -> Content:
     rows = [
         {
             "requirement": name,
-            "meaning": one.meaning if k == 0 else "",
+            "meaning": one.meaning,
             "method": one.method,
             "words": one.words,
         }
         for name, by_method in found.items()
-        for k, one in enumerate(by_method.values())
+        for one in by_method.values()
     ]
     return {"rows": rows, "differing": [f"{sentence}." for sentence in differing(result.nodes)]}
 

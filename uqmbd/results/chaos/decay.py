@@ -157,11 +157,11 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
         return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
-    since = f"below {format_percent(limit)} of the standard deviation until {times[first]:g} s"
+    since = f"below {100 * limit:g} % of the standard deviation until {times[first]:g} s"
     if first == 0:
-        since = f"above {format_percent(limit)} of the standard deviation from {times[0]:g} s on"
+        since = f"above {100 * limit:g} % of the standard deviation from {times[0]:g} s on"
         if not np.all(error > limit):
-            since = f"above {format_percent(limit)} of the standard deviation already at {times[0]:g} s"
+            since = f"above {100 * limit:g} % of the standard deviation already at {times[0]:g} s"
     return f"{since}, {format_percent(float(error[worst]))} at {times[worst]:g} s"
 
 

@@ -35,10 +35,11 @@ ROUNDING = 1e-9
 def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> str:
     """Choose the method to compare the others with: the most converged one that can say so.
 
-    Methods whose results end before the last time come last. First come samples that tell the standard deviation to
-    within 15 %, for their standard errors hold whatever the mechanism; then surrogates whose stated error is below
-    10 %; then others that state an error; then those that state none. Among equals the one of the least own error, the
-    one with the most successful realisations, and the one that was given first.
+    Methods whose results end before the last time come last, and before them those in which an output has no spread
+    that others give one, such as a chaos of order 0. First come samples that tell the standard deviation to within
+    15 %, for their standard errors hold whatever the mechanism; then surrogates whose stated error is below 10 %; then
+    others that state an error; then those that state none. Among equals the one of the least own error, the one with
+    the most successful realisations, and the one that was given first.
 
     Parameters
     ----------
@@ -67,9 +68,14 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> 
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; there is none.")
 
-    def trust(label: str) -> tuple[bool, int, float, int]:
+    own = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
+    names = {label: node.children["statistics"].to_dataset()["output"].values.tolist() for label, node in nodes.items()}
+    spread = {name for label in nodes for name, varies in zip(names[label], own[label].varies, strict=True) if varies}
+
+    def trust(label: str) -> tuple[bool, bool, int, float, int]:
         node = nodes[label]
-        found, times = own_error(node, max(rtol, rtol_of(node))), _times(node.children["statistics"].to_dataset())
+        found, times = own[label], _times(node.children["statistics"].to_dataset())
+        sees = all(varies for name, varies in zip(names[label], found.varies, strict=True) if name in spread)
         fine = np.asarray((np.isfinite(found.std) & np.isfinite(found.mean)).all(axis=0))
         whole = bool(fine.all())
         error = float(found.isel(fine).relative(times[fine]).max(initial=0.0)) if fine.any() else np.inf
@@ -77,7 +83,7 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> 
         good = states and error <= ROUGH if found.samples else bool((found.stated <= COARSE).all())
         rank = (3 if found.samples else 2) if good else int(states)
         count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
-        return whole, rank, -error, count
+        return whole, sees, rank, -error, count
 
     return max(nodes, key=trust)
 

@@ -252,20 +252,20 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
 
 
 def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:
-    """Return the highest order of a surrogate, and the part of the standard deviation in its highest terms (O,).
+    """Return the order of a surrogate, and the part of the standard deviation in its terms of the highest degree (O,).
 
-    That part is known of expansions at equal times.
+    The order is the largest degree of any input, as it is asked for. That part is known of expansions at equal times.
     """
     orders, top = [], np.full(outputs, np.nan)
     for part in stored_surrogates(node):
         if "multi_index" not in part.data or part.data["multi_index"].dims != ("term", "input"):
             continue
         degree = part.data["multi_index"].values.sum(axis=1)
-        orders.append(int(degree.max()))
+        orders.append(int(part.data["multi_index"].values.max(initial=0)))
         if part.equal_times:
             square = part.data["coefficients"].values.reshape(len(degree), len(part.rows), -1) ** 2
             whole = square[degree > 0].sum(axis=(0, 2))
-            highest = square[degree == max(orders[-1], 1)].sum(axis=(0, 2))
+            highest = square[degree == max(degree.max(), 1)].sum(axis=(0, 2))
             top[part.rows] = np.sqrt(np.where(whole > 0, highest / divisor(whole), 0.0))
     return max(orders, default=None), top
 
