@@ -13,6 +13,7 @@ __all__ = [
     "RedundantConstraintWarning",
     "StudyError",
     "StudyWarning",
+    "UnitsWarning",
     "UnusedInputWarning",
     "UqmbdError",
 ]
@@ -48,6 +49,10 @@ class RedundantConstraintWarning(UserWarning):
 
 class StudyWarning(UserWarning):
     """Something that may be meant, and often is not; it is stored in the results as well (attribute ``warnings``)."""
+
+
+class UnitsWarning(StudyWarning):
+    """Units are spelt in another way than here, or do not fit what they are of (``docs/how-to/units.md``)."""
 
 
 class UnusedInputWarning(UserWarning):

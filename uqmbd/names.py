@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
+from uqmbd.units import advice_on, warn
 
 __all__ = [
     "ANY",
@@ -156,7 +157,7 @@ def check_label(label: object) -> str:
 
 
 def check_units(units: object, where: str) -> str:
-    """Return units if they are a text, else raise.
+    """Return units if they are a text, else raise; warn where they are spelt in another way than here.
 
     Parameters
     ----------
@@ -170,6 +171,11 @@ def check_units(units: object, where: str) -> str:
     uqmbd.StudyError
         If they are no text, or contain a control character.
 
+    Warns
+    -----
+    uqmbd.UnitsWarning
+        If they are no units, or are to be written in another way.
+
     Examples
     --------
     >>> check_units("kg m^2", "output 'inertia'")
@@ -179,6 +185,8 @@ def check_units(units: object, where: str) -> str:
         raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
     if mark := unwritable(units):
         raise StudyError(f"{where}: units is {units!r}; units cannot contain {mark}.")
+    if advice := advice_on(units):
+        warn(f"{where}: units is {units!r}{',' if advice.startswith('which') else ';'} {advice}.")
     return units
 
 

@@ -60,7 +60,7 @@ PLACES: Mapping[str, tuple[Any, ...]] = {
     "second": ("none", "torque", "driver"),
     "contact": ("none", "hertz", "hunt-crossley", "own", "other"),
     "output": ("x", "y"),
-    "units": ("m", "mm"),
+    "units": ("m", "N"),
     "recorded": ("position", "velocity", "reaction", "angle", "energy"),
     "turns": (False, True),
     "start": (None, 0.1, 0.2),
@@ -106,9 +106,9 @@ def machine(spec: Mapping[str, Any], *, otherwise: bool = False) -> uqmbd.Mechan
         m.add(PlaneContact("stop", m.ground, bob, (3, 0), (0, 0), (-1, 0), radius=0.1, law=law))
     observed = {
         "position": bob.position[0] * s["factor"],
-        "velocity": bob.velocity[0],
-        "reaction": pivot.reaction_force[0],
-        "angle": crank.angle + crank.angular_velocity,
+        "velocity": 1.0 * bob.velocity[0],
+        "reaction": 1.0 * pivot.reaction_force[0],
+        "angle": 1.0 * crank.angle + 1.0 * crank.angular_velocity,
         "energy": k * bob.position[0],
     }
     m.output(s["output"], observed[s["recorded"]], units=s["units"])

@@ -162,8 +162,14 @@ def test_zero_mass_and_inertia_are_numbers(plane):
 
 
 def test_every_number_may_be_random(plane):
-    parts = {"mass": LENGTH, "inertia": LENGTH**3, "com": (LENGTH, 0), "position": (0, LENGTH), "angle": LENGTH / 2}
-    plane.body("crank", **parts, velocity=(LENGTH, 0), angular_velocity=LENGTH)
+    parts = {
+        "mass": 1.0 * LENGTH,
+        "inertia": 1.0 * LENGTH**3,
+        "com": (LENGTH, 0),
+        "position": (0, LENGTH),
+        "angle": LENGTH / 2,
+    }
+    plane.body("crank", **parts, velocity=(1.0 * LENGTH, 0), angular_velocity=1.0 * LENGTH)
     assert plane.inputs.names == ("length",)
 
 

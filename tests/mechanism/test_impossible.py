@@ -226,7 +226,7 @@ def pin(mechanism, ball, **given):
     ("make", "words"),
     [
         (lambda m, b, v: pin(m, b, point_i=(v, 0)), "'pin': point_i, which contains ball.x', enters the constraint 'point'"),
-        (lambda m, b, v: pin(m, b, point_j=(0, 1 + b.angular_velocity)), "point_j, which contains ball.angular_velocity,"),
+        (lambda m, b, v: pin(m, b, point_j=(0, 1 + 1.0 * b.angular_velocity)), "point_j, which contains ball.angular_velocity,"),
         (lambda m, b, v: Distance("d", m.ground, b, (0, 0), (0, 0), 1 + v), "length, which contains ball.x', enters the"),
         (lambda m, b, v: PositionDriver("p", m.ground, b, (0, 0), (0, 0), (1, 0), v * uqmbd.t), "displacement, which"),
         (lambda m, b, v: SpringDamper("s", m.ground, b, (0, 0), (0, 0), 9, free_length=v), "free_length, .* a potential"),
@@ -236,15 +236,17 @@ def pin(mechanism, ball, **given):
 def test_a_velocity_in_a_constraint_is_refused_where_it_is_given(make, words):
     mechanism, ball = body_on_ground()
     with pytest.raises(uqmbd.StudyError, match=words):
-        mechanism.add(make(mechanism, ball, ball.velocity[0]))
+        mechanism.add(make(mechanism, ball, 1.0 * ball.velocity[0]))
     assert not mechanism.components
 
 
 def test_a_velocity_in_a_force_and_a_position_in_a_point_are_welcome():
     mechanism, ball = body_on_ground()
-    drag = -ball.velocity[0] * sympy.Abs(ball.velocity[0])
+    drag = -1.0 * ball.velocity[0] * sympy.Abs(ball.velocity[0])
     mechanism.add(PointForce("drag", ball, (ball.velocity[0] / 100, 0), (drag, 0)))
-    mechanism.add(SpringDamper("damper", mechanism.ground, ball, (0, 0), (0, 0), 0, damping=1 + ball.velocity[1] ** 2))
+    mechanism.add(
+        SpringDamper("damper", mechanism.ground, ball, (0, 0), (0, 0), 0, damping=1 + 1.0 * ball.velocity[1] ** 2)
+    )
     other = mechanism.body("other", mass=1, inertia=1)
     mechanism.add(Revolute("cam", mechanism.ground, other, (ball.position[0], uqmbd.t), (0, 0)))
     mechanism.output("x", ball.position[0])

@@ -110,7 +110,7 @@ def test_inputs_of_outputs_count(machine):
 
 def test_two_random_variables_of_one_name(plane):
     other = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.1))
-    plane.body("crank", mass=LENGTH, inertia=other)
+    plane.body("crank", mass=1.0 * LENGTH, inertia=other)
     with pytest.raises(uqmbd.StudyError) as caught:
         _ = plane.inputs
     assert "'length' exists twice" in str(caught.value) and "Normal(mu=1, sigma=0.1)" in str(caught.value)

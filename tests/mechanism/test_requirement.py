@@ -20,7 +20,7 @@ def oscillator():
 
 def test_margins_are_positive_where_relations_hold():
     mechanism, mass, k = oscillator()
-    x = mass.position[0]
+    x, k = mass.position[0], 1.0 * k
     relations = {"le": x <= k, "ge": x >= k, "lt": x < k, "gt": x > k, "turned": k >= x}
     for name, relation in relations.items():
         mechanism.require(name, relation)

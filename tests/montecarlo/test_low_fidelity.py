@@ -314,9 +314,9 @@ def test_control_that_does_not_fit_is_explained(curved: uqmbd.Study, control: uq
 def test_outputs_of_another_kind_are_refused() -> None:
     other = pendulum(1e-6)
     mechanism = uqmbd.Mechanism("turned", uqmbd.Translational(gravity=(0, 0)))
-    stone = mechanism.body("stone", mass=1, velocity=(variable("length", chaospy.Normal(1, 0.1), "m"), 0))
+    stone = mechanism.body("stone", mass=1, velocity=(1.0 * variable("length", chaospy.Normal(1, 0.1), "m"), 0))
     mechanism.output("lowest", stone.position[0], units="m")
-    mechanism.output("angle", uqmbd.maximum(stone.position[0]), units="rad")
+    mechanism.output("angle", uqmbd.maximum(stone.position[0]), units="m")
     control = uqmbd.Study("turned", mechanism, other.times)
     with pytest.raises(
         uqmbd.StudyError, match="output 'angle' of its control, .* another kind; expected one over time"

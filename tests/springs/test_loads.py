@@ -99,7 +99,7 @@ def test_force_may_depend_on_another_body(close):
     mechanism, body, d = moving_body("planar")
     mechanism.add(PointForce("drag", body, (0, 0), [-0.8 * body.velocity[0], 0]))
     other = mechanism.body("other", mass=5, inertia=1)
-    mechanism.add(PointForce("push", other, (0, 0), [body.velocity[0], 0]))
+    mechanism.add(PointForce("push", other, (0, 0), [1.0 * body.velocity[0], 0]))
     mechanism.output("x2", other.position[0])
     times = np.linspace(0, 6, 25)
     exact = 3 / 5 * (times / 0.4 - (1 - np.exp(-0.4 * times)) / 0.16)

@@ -25,6 +25,10 @@ from uqmbd.randomness import Symbol, Symbolic
 __all__ = ["Body", "Ground", "StateSymbol"]
 
 
+UNITS = {"q": "m", "v": "m/s", "a": "m/s^2"}
+"""Units of places, and their rates; quaternions have none, as lengths stand before them that may be 1 m."""
+
+
 class StateSymbol(Symbolic, Symbol):
     """A coordinate, rate or acceleration of a body in output expressions."""
 
@@ -32,10 +36,11 @@ class StateSymbol(Symbolic, Symbol):
     quantity: str
     index: int
 
-    def __new__(cls, owner: Any, quantity: str, index: int, name: str) -> StateSymbol:
+    def __new__(cls, owner: Any, quantity: str, index: int, name: str, units: str = "") -> StateSymbol:
         """Name it, and remember what it stands for."""
         self: StateSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.quantity, self.index = owner, quantity, index
+        self.units = units
         return self
 
     def __init__(self, *args: Any) -> None:
@@ -91,7 +96,10 @@ class Body(NamedFrame):
         self.drafts: dict[str, str] = {}  # components that touch it and were not given to `Mechanism.add`: their kinds
         marks = {"q": "", "v": "'", "a": "''"}
         symbols = {
-            kind: [StateSymbol(self, kind, i, f"{name}.{c}{mark}") for i, c in enumerate(space.coordinates)]
+            kind: [
+                StateSymbol(self, kind, i, f"{name}.{c}{mark}", UNITS[kind] if i < space.dimension else "")
+                for i, c in enumerate(space.coordinates)
+            ]
             for kind, mark in marks.items()
         }
         super().__init__(space, symbols["q"], symbols["v"], symbols["a"])
@@ -112,14 +120,14 @@ class Body(NamedFrame):
     def angular_velocity(self) -> Any:
         """Angular velocity, rad/s, world axes; in the plane a scalar."""
         if self.space.dimension == 2 and self.space.turns:
-            return PlaneScalar(self, "angular_velocity", 0, f"{self.name}.angular_velocity")
+            return PlaneScalar(self, "angular_velocity", 0, f"{self.name}.angular_velocity", "rad/s")
         return super().angular_velocity
 
     @property
     def angular_acceleration(self) -> Any:
         """Angular acceleration, rad/s^2, world axes; in the plane a scalar."""
         if self.space.dimension == 2 and self.space.turns:
-            return PlaneScalar(self, "angular_acceleration", 0, f"{self.name}.angular_acceleration")
+            return PlaneScalar(self, "angular_acceleration", 0, f"{self.name}.angular_acceleration", "rad/s^2")
         return super().angular_acceleration
 
     def expand(self, symbol: StateSymbol) -> sympy.Expr:

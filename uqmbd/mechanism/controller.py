@@ -37,6 +37,7 @@ class HeldSymbol(Symbolic, Symbol):
         """Name it, and remember what it stands for."""
         self: HeldSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.index = owner, index
+        self.units = dict(enumerate(owner.commands.values())).get(index, "")
         return self
 
     def __init__(self, *args: Any) -> None:

@@ -11,7 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.expressions import check_dimensions, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 
 __all__ = ["inertia_entries", "is_tensor_of_body", "mass_number", "orientation"]
@@ -144,7 +144,9 @@ def orientation(
     if not space.turns:
         return ()
     if space.dimension == 2:
-        half = numbers(where, "angle", 0 if angle is None else angle, 1, "rad")[0] / 2
+        turn = numbers(where, "angle", 0 if angle is None else angle, 1, "rad")[0]
+        check_dimensions(f"{where}: angle", turn, "rad")
+        half = turn / 2
         if half.is_number:
             return (sympy.Float(math.cos(float(half))), sympy.Float(math.sin(float(half))))
         return (sympy.cos(half), sympy.sin(half))

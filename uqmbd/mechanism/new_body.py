@@ -10,7 +10,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Pose
 from uqmbd.mechanism.components import settle
-from uqmbd.mechanism.expressions import numbers, shown
+from uqmbd.mechanism.expressions import check_dimensions, numbers, shown
 from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
 from uqmbd.mechanism.scope import Described, require_known
 
@@ -50,19 +50,22 @@ def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: A
     angle = stated["angle"]
     turned = orientation(where, space, angle, stated["quaternion"], stated["rotation"])
 
-    def vector(key: str, size: int, hint: str, default: Any = None) -> tuple[sympy.Expr, ...] | None:
+    def vector(key: str, size: int, hint: str, units: str, default: Any = None) -> tuple[sympy.Expr, ...] | None:
         value = default if stated[key] is None else stated[key]
-        return None if value is None else tuple(numbers(where, key, value, size, hint))
+        found = () if value is None else tuple(numbers(where, key, value, size, f"{hint}, {units}"))
+        for entry in found:
+            check_dimensions(f"{where}: {key}", entry, units)
+        return None if value is None else found
 
     origin = (0,) * d
     pose = Pose(
-        q=(*(vector("position", d, "world axes, m", origin) or ()), *turned),
-        velocity=vector("velocity", d, "world axes, m/s"),
-        angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes, rad/s"),
+        q=(*(vector("position", d, "world axes", "m", origin) or ()), *turned),
+        velocity=vector("velocity", d, "world axes", "m/s"),
+        angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes", "rad/s"),
         hold=hold,
         angle=sympy.sympify(0 if angle is None else angle),
     )
-    centre = vector("com", d, "centre of mass, body frame, m", origin)
+    centre = vector("com", d, "centre of mass, body frame", "m", origin)
     terms = BodyTerms(name, mechanism.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
     body = Body(name, space, terms, pose)
     terms.attached = {"body": body}

@@ -9,10 +9,10 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
-from uqmbd.mechanism.expressions import check_scalar, flatten, is_scalar, numbers, shown
+from uqmbd.mechanism.expressions import check_dimensions, check_scalar, flatten, is_scalar, numbers, shown
 from uqmbd.mechanism.geometry import Frame
 from uqmbd.mechanism.output import TURNS, Output
-from uqmbd.mechanism.scope import Described, require_known
+from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 from uqmbd.names import check_name, check_units, did_you_mean
 
 __all__ = ["output_of", "recorded"]
@@ -30,16 +30,18 @@ def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, a
             "Use a body's position, velocity, a reaction, ..."
         )
     require_known(mechanism, where, value, "output")
-    units = check_units(units, where)
     if not isinstance(angle, bool):
         raise StudyError(f"{where}: angle is {shown(angle)}; expected True or False.")
-    if angle and units not in TURNS:
+    if angle and not (isinstance(units, str) and units in TURNS):
         raise StudyError(
             f"{where}: it is declared an angle, and its units are {units!r}; expected 'rad' or 'deg', which say "
             "how long a turn is. State the units, or leave angle=True out."
         )
+    units = check_units(units, where)
     if is_scalar(value):
         check_scalar(where, value)
+    check_dimensions(where, value, units, unseen_numbers(mechanism))
+    if is_scalar(value):
         if angle:
             raise StudyError(f"{where}: it has no time over which to unwrap an angle; leave angle=True out.")
         if over is not None:

@@ -15,6 +15,7 @@ from uqmbd.mechanism.expressions import (
     Minimum,
     MotionSymbol,
     Summary,
+    check_dimensions,
     check_scalar,
     is_scalar,
     random_variables,
@@ -22,7 +23,7 @@ from uqmbd.mechanism.expressions import (
 )
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.recorded import recorded
-from uqmbd.mechanism.scope import Described, require_known
+from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 from uqmbd.names import ANY, check_name
 
 __all__ = ["Requirement", "requirement_of"]
@@ -83,6 +84,7 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
     if is_scalar(value):
         check_scalar(where, value)
+    check_dimensions(where, value, unseen=unseen_numbers(mechanism))
     late = bool(value.atoms(Summary, MotionSymbol))
     return Requirement(name, description, str(relation), not timeless, late, _bounds(value)), Output(name, value, "")
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, Protocol
 
 import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, Ground, StateSymbol
-from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol
+from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol, unseen_in
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.output import Output
 from uqmbd.randomness import RandomVariable
+from uqmbd.units import Dimension
 
 __all__ = [
     "Described",
@@ -24,6 +25,7 @@ __all__ = [
     "require_free",
     "require_known",
     "require_measured",
+    "unseen_numbers",
 ]
 
 Scope = Literal["number", "law", "start", "output"]
@@ -100,6 +102,11 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         elif symbol != t:
             raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)
+
+
+def unseen_numbers(mechanism: Described) -> Callable[[], set[Dimension]]:
+    """Return what returns the dimensions of the numbers of a mechanism that are 1; see `check_dimensions`."""
+    return unseen_in([*(body.terms for body in mechanism.bodies.values()), *mechanism.components.values()])
 
 
 def require_component(mechanism: Described, given: Any) -> Component:

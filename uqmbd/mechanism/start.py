@@ -10,10 +10,10 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
-from uqmbd.mechanism.expressions import flatten, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown
 from uqmbd.mechanism.holonomic import RATES
 from uqmbd.mechanism.recorded import recorded
-from uqmbd.mechanism.scope import Described, require_known
+from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 
 __all__ = ["StartCondition", "start_condition"]
 
@@ -62,6 +62,7 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
             )
         require_known(mechanism, where, side, "start")
     residual = left - right
+    check_dimensions(where, residual, unseen=unseen_numbers(mechanism))
     states = {s for s in residual.free_symbols if isinstance(s, sympy.Symbol) and not random_variables(s)}
     rates = [s for s in states if _is_rate(s)]
     if not any(isinstance(s, (StateSymbol, AngleSymbol)) for s in states):

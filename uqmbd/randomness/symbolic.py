@@ -76,6 +76,9 @@ class Symbolic:
 
     __slots__ = ()
 
+    units = ""
+    """Units of what it stands for; empty: unknown."""
+
 
 for _name, _function in _WRITTEN.items():
     setattr(Symbolic, _name, _refusal(_name, _function))

@@ -49,7 +49,9 @@ class RandomVariable(Symbolic, Symbol):
         Its distribution, of one dimension: of chaospy, a frozen one of ``scipy.stats`` or one of its newer
         infrastructure, or one of OpenTURNS.  The attribute of this name is a distribution of chaospy in any case.
     units : str
-        Its units, for people; nothing is converted.  Left out, they are those of a size of `uqmbd.iso286`.
+        Its units, as ``m``, ``N m`` or ``1`` for a pure number: they are checked where the variable is used
+        (``docs/how-to/units.md``), and nothing is converted.  Left out, they are those of a size of `uqmbd.iso286`,
+        else any.
 
     Raises
     ------

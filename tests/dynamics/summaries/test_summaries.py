@@ -322,10 +322,12 @@ def test_what_is_not_finite_before_is_not_censored():
     """A logarithm that is none at first, in a body that moves evenly: nothing is known of when it is reached."""
     mechanism = uqmbd.Mechanism("free", uqmbd.Translational())
     x = mechanism.body("body", mass=1, position=(1, 0), velocity=(1, 0)).position[0]
-    mechanism.output("before", uqmbd.first_time(-sympy.log(3 - x) >= 0), units="s")  # at x = 2, undefined from 3 on
+    mechanism.output(
+        "before", uqmbd.first_time(-sympy.log(3.0 - 1.0 * x) >= 0), units="s"
+    )  # at x = 2, undefined from 3 on
     got = found(mechanism, [0, 10])
     assert got.status[0] == 0 and got.values[0, 0] == pytest.approx(1, abs=1e-6)
-    mechanism.output("unknown", uqmbd.first_time(sympy.log(x - 3) >= 0), units="s")
+    mechanism.output("unknown", uqmbd.first_time(sympy.log(1.0 * x - 3) >= 0), units="s")
     got = found(mechanism, [0, 10])
     assert got.status[0] != 0 and not got.censored.any()
     assert "'unknown' is not finite" in got.messages[0]

@@ -152,7 +152,7 @@ def test_bodies_and_grounds_of_other_mechanisms(plane):
     rod, stranger = plane.bodies["rod"], other.body("rod", mass=1, inertia=1)
     refused(lambda: plane.add(Distance("D", plane.ground, stranger, (0, 0), (0, 0), 1)), "of another mechanism")
     refused(lambda: plane.add(Distance("D", other.ground, rod, (0, 0), (0, 0), 1)), "ground of another mechanism")
-    force = (stranger.velocity[0], 0)
+    force = (1.0 * stranger.velocity[0], 0)
     refused(lambda: plane.add(PointForce("F", rod, (0, 0), force)), "body 'rod' is not in mechanism 'machine'")
 
 
@@ -181,7 +181,7 @@ def test_add_returns_the_component_with_its_values(plane):
 
 def test_values_in_states_and_time_are_laws(plane):
     rod = plane.bodies["rod"]
-    law = (-3 * rod.velocity[0] + sympy.sin(uqmbd.t), LENGTH * rod.angular_velocity)
+    law = (-3 * rod.velocity[0] + sympy.sin(uqmbd.t), 1.0 * LENGTH * rod.angular_velocity)
     assert plane.add(PointForce("F", rod, (0, 0), law)).force == law
 
 

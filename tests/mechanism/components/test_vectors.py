@@ -94,4 +94,6 @@ def test_a_vector_is_no_output_and_no_force_of_a_law():
         with pytest.raises(uqmbd.StudyError, match="has [34] components; record them one by one"):
             mechanism.output("vector", vector)
     with pytest.raises(uqmbd.StudyError, match=r"depends on weld.reaction_force\[0\]"):
-        mechanism.add(Revolute("other", mechanism.ground, body, weld.reaction_force, (0, 0, 0), (0, 0, 1), (0, 0, 1)))
+        mechanism.add(
+            Revolute("other", mechanism.ground, body, 1.0 * weld.reaction_force, (0, 0, 0), (0, 0, 1), (0, 0, 1))
+        )

@@ -133,6 +133,7 @@ def every_function():
     return found
 
 
+@pytest.mark.filterwarnings("ignore::uqmbd.UnitsWarning")  # a place is taken for a number
 @pytest.mark.parametrize(("function", "count"), every_function().values(), ids=every_function())
 def test_every_function_of_sympy_is_computed_or_refused_by_name(function, count):
     """The oracle is SymPy itself, at the same number."""

@@ -174,7 +174,7 @@ def test_methods_share_a_budget_and_one_that_fails_costs_only_itself():
             raise uqmbd.IntegrationError("broken: as ever.")
 
     executor = Counting()
-    study = fall(Broken(), Collocation(), Galerkin(), MonteCarlo(seed=1), of=lambda x: x**3)
+    study = fall(Broken(), Collocation(), Galerkin(), MonteCarlo(seed=1), of=lambda x: 1.0 * x**3)
     outcome = within(study, executor, budget=Amount(realisations=2000), accuracy=0.01)
     assert [node.name for node in outcome.nodes] == ["collocation", "galerkin", "monte-carlo"]
     assert list(outcome.errors) == ["broken"]
@@ -242,7 +242,9 @@ def test_reliability_ends_at_the_accuracy_of_the_probability():
 
 def test_one_that_ends_by_itself_does_not_take_what_the_others_need():
     """In a budget of realisations it needs no pilot; its part is what the others leave it."""
-    study = fall(Reliability(seed=1), MonteCarlo(seed=1), Collocation(), of=lambda x: x**2, require=MEAN + 3 * STD)
+    study = fall(
+        Reliability(seed=1), MonteCarlo(seed=1), Collocation(), of=lambda x: 1.0 * x**2, require=MEAN + 3 * STD
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tree = study.run(budget=4000, accuracy=0.1)

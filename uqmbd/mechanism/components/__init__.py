@@ -27,6 +27,7 @@ from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.typed import TypedComponent
+from uqmbd.mechanism.components.unseen import unseen_in
 from uqmbd.mechanism.components.user_law import law_at, law_values
 
 __all__ = [
@@ -61,4 +62,5 @@ __all__ = [
     "settle",
     "told_by",
     "stated_in_bodies",
+    "unseen_in",
 ]

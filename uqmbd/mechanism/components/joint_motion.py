@@ -210,7 +210,7 @@ class AngleSymbol(Symbolic, Symbol):
     def __new__(cls, owner: Any, name: str, angle: JointAngle) -> AngleSymbol:
         """Name it, and remember what it stands for."""
         self: AngleSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
-        self.owner, self.angle = owner, angle
+        self.owner, self.angle, self.units = owner, angle, "rad"
         return self
 
     def __init__(self, *args: Any) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.component import Component, Parameter
+from uqmbd.mechanism.components.unseen import unseen_in
 from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
-from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.expressions import check_dimensions, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 from uqmbd.randomness import RandomVariable
+from uqmbd.units import Dimension
 
 __all__ = ["settle", "stated_in_bodies"]
 
@@ -39,6 +42,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
         If a parameter is missing, or its value is not what the declaration says.
     """
     given = localised(where, component, space)
+    unseen = unseen_in([component, *_holders(component)])
     for key, parameter in component.parameters().items():
         left_out = parameter.kind == "turning_axis" and parameter.size(space) == 0
         if key not in given and parameter.required and not left_out:
@@ -51,7 +55,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
             )
         value = given.get(key, None if parameter.required else parameter.default)
         try:
-            component.values[key] = _value(where, key, parameter, value, space, stated=key in given)
+            component.values[key] = _value(where, key, parameter, value, space, unseen, stated=key in given)
         except StudyError as error:
             # helpers on axes and rotations do not know whom they work for
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
@@ -83,7 +87,16 @@ def stated_in_bodies(component: Component, key: str) -> None:
         del component.world_pose[word]
 
 
-def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space, *, stated: bool) -> Any:
+def _value(
+    where: str,
+    key: str,
+    parameter: Parameter,
+    value: Any,
+    space: Space,
+    unseen: Callable[[], set[Dimension]],
+    *,
+    stated: bool,
+) -> Any:
     size = parameter.size(space)
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     if stated and not parameter.fits(space) and not (isinstance(value, (int, float)) and value == parameter.default):
@@ -108,6 +121,9 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
     if parameter.kind == "rotation":
         return _rotation(where, key, value, space, hint)
     entries = numbers(where, key, value, size if parameter.kind != "numbers" else len(flatten(value)), hint)
+    if parameter.kind not in ("axis", "turning_axis"):
+        for entry in entries:
+            check_dimensions(f"{where}: {key}", entry, parameter.units, unseen)
     if parameter.ranged:
         _require_range(f"{where}: {key}", parameter, entries, hint)
     if parameter.kind in ("axis", "turning_axis"):
@@ -137,7 +153,9 @@ def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tupl
         )
     parts = flatten(value)
     if space.dimension == 2:
-        half = numbers(where, key, value, 1, f"{hint}: the angle in rad")[0] / 2
+        angle = numbers(where, key, value, 1, f"{hint}: the angle in rad")[0]
+        check_dimensions(f"{where}: {key}", angle, "rad")
+        half = angle / 2
         return (sympy.cos(half), sympy.sin(half))
     if len(parts) not in (4, 9):
         raise StudyError(

@@ -11,6 +11,9 @@ from uqmbd.randomness import Symbol, Symbolic
 __all__ = ["Loaded", "PlaneReaction", "ReactionSymbol"]
 
 
+UNITS = {"reaction_force": "N", "reaction_moment": "N m"}
+
+
 class Loaded(Protocol):
     """What reacts: a component."""
 
@@ -28,6 +31,7 @@ class ReactionSymbol(Symbolic, Symbol):
         """Name it after the component and the quantity."""
         self: ReactionSymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{quantity}[{index}]", real=True)
         self.component, self.quantity, self.index = component, quantity, index
+        self.units = UNITS.get(quantity, "")
         return self
 
     def __init__(self, *args: Any) -> None:

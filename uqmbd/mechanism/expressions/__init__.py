@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.dimensions import check_dimensions, findings
 from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
@@ -78,10 +79,12 @@ __all__ = [
     "WITHOUT_DERIVATIVE",
     "at_equilibrium",
     "at_steady",
+    "check_dimensions",
     "check_scalar",
     "damping_ratio",
     "eigenfrequency",
     "event_name",
+    "findings",
     "flatten",
     "foreign_part",
     "is_scalar",

@@ -19,6 +19,7 @@ class _Time(Symbolic, Symbol):
 
     def __new__(cls) -> _Time:
         self: _Time = sympy.Symbol.__xnew__(cls, "t", real=True)
+        self.units = "s"
         return self
 
     def _hashable_content(self) -> tuple[Any, ...]:

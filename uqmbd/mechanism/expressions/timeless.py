@@ -52,6 +52,7 @@ class ScalarSymbol(Symbolic, Symbol):
         """Name it, and remember what it stands for."""
         self: Self = sympy.Symbol.__xnew__(cls, name, real=True)
         self.quantity, self.number, self.at = quantity, number, at
+        self.units = {"frequency": "Hz", "damping_ratio": "1"}.get(quantity, "")
         return self
 
     def __init__(self, *args: Any) -> None:
@@ -87,6 +88,7 @@ class EventTime(MotionSymbol):
         """Name it, and remember what it is of."""
         self = super().__new__(cls, event_name(component.name, label, number))
         self.component, self.label = component, label
+        self.units = "s"
         return self
 
     def _hashable_content(self) -> tuple[Any, ...]:

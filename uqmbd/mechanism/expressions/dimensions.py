@@ -1,0 +1,474 @@
+"""Dimensions of expressions: sums of metres and newtons, and numbers that are in other units than they are taken for.
+
+What is decided is decided for sure, but for one thing: a number in an expression may have any unit, and the number 1
+does not stay in a product.  So
+
+- a number that is added fits everything, as in ``position - 0.3``;
+- a product with another number than 1 and -1 has an unknown dimension, as ``9.81 * height``, but the same number in
+  two terms of a sum has the same one, unless it is 1.0;
+- values of sine, exponential and other functions count as numbers, quaternions as unknown: before them radii of 1 m
+  stand unseen, and a rate of 1/s before the time;
+- where a mechanism has numbers that are 1, such as a mass, one of them may have been in a product.
+
+pint has no expressions to walk, and SymPy's own units know neither free constants nor symbols of one's own classes
+(its check of a sum raises at the first constant), so the walk is written here; the algebra of units is that of
+`uqmbd.units`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.computable import FUNCTIONS
+from uqmbd.mechanism.expressions.summaries import (
+    Final,
+    FirstTime,
+    IntegralOverTime,
+    Maximum,
+    Minimum,
+    RootMeanSquare,
+    TimeOfMaximum,
+    TimeOfMinimum,
+)
+from uqmbd.mechanism.expressions.time import step, t
+from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeShape
+from uqmbd.units import PURE, Dimension, Unit, in_words, read_units, warn
+
+__all__ = ["Finding", "check_dimensions", "findings"]
+
+SAME = 1e-9
+"""Factors that differ by less than this, relatively, are the same."""
+
+SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
+"""How to say that something is right after all."""
+
+_SHOWN = 60
+"""Characters of a term that a message shows."""
+
+_KEEPING = (sympy.Abs, sympy.floor, sympy.ceiling, Maximum, Minimum, RootMeanSquare, Final, AtEquilibrium, AtSteady)
+_TIMES = (TimeOfMaximum, TimeOfMinimum, FirstTime)
+_SIGNS = (sympy.sign, sympy.Heaviside)
+_ALIKE = (sympy.Max, sympy.Min, sympy.atan2)
+_OF_NUMBERS = tuple(f for f in FUNCTIONS if f not in (*_KEEPING, *_SIGNS, *_ALIKE, sympy.Piecewise))
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is wrong with the units of an expression.
+
+    Attributes
+    ----------
+    text : str
+        Where, what was given, what was expected, what to try.
+    certain : bool
+        Whether numbers are wrong, by the factor between two units of one quantity; else dimensions do not fit, which
+        may be for want of a number 1 that has a unit.
+    """
+
+    text: str
+    certain: bool = False
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A number, or what stands for one: it fits everything.
+
+    Attributes
+    ----------
+    size : float
+        Without its sign.
+    seen : bool
+        Whether it is written, as is 1.0; the whole number 1 is not.
+    """
+
+    size: float = 1.0
+    seen: bool = False
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A product whose dimension is known, but for a number.
+
+    Attributes
+    ----------
+    unit : Unit
+        Of its numbers, without the constant.
+    constant : float
+        The number in it, without a sign; 1: there is none.
+    free : bool
+        Whether there is a number in it, which may have any dimension.
+    """
+
+    unit: Unit
+    constant: float = 1.0
+    free: bool = False
+
+
+Unseen = Iterable[Dimension]
+
+_Measure = _Number | _Known | None
+"""None: unknown."""
+
+
+def check_dimensions(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> None:
+    """Raise where numbers of an expression are in other units than stated; warn where its dimensions do not fit.
+
+    Parameters
+    ----------
+    where : str
+        What it belongs to, for the message.
+    expression : SymPy expression
+        Symbols tell their units by an attribute `units`.
+    units : str
+        What it is stated to be in; empty: in anything.
+    unseen : callable
+        Returns the dimensions of numbers that are 1, which may be in products unseen; it is called where it matters.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is wrong by the factor between two units, as metres that are stated to be millimetres.
+
+    Warns
+    -----
+    uqmbd.UnitsWarning
+        If dimensions do not fit.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> gap = uqmbd.RandomVariable("gap", chaospy.Uniform(1, 2), units="mm")
+    >>> check_dimensions("output 'gap'", gap / 1000, "m")
+    >>> check_dimensions("output 'gap'", gap, "m")
+    Traceback (most recent call last):
+    uqmbd.errors.StudyError: output 'gap': gap is in mm, and its units are to be m, so that its numbers are wrong by a
+    factor of 1000; write gap/1000, or state the units that it is in.
+    """
+    for found in findings(where, expression, units, unseen):
+        if found.certain:
+            raise StudyError(found.text)
+        warn(found.text)
+
+
+def findings(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> list[Finding]:
+    """Return what is wrong with the units of an expression; see `check_dimensions`."""
+    if not isinstance(expression, sympy.Basic) or isinstance(expression, sympy.Number) or not expression.free_symbols:
+        return []
+    walk = _Walk(where, unseen)
+    found = walk.measure(expression)
+    declared = read_units(units)
+    if declared is not None and isinstance(found, _Known):
+        walk.compare(expression, found, declared, units)
+    return walk.found
+
+
+@dataclass
+class _Walk:
+    """Goes through an expression, each part once."""
+
+    where: str
+    unseen: Callable[[], Unseen]
+    found: list[Finding] = field(default_factory=list)
+    known: dict[Any, _Measure] = field(default_factory=dict)
+
+    def measure(self, part: Any) -> _Measure:
+        """Return what a part measures."""
+        if part not in self.known:
+            self.known[part] = self._measured(part)
+        return self.known[part]
+
+    def _measured(self, part: Any) -> _Measure:
+        if part.is_Symbol:
+            unit = read_units(getattr(part, "units", ""))
+            return None if unit is None or part == t else _Known(unit)
+        if not part.free_symbols:
+            return _number(part)
+        if part.is_Mul:
+            return self._product(part.args)
+        if part.is_Add:
+            return self._sum(part, part.args)
+        if part.is_Pow:
+            return self._power(part)
+        if isinstance(part, sympy.exp):  # in SymPy a kind of its own
+            return self._of_numbers(part)
+        if isinstance(part, IntegralOverTime):
+            return _times(self.measure(part.args[0]), _Known(Unit(_SECOND)))
+        if isinstance(part, _TIMES):
+            self.measure(part.args[0])
+            return _Known(Unit(_SECOND))
+        if isinstance(part, _KEEPING):
+            return self.measure(part.args[0])
+        if isinstance(part, _SIGNS):
+            self.measure(part.args[0])
+            return _Number()
+        if isinstance(part, _ALIKE):
+            alike = self._sum(part, part.args)
+            return _Known(Unit()) if isinstance(part, sympy.atan2) else alike
+        if isinstance(part, ModeShape):
+            return _times(self.measure(part.args[0]), _raised(self.measure(part.args[1]), Fraction(-1)))
+        if isinstance(part, step):
+            self._sum(part, [part.args[k] for k in (0, 1, 3)])
+            return self._sum(part, [part.args[k] for k in (2, 4)])
+        if isinstance(part, sympy.Piecewise):
+            for _, condition in part.args:
+                self._relations(condition)
+            return self._sum(part, [value for value, _ in part.args])
+        if isinstance(part, _OF_NUMBERS):
+            return self._of_numbers(part)
+        for inner in part.args:
+            if isinstance(inner, sympy.Expr):
+                self.measure(inner)
+        return None
+
+    def _relations(self, condition: Any) -> None:
+        if isinstance(condition, sympy.core.relational.Relational):
+            self._sum(condition, condition.args)
+            return
+        for inner in condition.args:
+            self._relations(inner)
+
+    def _product(self, factors: tuple[Any, ...]) -> _Measure:
+        found: _Measure = _Number()
+        for measure in [self.measure(factor) for factor in factors]:
+            found = _times(found, measure)
+        return found
+
+    def _power(self, part: Any) -> _Measure:
+        base, power = self.measure(part.base), part.exp
+        if power.is_Rational or (power.is_Float and math.isfinite(float(power))):
+            return _raised(base, Fraction(str(power)).limit_denominator(64))
+        self._pure(part.exp, self.measure(power))
+        self._pure(part.base, base)
+        return None
+
+    def _of_numbers(self, part: Any) -> _Measure:
+        for inner in part.args:
+            self._pure(inner, self.measure(inner), type(part).__name__)
+        return _Number()
+
+    def _pure(self, part: Any, measure: _Measure, function: str = "") -> None:
+        """Look at what has to be a pure number, or an angle in radians."""
+        if not isinstance(measure, _Known):
+            return
+        what = f"{function} is a function of numbers and of angles in rad" if function else "a power takes pure numbers"
+        if measure.unit.dimension == PURE:
+            if _off(measure, Unit()):
+                ratio = measure.unit.factor
+                self.found.append(
+                    Finding(
+                        f"{self.where}: {what}, and {_short(part)} is in {_own(part, measure.unit)}; multiply it by "
+                        f"{_factor(ratio)}.",
+                        certain=True,
+                    )
+                )
+        elif not measure.free and not self._explained([measure.unit.dimension, PURE]):
+            self.found.append(
+                Finding(
+                    f"{self.where}: {what}, and {_short(part)} is in {in_words(measure.unit.dimension)}; divide it by "
+                    f"what it is to be compared with, or look at the units of what is in it. {SEEN}"
+                )
+            )
+
+    def _sum(self, whole: Any, terms: Any) -> _Measure:
+        """Return what a sum measures, and look at whether its terms are alike."""
+        pairs = [(term, self.measure(term)) for term in terms]
+        known = [(term, measure) for term, measure in pairs if isinstance(measure, _Known)]
+        if not known:
+            return None if any(measure is None for _, measure in pairs) else _Number()
+        groups: list[list[tuple[Any, _Known]]] = []
+        for term, measure in known:
+            for group in groups:
+                one = group[0][1]
+                stated = one.free and math.isclose(one.constant, 1.0, rel_tol=SAME)  # 1.0 is written to say so
+                if (
+                    one.free == measure.free
+                    and not stated
+                    and math.isclose(one.constant, measure.constant, rel_tol=SAME)
+                ):
+                    group.append((term, measure))
+                    break
+            else:
+                groups.append([(term, measure)])
+        for group in groups:
+            different = list({measure.unit.dimension: (term, measure) for term, measure in reversed(group)}.values())
+            if len(different) > 1:
+                if not self._explained([measure.unit.dimension for _, measure in different]):
+                    self._unlike(whole, different[-1], different[-2])
+                return None
+        if any(self._apart(*pair) for pair in _pairs(known)):
+            return None
+        return _common([group[0][1] for group in groups])
+
+    def _unlike(self, whole: Any, one: tuple[Any, _Known], other: tuple[Any, _Known]) -> None:
+        words = [in_words(measure.unit.dimension) for _, measure in (one, other)]
+        verb = "adds" if getattr(whole, "is_Add", False) else "compares"
+        self.found.append(
+            Finding(
+                f"{self.where}: {_short(whole)} {verb} {_short(one[0])}, which is in {words[0]}, and "
+                f"{_short(other[0])}, which is in {words[1]}; look at both, and at the units of what is random. "
+                f"{SEEN}"
+            )
+        )
+
+    def _explained(self, dimensions: list[Dimension]) -> bool:
+        """Whether numbers that are 1, and are not seen, may make dimensions alike."""
+        ones = {PURE, *self.unseen()}
+        products = {_product_of(one, other) for one in ones for other in ones}
+        reached = [{_product_of(dimension, one) for one in products} for dimension in dimensions]
+        return bool(set.intersection(*reached))
+
+    def _apart(self, one: tuple[Any, _Known], other: tuple[Any, _Known]) -> bool:
+        """Tell terms of one dimension whose numbers are in different units."""
+        a, b = one[1], other[1]
+        if a.unit.dimension != b.unit.dimension:
+            return False
+        if not _off(replace(a, constant=a.constant / b.constant), b.unit):
+            return False
+        ratio = a.unit.factor / b.unit.factor
+        self.found.append(
+            Finding(
+                f"{self.where}: {_short(one[0])} is in {_own(one[0], a.unit)}, and {_short(other[0])} in "
+                f"{_own(other[0], b.unit)}; multiply the former by {_factor(ratio)}.",
+                certain=True,
+            )
+        )
+        return True
+
+    def compare(self, expression: Any, found: _Known, declared: Unit, units: str) -> None:
+        """Compare what an expression is in with what it is stated to be in."""
+        text = _short(expression)
+        if found.unit.dimension != declared.dimension:
+            if not found.free and not self._explained([found.unit.dimension, declared.dimension]):
+                self.found.append(
+                    Finding(
+                        f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}; "
+                        f"look at both, and at the units of what is random. {SEEN}"
+                    )
+                )
+        elif _off(found, declared):
+            ratio = found.unit.factor / declared.factor
+            self.found.append(
+                Finding(
+                    f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}, so "
+                    f"that its numbers are wrong by a factor of {_size(ratio)}; write {_scaled(expression, ratio)}, or "
+                    "state the units that it is in.",
+                    certain=True,
+                )
+            )
+
+
+def _product_of(one: Dimension, other: Dimension) -> Dimension:
+    return tuple(a + b for a, b in zip(one, other, strict=True))
+
+
+_SECOND: Dimension = read_units("s").dimension  # type: ignore[union-attr]
+
+
+def _number(part: Any) -> _Measure:
+    try:
+        size = abs(float(part))
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return _Number(size, seen=part not in (1, -1) or part.is_Float) if math.isfinite(size) else None
+
+
+def _times(one: _Measure, other: _Measure) -> _Measure:
+    if one is None or other is None:
+        return None
+    if isinstance(one, _Number):
+        if isinstance(other, _Number):
+            return _Number(one.size * other.size, one.seen or other.seen)
+        return replace(other, constant=other.constant * one.size, free=other.free or one.seen)
+    if isinstance(other, _Number):
+        return _times(other, one)
+    return _Known(one.unit * other.unit, one.constant * other.constant, one.free or other.free)
+
+
+def _raised(measure: _Measure, power: Fraction) -> _Measure:
+    try:
+        if isinstance(measure, _Number):
+            return replace(measure, size=measure.size ** float(power))
+        if isinstance(measure, _Known):
+            return _Known(measure.unit**power, measure.constant ** float(power), measure.free)
+    except (OverflowError, ZeroDivisionError):
+        pass
+    return None
+
+
+def _common(measures: list[_Known]) -> _Measure:
+    """Return what the sum of terms measures, one of each constant."""
+    if len(measures) == 1:
+        return measures[0]
+    for measure in measures:
+        if not measure.free:
+            return measure
+    alike = all(m.unit == measures[0].unit for m in measures)
+    return max(measures, key=lambda m: abs(math.log(m.constant or 1.0))) if alike else None
+
+
+def _off(found: _Known, expected: Unit) -> bool:
+    """Whether numbers are wrong by the factor between two units: the constant is nearer to 1 than to that factor."""
+    ratio = found.unit.factor / expected.factor
+    if math.isclose(ratio, 1.0, rel_tol=SAME) or not found.constant:
+        return False
+    constant = math.log(found.constant)
+    return abs(constant) < abs(constant - math.log(ratio))
+
+
+def _pairs(known: list[tuple[Any, _Known]]) -> Iterator[tuple[tuple[Any, _Known], tuple[Any, _Known]]]:
+    """Each term with the first, and the first of another scale with all of them."""
+    first = known[0]
+    for other in known[1:]:
+        yield first, other
+
+
+def _short(expression: Any) -> str:
+    text = sympy.sstr(expression, full_prec=False)
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def _own(expression: Any, unit: Unit) -> str:
+    """Name the units of an expression: those of a symbol in it, where it has them."""
+    named = sorted(text for s in expression.free_symbols if read_units(text := getattr(s, "units", "")) == unit)
+    if named:
+        return named[0]
+    words = in_words(unit.dimension)
+    return words if math.isclose(unit.factor, 1.0, rel_tol=SAME) else f"{unit.factor:.6g} {words}"
+
+
+def _size(ratio: float) -> str:
+    return f"{max(ratio, 1 / ratio):.6g}"
+
+
+def _factor(ratio: float) -> str:
+    """Write a factor between two units as exactly as it is known.
+
+    Examples
+    --------
+    >>> _factor(1e3), _factor(1e-3), _factor(math.pi / 180), _factor(30 / math.pi), _factor(25.4)
+    ('1000', '1/1000', 'pi/180', '30/pi', '127/5')
+    """
+    for number, over, under in (
+        (ratio, "{}", "1/{}"),
+        (ratio / math.pi, "{}*pi", "pi/{}"),
+        (ratio * math.pi, "{}/pi", ""),
+    ):
+        near = Fraction(number).limit_denominator(10**5)
+        if near and math.isclose(float(near), number, rel_tol=1e-14):
+            if near.numerator == 1 and under and near.denominator > 1:
+                return under.format(near.denominator)
+            return over.format(near).removeprefix("1*")
+    return f"{ratio:.15g}"
+
+
+def _scaled(expression: Any, ratio: float) -> str:
+    text, factor = _short(expression), _factor(ratio)
+    text = f"({text})" if expression.is_Add else text
+    return f"{text}{factor[1:]}" if factor.startswith("1/") else f"{factor}*{text}"

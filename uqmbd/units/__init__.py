@@ -1,0 +1,10 @@
+"""Units that people write: what they mean, how they are spelt here, and what is wrong with others."""
+
+from __future__ import annotations
+
+from uqmbd.units.names import SPELLINGS, TABLE
+from uqmbd.units.text import advice_on, read_units
+from uqmbd.units.told import warn
+from uqmbd.units.unit import PURE, Dimension, Unit, in_words
+
+__all__ = ["SPELLINGS", "TABLE", "PURE", "Dimension", "Unit", "advice_on", "in_words", "read_units", "warn"]

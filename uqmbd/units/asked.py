@@ -1,0 +1,53 @@
+"""What pint says of units that are not in the table, if it is installed."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+from fractions import Fraction
+from typing import Any
+
+from uqmbd.units.unit import Unit
+
+__all__ = ["asked_of_pint", "unit_of_pint"]
+
+_DIMENSIONS = ("[length]", "[mass]", "[time]", "[temperature]", "[current]", "[substance]", "[luminosity]")
+"""pint's names of the base quantities."""
+
+
+@functools.lru_cache(maxsize=256)
+def asked_of_pint(name: str) -> Unit | None:
+    """Return the unit of a name that pint's application registry knows; None if it does not, or is not installed.
+
+    Examples
+    --------
+    >>> asked_of_pint("no_such_unit") is None
+    True
+    """
+    if importlib.util.find_spec("pint") is None:
+        return None
+    import pint
+
+    registry: Any = pint.application_registry
+    try:
+        return unit_of_pint(registry.get().parse_units(name))
+    except Exception:  # noqa: BLE001 - pint fails in many ways on what is no unit
+        return None
+
+
+def unit_of_pint(found: Any) -> Unit | None:
+    """Return what a unit of pint measures, in our terms; None where it is no quantity of the SI.
+
+    Parameters
+    ----------
+    found : pint.Unit
+    """
+    exponents = dict(found.dimensionality)
+    if set(exponents) - set(_DIMENSIONS):
+        return None
+    dimension = tuple(Fraction(exponents.get(name, 0)).limit_denominator(64) for name in _DIMENSIONS)
+    try:
+        factor = float((1 * found).to_base_units().magnitude)
+    except Exception:  # noqa: BLE001 - a scale with an offset, or of logarithms, has no factor
+        return None
+    return Unit(dimension, factor) if factor > 0 else None

@@ -1,0 +1,176 @@
+"""Units as text: read, and where they are spelt in another way than here, how to write them."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import re
+from collections.abc import Callable
+from fractions import Fraction
+
+from uqmbd.units.asked import asked_of_pint
+from uqmbd.units.names import SPELLINGS, TABLE
+from uqmbd.units.unit import Unit
+
+__all__ = ["advice_on", "read_units"]
+
+EXAMPLES = "'m', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number"
+
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+_NUMBER = r"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
+_PART = re.compile(
+    rf"""\s*(?:
+        (?:\*\*|\^)\s*(?:(?P<power>[-+]?\d+(?:\.\d+)?)|\(\s*(?P<fraction>{_NUMBER})\s*\))
+      | (?P<raised>[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)
+      | (?P<times>[*·⋅×])
+      | (?P<over>/)
+      | (?P<open>\()
+      | (?P<close>\))
+      | (?<![^\W\d])(?P<number>\d+(?:\.\d+)?)
+      | (?P<name>°C|[^\W\d]+|[°%‰])
+    )\s*""",
+    re.VERBOSE,
+)
+_NAME = re.compile(r"°C|[^\W\d]+|[°%‰]")
+
+
+class _Unreadable(Exception):
+    """A text is no product of powers, or a name in it is unknown."""
+
+
+def read_units(text: str) -> Unit | None:
+    """Return what units mean; None where that is unknown, or there are none.
+
+    Parameters
+    ----------
+    text : str
+        Symbols of units, with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``, ``²``,
+        ``^(1/2)``); from left to right, so that ``m/N s`` is ``(m/N) s``.  Names in words are understood, too.
+
+    Examples
+    --------
+    >>> read_units("mm").factor, read_units("N m") == read_units("kg m^2/s^2") == read_units("J"), read_units("apples")
+    (0.001, True, None)
+    """
+    return _read(text)[0]
+
+
+def advice_on(text: str) -> str:
+    """Say, as the end of a sentence, how units are to be written; empty where they are written so.
+
+    Examples
+    --------
+    >>> advice_on("kg m^2"), advice_on("meter"), advice_on("Nm"), advice_on("newton*meter")
+    ('', "write 'm'", "write 'N m'", "write 'N*m'")
+    >>> print(advice_on("apples"))
+    which is no unit that is known here; write units such as 'm', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number,
+    or leave them out
+    """
+    return _read(text)[1]
+
+
+@functools.lru_cache(maxsize=1024)
+def _read(text: str) -> tuple[Unit | None, str]:
+    """Return what a text means, and what is to be written instead of it."""
+    if not text.strip():
+        return None, ""
+    if found := TABLE.get(text):
+        return found, ""
+    if text.strip() in ("-", "[-]", "–", "--"):
+        return Unit(), "write '1' for a pure number"
+    try:
+        return _product(text, TABLE.get), ""
+    except _Unreadable:
+        pass
+    bare = text.strip().strip("[]") if text.strip().startswith("[") else text
+    better = _NAME.sub(lambda found: _symbol(found[0]), re.sub(r"(?<=[A-Za-z])([2-9])\b", r"^\1", bare))
+    if better != text:
+        try:
+            return _product(better, TABLE.get), f"write {better.strip()!r}"
+        except _Unreadable:
+            pass
+    try:
+        return _product(text, lambda name: TABLE.get(name) or asked_of_pint(name)), ""
+    except _Unreadable:
+        return None, _unknown(text)
+
+
+def _unknown(text: str) -> str:
+    wrong = [name for name in _NAME.findall(text) if name not in TABLE]
+    near = [
+        x
+        for name in wrong[:1]
+        if len(name) > 3
+        for x in difflib.get_close_matches(name.casefold(), [*SPELLINGS, *TABLE], 1, 0.8)
+    ]
+    meant = f"; is {SPELLINGS.get(near[0], near[0])!r} meant? Write" if near else "; write"
+    return f"which is no unit that is known here{meant} units such as {EXAMPLES}, or leave them out"
+
+
+def _symbol(name: str) -> str:
+    """Return the symbol of a unit in words, or those of several without a space; the name where there is none."""
+    if name in TABLE:
+        return name
+    if symbol := SPELLINGS.get(name.casefold(), "") or " ".join(_split(name)):
+        return symbol
+    same = [symbol for symbol in TABLE if len(name) > 1 and symbol.casefold() == name.casefold()]
+    return same[0] if len(same) == 1 else name
+
+
+def _split(name: str) -> list[str]:
+    """Split ``Nm`` or ``kgm`` into symbols, each as long as can be; empty where it does not consist of them."""
+    for length in range(len(name), 0, -1):
+        if name[:length] in _JOINED:
+            rest = _split(name[length:]) if length < len(name) else []
+            if rest or length == len(name):
+                return [name[:length], *rest]
+    return []
+
+
+_JOINED = ("N", "kN", "kg", "m", "mm", "s", "rad", "Pa", "W", "J")
+"""Symbols that people write one after the other without a space."""
+
+
+def _product(text: str, unit_of: Callable[[str], Unit | None]) -> Unit:
+    """Read products, quotients and powers, from left to right."""
+    stack: list[tuple[Unit, int]] = []
+    whole, sign, last, waiting = Unit(), 1, None, True
+    place = 0
+
+    def closed(value: Unit, last: Unit | None, sign: int) -> Unit:
+        return value if last is None else value * last ** Fraction(sign)
+
+    while place < len(text):
+        found = _PART.match(text, place)
+        if found is None:
+            raise _Unreadable
+        place, kind, word = found.end(), found.lastgroup, found[found.lastgroup or 0]
+        if kind in ("power", "fraction", "raised"):
+            if last is None or waiting:
+                raise _Unreadable
+            last = last ** Fraction(word.translate(_RAISED) if kind == "raised" else word)
+            whole, last, sign = closed(whole, last, sign), Unit(), 1
+        elif kind in ("times", "over"):
+            if waiting:
+                raise _Unreadable
+            whole, last = closed(whole, last, sign), None
+            sign, waiting = (-1 if kind == "over" else 1), True
+        elif kind == "close":
+            if not stack or waiting:
+                raise _Unreadable
+            inner = closed(whole, last, sign)
+            (whole, sign), last = stack.pop(), inner
+        else:
+            if not waiting:
+                whole, last, sign = closed(whole, last, sign), None, 1
+            if kind == "open":
+                stack.append((whole, sign))
+                whole, sign, last, waiting = Unit(), 1, None, True
+                continue
+            unit = Unit(factor=float(word)) if kind == "number" else unit_of(word)
+            if unit is None or not unit.factor:
+                raise _Unreadable
+            last, waiting = unit, False
+    if stack or waiting:
+        raise _Unreadable
+    return closed(whole, last, sign)
