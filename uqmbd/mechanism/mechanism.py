@@ -199,8 +199,7 @@ class Mechanism:
             has one value per realisation and no time, in `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`,
             `uqmbd.at_equilibrium`, `uqmbd.at_steady` and random variables.
         units : str
-            Its units, as ``m``, ``N m``, ``deg``, or ``1`` for a pure number.  They are compared with those of the
-            expression (``docs/how-to/units.md``); nothing is converted.
+            As ``m``, ``deg``, or ``1`` for a pure number; if they do not fit it is a `uqmbd.UnitsWarning`.
         angle : bool
             Whether it is an angle, in ``rad`` or ``deg``, that is known only up to whole turns.
         over : str, optional
@@ -212,11 +211,6 @@ class Mechanism:
         uqmbd.StudyError
             If it is no scalar, depends on nothing, or speaks of another mechanism; if it is declared an angle, but its
             units are neither ``rad`` nor ``deg``; if its numbers are not in these units, as metres in ``mm``.
-
-        Warns
-        -----
-        uqmbd.UnitsWarning
-            If its dimension is not that of the units, or it adds metres and newtons.
 
         Examples
         --------

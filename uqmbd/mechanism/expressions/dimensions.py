@@ -27,6 +27,17 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FUNCTIONS
+from uqmbd.mechanism.expressions.measures import (
+    SAME,
+    Known,
+    Measure,
+    Number,
+    common,
+    factor_in_words,
+    is_off,
+    product,
+    raised,
+)
 from uqmbd.mechanism.expressions.summaries import (
     Final,
     FirstTime,
@@ -41,10 +52,10 @@ from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeShape
 from uqmbd.units import PURE, Dimension, Unit, in_words, read_units, warn
 
-__all__ = ["Finding", "check_dimensions", "findings"]
+Unseen = Iterable[Dimension]
+"""Of numbers that are 1."""
 
-SAME = 1e-9
-"""Factors that differ by less than this, relatively, are the same."""
+__all__ = ["Finding", "check_dimensions", "findings"]
 
 SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
 """How to say that something is right after all."""
@@ -74,47 +85,6 @@ class Finding:
 
     text: str
     certain: bool = False
-
-
-@dataclass(frozen=True)
-class _Number:
-    """A number, or what stands for one: it fits everything.
-
-    Attributes
-    ----------
-    size : float
-        Without its sign.
-    seen : bool
-        Whether it is written, as is 1.0; the whole number 1 is not.
-    """
-
-    size: float = 1.0
-    seen: bool = False
-
-
-@dataclass(frozen=True)
-class _Known:
-    """A product whose dimension is known, but for a number.
-
-    Attributes
-    ----------
-    unit : Unit
-        Of its numbers, without the constant.
-    constant : float
-        The number in it, without a sign; 1: there is none.
-    free : bool
-        Whether there is a number in it, which may have any dimension.
-    """
-
-    unit: Unit
-    constant: float = 1.0
-    free: bool = False
-
-
-Unseen = Iterable[Dimension]
-
-_Measure = _Number | _Known | None
-"""None: unknown."""
 
 
 def check_dimensions(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> None:
@@ -164,7 +134,7 @@ def findings(where: str, expression: Any, units: str = "", unseen: Callable[[], 
     walk = _Walk(where, unseen)
     found = walk.measure(expression)
     declared = read_units(units)
-    if declared is not None and isinstance(found, _Known):
+    if declared is not None and isinstance(found, Known):
         walk.compare(expression, found, declared, units)
     return walk.found
 
@@ -176,18 +146,18 @@ class _Walk:
     where: str
     unseen: Callable[[], Unseen]
     found: list[Finding] = field(default_factory=list)
-    known: dict[Any, _Measure] = field(default_factory=dict)
+    known: dict[Any, Measure] = field(default_factory=dict)
 
-    def measure(self, part: Any) -> _Measure:
+    def measure(self, part: Any) -> Measure:
         """Return what a part measures."""
         if part not in self.known:
             self.known[part] = self._measured(part)
         return self.known[part]
 
-    def _measured(self, part: Any) -> _Measure:
+    def _measured(self, part: Any) -> Measure:
         if part.is_Symbol:
             unit = read_units(getattr(part, "units", ""))
-            return None if unit is None or part == t else _Known(unit)
+            return None if unit is None or part == t else Known(unit)
         if not part.free_symbols:
             return _number(part)
         if part.is_Mul:
@@ -199,20 +169,20 @@ class _Walk:
         if isinstance(part, sympy.exp):  # in SymPy a kind of its own
             return self._of_numbers(part)
         if isinstance(part, IntegralOverTime):
-            return _times(self.measure(part.args[0]), _Known(Unit(_SECOND)))
+            return product(self.measure(part.args[0]), Known(Unit(_SECOND)))
         if isinstance(part, _TIMES):
             self.measure(part.args[0])
-            return _Known(Unit(_SECOND))
+            return Known(Unit(_SECOND))
         if isinstance(part, _KEEPING):
             return self.measure(part.args[0])
         if isinstance(part, _SIGNS):
             self.measure(part.args[0])
-            return _Number()
+            return Number()
         if isinstance(part, _ALIKE):
             alike = self._sum(part, part.args)
-            return _Known(Unit()) if isinstance(part, sympy.atan2) else alike
+            return Known(Unit()) if isinstance(part, sympy.atan2) else alike
         if isinstance(part, ModeShape):
-            return _times(self.measure(part.args[0]), _raised(self.measure(part.args[1]), Fraction(-1)))
+            return product(self.measure(part.args[0]), raised(self.measure(part.args[1]), Fraction(-1)))
         if isinstance(part, step):
             self._sum(part, [part.args[k] for k in (0, 1, 3)])
             return self._sum(part, [part.args[k] for k in (2, 4)])
@@ -234,37 +204,37 @@ class _Walk:
         for inner in condition.args:
             self._relations(inner)
 
-    def _product(self, factors: tuple[Any, ...]) -> _Measure:
-        found: _Measure = _Number()
+    def _product(self, factors: tuple[Any, ...]) -> Measure:
+        found: Measure = Number()
         for measure in [self.measure(factor) for factor in factors]:
-            found = _times(found, measure)
+            found = product(found, measure)
         return found
 
-    def _power(self, part: Any) -> _Measure:
+    def _power(self, part: Any) -> Measure:
         base, power = self.measure(part.base), part.exp
         if power.is_Rational or (power.is_Float and math.isfinite(float(power))):
-            return _raised(base, Fraction(str(power)).limit_denominator(64))
+            return raised(base, Fraction(str(power)).limit_denominator(64))
         self._pure(part.exp, self.measure(power))
         self._pure(part.base, base)
         return None
 
-    def _of_numbers(self, part: Any) -> _Measure:
+    def _of_numbers(self, part: Any) -> Measure:
         for inner in part.args:
             self._pure(inner, self.measure(inner), type(part).__name__)
-        return _Number()
+        return Number()
 
-    def _pure(self, part: Any, measure: _Measure, function: str = "") -> None:
+    def _pure(self, part: Any, measure: Measure, function: str = "") -> None:
         """Look at what has to be a pure number, or an angle in radians."""
-        if not isinstance(measure, _Known):
+        if not isinstance(measure, Known):
             return
         what = f"{function} is a function of numbers and of angles in rad" if function else "a power takes pure numbers"
         if measure.unit.dimension == PURE:
-            if _off(measure, Unit()):
+            if is_off(measure, Unit()):
                 ratio = measure.unit.factor
                 self.found.append(
                     Finding(
                         f"{self.where}: {what}, and {_short(part)} is in {_own(part, measure.unit)}; multiply it by "
-                        f"{_factor(ratio)}.",
+                        f"{factor_in_words(ratio)}.",
                         certain=True,
                     )
                 )
@@ -276,13 +246,13 @@ class _Walk:
                 )
             )
 
-    def _sum(self, whole: Any, terms: Any) -> _Measure:
+    def _sum(self, whole: Any, terms: Any) -> Measure:
         """Return what a sum measures, and look at whether its terms are alike."""
         pairs = [(term, self.measure(term)) for term in terms]
-        known = [(term, measure) for term, measure in pairs if isinstance(measure, _Known)]
+        known = [(term, measure) for term, measure in pairs if isinstance(measure, Known)]
         if not known:
-            return None if any(measure is None for _, measure in pairs) else _Number()
-        groups: list[list[tuple[Any, _Known]]] = []
+            return None if any(measure is None for _, measure in pairs) else Number()
+        groups: list[list[tuple[Any, Known]]] = []
         for term, measure in known:
             for group in groups:
                 one = group[0][1]
@@ -304,9 +274,9 @@ class _Walk:
                 return None
         if any(self._apart(*pair) for pair in _pairs(known)):
             return None
-        return _common([group[0][1] for group in groups])
+        return common([group[0][1] for group in groups])
 
-    def _unlike(self, whole: Any, one: tuple[Any, _Known], other: tuple[Any, _Known]) -> None:
+    def _unlike(self, whole: Any, one: tuple[Any, Known], other: tuple[Any, Known]) -> None:
         words = [in_words(measure.unit.dimension) for _, measure in (one, other)]
         verb = "adds" if getattr(whole, "is_Add", False) else "compares"
         self.found.append(
@@ -320,28 +290,28 @@ class _Walk:
     def _explained(self, dimensions: list[Dimension]) -> bool:
         """Whether numbers that are 1, and are not seen, may make dimensions alike."""
         ones = {PURE, *self.unseen()}
-        products = {_product_of(one, other) for one in ones for other in ones}
-        reached = [{_product_of(dimension, one) for one in products} for dimension in dimensions]
+        products = {_sum_of(one, other) for one in ones for other in ones}
+        reached = [{_sum_of(dimension, one) for one in products} for dimension in dimensions]
         return bool(set.intersection(*reached))
 
-    def _apart(self, one: tuple[Any, _Known], other: tuple[Any, _Known]) -> bool:
+    def _apart(self, one: tuple[Any, Known], other: tuple[Any, Known]) -> bool:
         """Tell terms of one dimension whose numbers are in different units."""
         a, b = one[1], other[1]
         if a.unit.dimension != b.unit.dimension:
             return False
-        if not _off(replace(a, constant=a.constant / b.constant), b.unit):
+        if not is_off(replace(a, constant=a.constant / b.constant), b.unit):
             return False
         ratio = a.unit.factor / b.unit.factor
         self.found.append(
             Finding(
                 f"{self.where}: {_short(one[0])} is in {_own(one[0], a.unit)}, and {_short(other[0])} in "
-                f"{_own(other[0], b.unit)}; multiply the former by {_factor(ratio)}.",
+                f"{_own(other[0], b.unit)}; multiply the former by {factor_in_words(ratio)}.",
                 certain=True,
             )
         )
         return True
 
-    def compare(self, expression: Any, found: _Known, declared: Unit, units: str) -> None:
+    def compare(self, expression: Any, found: Known, declared: Unit, units: str) -> None:
         """Compare what an expression is in with what it is stated to be in."""
         text = _short(expression)
         if found.unit.dimension != declared.dimension:
@@ -352,7 +322,7 @@ class _Walk:
                         f"look at both, and at the units of what is random. {SEEN}"
                     )
                 )
-        elif _off(found, declared):
+        elif is_off(found, declared):
             ratio = found.unit.factor / declared.factor
             self.found.append(
                 Finding(
@@ -364,65 +334,22 @@ class _Walk:
             )
 
 
-def _product_of(one: Dimension, other: Dimension) -> Dimension:
+def _sum_of(one: Dimension, other: Dimension) -> Dimension:
     return tuple(a + b for a, b in zip(one, other, strict=True))
 
 
 _SECOND: Dimension = read_units("s").dimension  # type: ignore[union-attr]
 
 
-def _number(part: Any) -> _Measure:
+def _number(part: Any) -> Measure:
     try:
         size = abs(float(part))
     except (TypeError, ValueError, OverflowError):
         return None
-    return _Number(size, seen=part not in (1, -1) or part.is_Float) if math.isfinite(size) else None
+    return Number(size, seen=part not in (1, -1) or part.is_Float) if math.isfinite(size) else None
 
 
-def _times(one: _Measure, other: _Measure) -> _Measure:
-    if one is None or other is None:
-        return None
-    if isinstance(one, _Number):
-        if isinstance(other, _Number):
-            return _Number(one.size * other.size, one.seen or other.seen)
-        return replace(other, constant=other.constant * one.size, free=other.free or one.seen)
-    if isinstance(other, _Number):
-        return _times(other, one)
-    return _Known(one.unit * other.unit, one.constant * other.constant, one.free or other.free)
-
-
-def _raised(measure: _Measure, power: Fraction) -> _Measure:
-    try:
-        if isinstance(measure, _Number):
-            return replace(measure, size=measure.size ** float(power))
-        if isinstance(measure, _Known):
-            return _Known(measure.unit**power, measure.constant ** float(power), measure.free)
-    except (OverflowError, ZeroDivisionError):
-        pass
-    return None
-
-
-def _common(measures: list[_Known]) -> _Measure:
-    """Return what the sum of terms measures, one of each constant."""
-    if len(measures) == 1:
-        return measures[0]
-    for measure in measures:
-        if not measure.free:
-            return measure
-    alike = all(m.unit == measures[0].unit for m in measures)
-    return max(measures, key=lambda m: abs(math.log(m.constant or 1.0))) if alike else None
-
-
-def _off(found: _Known, expected: Unit) -> bool:
-    """Whether numbers are wrong by the factor between two units: the constant is nearer to 1 than to that factor."""
-    ratio = found.unit.factor / expected.factor
-    if math.isclose(ratio, 1.0, rel_tol=SAME) or not found.constant:
-        return False
-    constant = math.log(found.constant)
-    return abs(constant) < abs(constant - math.log(ratio))
-
-
-def _pairs(known: list[tuple[Any, _Known]]) -> Iterator[tuple[tuple[Any, _Known], tuple[Any, _Known]]]:
+def _pairs(known: list[tuple[Any, Known]]) -> Iterator[tuple[tuple[Any, Known], tuple[Any, Known]]]:
     """Each term with the first, and the first of another scale with all of them."""
     first = known[0]
     for other in known[1:]:
@@ -447,28 +374,7 @@ def _size(ratio: float) -> str:
     return f"{max(ratio, 1 / ratio):.6g}"
 
 
-def _factor(ratio: float) -> str:
-    """Write a factor between two units as exactly as it is known.
-
-    Examples
-    --------
-    >>> _factor(1e3), _factor(1e-3), _factor(math.pi / 180), _factor(30 / math.pi), _factor(25.4)
-    ('1000', '1/1000', 'pi/180', '30/pi', '127/5')
-    """
-    for number, over, under in (
-        (ratio, "{}", "1/{}"),
-        (ratio / math.pi, "{}*pi", "pi/{}"),
-        (ratio * math.pi, "{}/pi", ""),
-    ):
-        near = Fraction(number).limit_denominator(10**5)
-        if near and math.isclose(float(near), number, rel_tol=1e-14):
-            if near.numerator == 1 and under and near.denominator > 1:
-                return under.format(near.denominator)
-            return over.format(near).removeprefix("1*")
-    return f"{ratio:.15g}"
-
-
 def _scaled(expression: Any, ratio: float) -> str:
-    text, factor = _short(expression), _factor(ratio)
+    text, factor = _short(expression), factor_in_words(ratio)
     text = f"({text})" if expression.is_Add else text
     return f"{text}{factor[1:]}" if factor.startswith("1/") else f"{factor}*{text}"

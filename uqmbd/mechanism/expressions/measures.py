@@ -1,0 +1,125 @@
+"""What parts of expressions measure: numbers, and products of units with a number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from uqmbd.units import Unit
+
+__all__ = ["SAME", "Known", "Measure", "Number", "common", "factor_in_words", "is_off", "product", "raised"]
+
+SAME = 1e-9
+"""Factors that differ by less than this, relatively, are the same."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number, or what stands for one: it fits everything.
+
+    Attributes
+    ----------
+    size : float
+        Without its sign.
+    seen : bool
+        Whether it is written, as is 1.0; the whole number 1 is not.
+    """
+
+    size: float = 1.0
+    seen: bool = False
+
+
+@dataclass(frozen=True)
+class Known:
+    """A product whose dimension is known, but for a number.
+
+    Attributes
+    ----------
+    unit : Unit
+        Of its numbers, without the constant.
+    constant : float
+        The number in it, without a sign; 1: there is none.
+    free : bool
+        Whether there is a number in it, which may have any dimension.
+    """
+
+    unit: Unit
+    constant: float = 1.0
+    free: bool = False
+
+
+Measure = Number | Known | None
+"""None: unknown."""
+
+
+def product(one: Measure, other: Measure) -> Measure:
+    """Return what a product measures.
+
+    Examples
+    --------
+    >>> product(Number(2.0, seen=True), Known(Unit()))
+    Known(unit=Unit(dimension=(...), factor=1.0), constant=2.0, free=True)
+    """
+    if one is None or other is None:
+        return None
+    if isinstance(one, Number):
+        if isinstance(other, Number):
+            return Number(one.size * other.size, one.seen or other.seen)
+        return replace(other, constant=other.constant * one.size, free=other.free or one.seen)
+    if isinstance(other, Number):
+        return product(other, one)
+    return Known(one.unit * other.unit, one.constant * other.constant, one.free or other.free)
+
+
+def raised(measure: Measure, power: Fraction) -> Measure:
+    """Return what a power measures."""
+    try:
+        if isinstance(measure, Number):
+            return replace(measure, size=measure.size ** float(power))
+        if isinstance(measure, Known):
+            return Known(measure.unit**power, measure.constant ** float(power), measure.free)
+    except (OverflowError, ZeroDivisionError):
+        pass
+    return None
+
+
+def common(measures: list[Known]) -> Measure:
+    """Return what the sum of terms measures, one of each constant."""
+    if len(measures) == 1:
+        return measures[0]
+    for measure in measures:
+        if not measure.free:
+            return measure
+    alike = all(m.unit == measures[0].unit for m in measures)
+    return max(measures, key=lambda m: abs(math.log(m.constant or 1.0))) if alike else None
+
+
+def is_off(found: Known, expected: Unit) -> bool:
+    """Whether numbers are wrong by the factor between two units: the constant is nearer to 1 than to that factor."""
+    ratio = found.unit.factor / expected.factor
+    if math.isclose(ratio, 1.0, rel_tol=SAME) or not found.constant:
+        return False
+    constant = math.log(found.constant)
+    return abs(constant) < abs(constant - math.log(ratio))
+
+
+def factor_in_words(ratio: float) -> str:
+    """Write a factor between two units as exactly as it is known.
+
+    Examples
+    --------
+    >>> [factor_in_words(x) for x in (1e3, 1e-3, math.pi / 180, 30 / math.pi, 25.4)]
+    ['1000', '1/1000', 'pi/180', '30/pi', '127/5']
+    """
+    for number, over, under in (
+        (ratio, "{}", "1/{}"),
+        (ratio / math.pi, "{}*pi", "pi/{}"),
+        (ratio * math.pi, "{}/pi", ""),
+    ):
+        near = Fraction(number).limit_denominator(10**5)
+        if near and math.isclose(float(near), number, rel_tol=1e-14):
+            if near.numerator == 1 and under and near.denominator > 1:
+                return under.format(near.denominator)
+            return over.format(near).removeprefix("1*")
+    return f"{ratio:.15g}"
