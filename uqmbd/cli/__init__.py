@@ -1,4 +1,4 @@
-"""The command line: `uqmbd run | check | plugins | report | compare`."""
+"""The command line: `uqmbd run | check | animate | plugins | report | compare | new`."""
 
 from __future__ import annotations
 

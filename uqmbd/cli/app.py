@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -16,9 +17,12 @@ from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import shown_progress
 from uqmbd.clusters import Workers, with_worker_options
 from uqmbd.errors import StudyError
+from uqmbd.new import PLUGIN_KINDS, new_plugin, new_study
 from uqmbd.version import __version__
 
 __all__ = ["app", "main"]
+
+CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 # Plain help instead of rich panels: rich's markup alone would double the time until the help appears.
 app = typer.Typer(
@@ -31,8 +35,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
     no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=CONTEXT,
 )
+new = typer.Typer(
+    name="new",
+    help="Write a study or a plugin to start from.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    context_settings=CONTEXT,
+)
+app.add_typer(new)
+
+Kind = StrEnum("Kind", {name: name for name in PLUGIN_KINDS})  # type: ignore[misc]  # from the table of kinds
+KINDS_HELP = "\n".join(["\b", "Kinds:", *(f"  {name:12} {kind.what}" for name, kind in PLUGIN_KINDS.items())])
 
 Script = Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")]
 
@@ -216,3 +231,42 @@ def compare(
         from uqmbd.cli.compare import show_comparison
 
     show_comparison(results, reference=reference, out=out)
+
+
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where it is written.", show_default="here")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")]
+
+
+@new.command("study")
+def new_study_script(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the study, and of its script NAME.py.")],
+    folder: Folder = Path(),
+    typings: Annotated[
+        bool,
+        typer.Option("--typings", help="Write typings/chaospy, too: pyright takes numbers for what they are then."),
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Write NAME.py: a study that runs, with a comment on each of its parts."""
+    written = new_study(name, folder, typings=typings, force=force)
+    for path in written:
+        print(f"wrote    {path}")
+    print(f"\nNext:    uqmbd check {written[0]}\n         uqmbd run {written[0]}")
+
+
+@new.command("plugin", epilog=KINDS_HELP)
+def new_plugin_package(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the package, and of its folder: wire-rope.")],
+    kind: Annotated[Kind, typer.Option("--kind", metavar="KIND", help="What it offers, one of the kinds below.")],
+    folder: Folder = Path(),
+    force: Force = False,
+) -> None:
+    """Write a package NAME with a plugin that works, its tests, and a CI file."""
+    written = new_plugin(name, kind.value, folder, force=force)
+    for path in written:
+        print(f"wrote    {path}")
+    about = PLUGIN_KINDS[kind.value]
+    print(f"\nNext:    cd {folder / name}")
+    print('         python -m pip install --editable ".[test]"')
+    print("         python -m pytest")
+    print(f"Then put your own in the place of the example; what may be written says docs/{about.page} of uqmbd.")

@@ -144,7 +144,7 @@ KINDS = {
         True,
         "run",
         (),
-        ("run", "check", "animate", "plugins", "report", "compare"),
+        ("run", "check", "animate", "plugins", "report", "compare", "new"),
         command_problem,
         COMMANDS_GROUP,
     ),

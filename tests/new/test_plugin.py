@@ -1,0 +1,132 @@
+"""`uqmbd new plugin` writes packages of every kind; names that cannot be are told, and nothing is overwritten."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from uqmbd import plugins
+from uqmbd.new import PLUGIN_KINDS
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def files():
+    return sorted(str(path) for path in Path().rglob("*") if path.is_file())
+
+
+def test_every_hook_has_a_kind_and_every_kind_a_page():
+    assert {kind.hook for kind in PLUGIN_KINDS.values() if kind.hook} == {x.hook for x in plugins.KINDS.values()}
+    pages = {path.name for path in (ROOT / "docs" / "how-to" / "plugins").glob("*.md")} - {"index.md"}
+    assert pages <= {Path(kind.page).name for kind in PLUGIN_KINDS.values()}
+    for kind in PLUGIN_KINDS.values():
+        assert (ROOT / "docs" / kind.page).exists()
+        if kind.registry:
+            known = plugins.KINDS[kind.registry]
+            assert (kind.hook, kind.group, kind.by_class_name) == (known.hook, known.group, not known.by_attribute)
+
+
+def test_it_writes_a_package_and_says_what_comes_next(command):
+    run = command("new", "plugin", "uqmbd-wire-rope", "--kind", "component")
+    assert (run.returncode, run.stderr) == (0, "")
+    package = [
+        ".github/workflows/tests.yml",
+        ".gitignore",
+        "README.md",
+        "pyproject.toml",
+        "src/uqmbd_wire_rope/__init__.py",
+        "src/uqmbd_wire_rope/component.py",
+        "src/uqmbd_wire_rope/py.typed",
+        "tests/test_uqmbd_wire_rope.py",
+    ]
+    assert files() == [f"uqmbd-wire-rope/{path}" for path in package]
+    assert all(path in run.stdout for path in files()) and "docs/how-to/plugins/component.md" in run.stdout
+    assert "class WireRope(" in Path("uqmbd-wire-rope/src/uqmbd_wire_rope/component.py").read_text()
+    project = tomllib.loads(Path("uqmbd-wire-rope/pyproject.toml").read_text())["project"]
+    assert project["entry-points"] == {"uqmbd": {"wire-rope": "uqmbd_wire_rope"}}
+    assert "license" not in project  # it is the author's to choose
+
+
+def test_nothing_is_overwritten_unasked(command):
+    command("new", "plugin", "rope", "--kind", "component")
+    mine = Path("rope/src/rope/component.py")
+    mine.write_text("mine")
+    run = command("new", "plugin", "rope", "--kind", "law")
+    assert run.returncode == 2 and "are there already, and nothing was written; --force overwrites" in run.stderr
+    assert mine.read_text() == "mine"
+    assert command("new", "plugin", "rope", "--kind", "law", "--force").returncode == 0
+    assert "law_at(" in mine.read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "why"),
+    [
+        ("WireRope", "component", "small letters and digits, words of them parted by hyphens or underscores"),
+        ("WireRope", "component", "Try 'wire-rope'"),
+        ("2ropes", "component", "Try 'plugin-2ropes'"),
+        ("rope_", "component", "Try 'rope'"),
+        ("größe", "component", "Try 'gr-e'"),
+        ("a/rope", "component", "give a name, not a path"),
+        ("", "component", "the name is empty"),
+        ("r" * 41, "component", "40 at most"),
+        ("numpy", "component", "there is a module numpy already"),
+        ("uqmbd-joints", "component", "there is a module uqmbd_joints already"),
+        ("uqmbd-springs", "section", "there is a module uqmbd_springs already"),
+        ("json", "command", "it is a part of Python"),
+        ("uqmbd-r", "component", "it has one letter"),
+        ("lambda", "contact-law", "lambda is a reserved word"),
+        ("uqmbd-true", "component", "True is a reserved word"),
+        ("uqmbd-exception", "component", "would be called Exception, as a built-in name"),
+        ("uqmbd-any", "law", "would be called Any, as typing.Any, which it uses"),
+        ("uqmbd-path", "command", "would be called Path, as pathlib.Path, which it uses"),
+        ("uqmbd-friction", "contact-law", "would be called friction, as uqmbd_contact.friction, which it uses"),
+        ("test-rig", "component", "pytest takes what is called so for a test"),
+        ("revolute", "component", "the component 'Revolute' is that of plugin 'joints' of uqmbd"),
+        ("galerkin", "propagator", "the propagator 'galerkin' is that of plugin 'galerkin' of uqmbd"),
+        ("dop853", "integrator", "the integrator 'dop853' is that of uqmbd itself"),
+        ("sobol", "design", "the sampling design 'sobol' is that of uqmbd itself"),
+        ("run", "command", "the command 'run' is that of uqmbd itself"),
+        ("new", "command", "the command 'new' is that of uqmbd itself"),
+        ("urdf", "reader", "the reader of model files 'urdf' is that of plugin 'models' of uqmbd"),
+    ],
+)
+def test_names_that_cannot_be_are_told(command, name, kind, why):
+    run = command("new", "plugin", name, "--kind", kind)
+    assert run.returncode == 2 and why in run.stderr, run.stderr
+    assert files() == []
+
+
+def test_kinds_that_are_not_there_are_told(command):
+    run = command("new", "plugin", "rope", "--kind", "joint")
+    assert run.returncode == 2 and "component" in run.stderr and files() == []
+    assert "--kind" in command("new", "plugin", "rope").stderr
+
+
+def test_what_ci_runs_is_what_the_readme_says(command):
+    command("new", "plugin", "rope", "--kind", "component")
+    steps = re.findall(r"- run: (.*)", Path("rope/.github/workflows/tests.yml").read_text())
+    told = re.findall(r"^python .*$", Path("rope/README.md").read_text(), re.M)
+    assert [word for line in told for word in line.split(" && ")] == steps
+    assert {"pytest", "ruff", "mypy", "pyright"} <= {word for step in steps for word in step.split()}
+
+
+@pytest.mark.parametrize("length", [2, 14, 40])
+def test_all_kinds_are_linted_and_formatted_whatever_their_names_are(command, length):
+    for number, kind in enumerate(PLUGIN_KINDS):
+        name = (chr(ord("b") + number) + "quite-long" * 4)[:length].rstrip("-")
+        assert command("new", "plugin", name, "--kind", kind).returncode == 0
+    for words in (["check"], ["format", "--check"]):
+        run = subprocess.run(
+            [sys.executable, "-m", "ruff", *words, "--no-cache", "."], capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stdout + run.stderr

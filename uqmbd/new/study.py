@@ -1,0 +1,42 @@
+"""`uqmbd new study`: a script that runs, to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uqmbd.new.names import check_module, check_study_name
+from uqmbd.new.writing import rendered, write
+
+__all__ = ["new_study"]
+
+
+def new_study(name: str, folder: Path = Path(), *, typings: bool = False, force: bool = False) -> list[Path]:
+    """Write a study script.
+
+    Parameters
+    ----------
+    name : str
+        Of the script, without ``.py``, and of its study.
+    folder : Path
+        Where it is written; made if it does not exist.
+    typings : bool
+        Whether a hint for checkers of types is written beside it, too, ``typings/chaospy/__init__.pyi``.
+    force : bool
+        Whether files that are there are overwritten.
+
+    Returns
+    -------
+    list of Path
+        What was written, the script first.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there can be no script of this name, or a file is there already.
+    """
+    check_study_name(name)
+    check_module(name, name, folder)
+    texts = rendered("study", {"name": name}, replaced={"NAME.py": f"{name}.py"})
+    if typings:
+        texts |= {Path("typings") / path: text for path, text in rendered("typings", {}).items()}
+    return write(texts, folder, force=force)

@@ -1,0 +1,92 @@
+"""Templates to files, none of which is overwritten unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from uqmbd.errors import StudyError
+
+__all__ = ["rendered", "write"]
+
+TEMPLATES = Path(__file__).parent / "templates"
+SUFFIX = ".jinja"
+"""Of what is rendered; other files are copied as they are."""
+
+
+def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, str] | None = None) -> dict[Path, str]:
+    """Render all files of a folder of templates.
+
+    Parameters
+    ----------
+    folder : str
+        Below the folder of all templates.
+    names : mapping
+        What the templates know.
+    replaced : mapping, optional
+        Parts of paths that stand for others.
+
+    Returns
+    -------
+    dict of str
+        Texts by path, relative to where they are written.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    # delimiters that neither Python nor GitHub's workflows know
+    environment = Environment(
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701 - Python, TOML and Markdown, of names that were checked
+    )
+    texts = {}
+    for source in _files(TEMPLATES / folder):
+        text = source.read_text(encoding="utf-8")
+        parts = [(replaced or {}).get(part, part) for part in source.relative_to(TEMPLATES / folder).parts]
+        path = Path(*parts)
+        if path.suffix == SUFFIX:
+            path = path.with_suffix("")
+            path = path.with_name((replaced or {}).get(path.name, path.name))
+            text = environment.from_string(text).render(**names)
+        texts[path] = text
+    return texts
+
+
+def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]:
+    """Write texts into a folder, and return the paths.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a file is there already and `force` is False: nothing is written then.
+    """
+    paths = [folder / path for path in texts]
+    there = [str(path) for path in paths if path.exists() or path.is_symlink()]
+    if there and not force:
+        are = "is" if len(there) == 1 else "are"
+        raise StudyError(f"{', '.join(there)} {are} there already, and nothing was written; --force overwrites.")
+    for path, text in zip(paths, texts.values(), strict=True):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # without --force one that has come since is an error, too
+        with path.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    return paths
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Those of a folder and below it, in the order of their names."""
+    for path in sorted(folder.iterdir()):
+        if path.is_dir():
+            if path.name != "__pycache__":
+                yield from _files(path)
+        else:
+            yield path
