@@ -88,7 +88,7 @@ def test_it_runs_and_its_methods_agree(command):
     tree = results.load(Path("results") / "results.nc")
     assert "failed" not in tree.attrs
     for method in ("monte-carlo", "collocation"):
-        probability = tree[method]["requirements"]["probability"].values
+        probability = tree[method]["requirements"]["violation_probability"].values
         assert 0.005 < probability[0] < 0.5
         lowest = tree[method]["scalars/statistics"]["mean"].sel(output="lowest_tip").item()
         assert lowest < tree[method]["statistics"]["mean"].sel(output="tip_height").values[-1] < 0
