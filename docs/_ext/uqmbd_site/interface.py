@@ -21,14 +21,25 @@ def write_command_line(source: str | Path) -> None:
     context = group.context_class(group, info_name="uqmbd")
     lines = ["Command line", "============", "", group.help, "", group.epilog, ""]
     lines += _options(group, context)
+    lines += _commands(group, context, "uqmbd")
+    write_if_changed(Path(source) / "reference" / "api" / "command_line.rst", "\n".join(lines))
+
+
+def _commands(group: Any, context: Any, before: str) -> list[str]:
+    """Return a section for each command of a group, and of the groups in it."""
+    lines = []
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         inner = command.context_class(command, info_name=name, parent=context)
-        title = f"uqmbd {name}"
+        if hasattr(command, "list_commands"):
+            lines += _commands(command, inner, f"{before} {name}")
+            continue
+        title = f"{before} {name}"
         usage = " ".join(command.collect_usage_pieces(inner))
-        lines += [f".. _command-{name}:", "", title, "-" * len(title), "", f"``{title} {usage}``", ""]
+        anchor = title.removeprefix("uqmbd ").replace(" ", "-")
+        lines += [f".. _command-{anchor}:", "", title, "-" * len(title), "", f"``{title} {usage}``", ""]
         lines += [inspect.cleandoc(command.help or ""), "", *_options(command, inner)]
-    write_if_changed(Path(source) / "reference" / "api" / "command_line.rst", "\n".join(lines))
+    return lines
 
 
 def _options(command: Any, context: Any) -> list[str]:
