@@ -200,7 +200,11 @@ def test_a_plugin_that_is_disabled_offers_no_command(install, command_line, monk
 
 
 def test_the_names_of_commands_of_uqmbd_are_reserved():
-    assert plugins.KINDS["commands"].reserved == tuple(one.callback.__name__ for one in app.registered_commands)
+    own = [
+        *(one.callback.__name__ for one in app.registered_commands),
+        *(one.typer_instance.info.name for one in app.registered_groups),
+    ]
+    assert plugins.KINDS["commands"].reserved == tuple(own)
 
 
 class Count:
