@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.randomness.germs.germ import Germ
-from uqmbd.randomness.germs.quantile_tables import KNOTS, LARGEST, interpolate, invert
+from uqmbd.randomness.germs.quantile_tables import KNOTS, LARGEST, interpolate, invert, slope_at
 from uqmbd.randomness.germs.stieltjes import COUNT, Discretised, discretise, discretise_quantiles, lanczos
 from uqmbd.randomness.germs.truncated import cumulated, median, truncated
 
@@ -20,5 +20,6 @@ __all__ = [
     "invert",
     "lanczos",
     "median",
+    "slope_at",
     "truncated",
 ]

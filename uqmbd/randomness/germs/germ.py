@@ -137,6 +137,42 @@ class Germ:
             values[k + 1] = following / norm[k + 1]
         return np.ascontiguousarray(np.moveaxis(values, 0, -1))
 
+    def derivatives(self, x: ArrayLike, degree: int) -> Array:
+        """Evaluate the derivatives of the orthonormal polynomials of degree 0 to `degree`, by their recurrence.
+
+        Parameters
+        ----------
+        x : array_like, shape (...)
+            Points.
+        degree : int
+            Highest degree.
+
+        Returns
+        -------
+        array, shape (..., degree + 1)
+
+        Raises
+        ------
+        uqmbd.StudyError
+            As of :meth:`polynomials`.
+
+        Examples
+        --------
+        >>> Germ.classical("x", "hermite").derivatives(np.array([0.5]), 2).round(6).tolist()
+        [[0.0, 1.0, 0.707107]]
+        """
+        values = self.polynomials(x, degree)
+        points = np.asarray(x, dtype=float)
+        alpha, beta = self.coefficients(degree + 1)
+        norm = np.sqrt(beta)
+        found = np.zeros_like(values)
+        for k in range(degree):
+            following = values[..., k] + (points - alpha[k]) * found[..., k]
+            if k:
+                following -= norm[k] * found[..., k - 1]
+            found[..., k + 1] = following / norm[k + 1]
+        return found
+
     def gauss(self, count: int) -> tuple[Array, Array]:
         """Return the Gauss rule: exact for polynomials up to degree ``2 * count - 1``.
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uqmbd.typing import Array
 
-__all__ = ["KNOTS", "interpolate", "invert", "probit"]
+__all__ = ["KNOTS", "interpolate", "invert", "probit", "slope_at"]
 
 
 KNOTS: Array = np.linspace(-8.25, 8.25, 6601)
@@ -63,6 +63,25 @@ def interpolate(table: Array, where: Array) -> Array:
     result = _cubic(cell, inside - knots[cell], knots, values, slope)
     result += (x - inside) * np.where(x > inside, slope[-1], slope[0])
     return result
+
+
+def slope_at(table: Array, where: Array) -> Array:
+    """Return the derivative of what :func:`interpolate` gives.
+
+    Examples
+    --------
+    >>> slope_at(np.array([KNOTS, 2 * KNOTS]), np.array([0.123, 10.0])).round(9).tolist()
+    [2.0, 2.0]
+    """
+    knots, values = table
+    slope = slopes(knots, values)
+    x = np.asarray(where, dtype=float)
+    cell = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
+    width, rise = knots[cell + 1] - knots[cell], values[cell + 1] - values[cell]
+    t = np.clip((x - knots[cell]) / width, 0.0, 1.0)
+    first, last = slope[cell] * width, slope[cell + 1] * width
+    found: Array = (first + t * (2 * (3 * rise - 2 * first - last) + 3 * t * (first + last - 2 * rise))) / width
+    return found
 
 
 def invert(table: Array, values_at: Array) -> Array:

@@ -232,6 +232,77 @@ class GermSpace:
                 values[:, terms] *= polynomials[:, degree]
         return values
 
+    def evaluate_derivative(self, germs: ArrayLike, multi_index: ArrayLike, germ: int) -> Array:
+        """Evaluate derivatives of products of the orthonormal polynomials with respect to one germ.
+
+        Parameters
+        ----------
+        germs : array_like, shape (K, d)
+            Points.
+        multi_index : array_like of int, shape (P, d)
+            Degrees of the terms.
+        germ : int
+            Number of the germ.
+
+        Returns
+        -------
+        array, shape (K, P)
+
+        Raises
+        ------
+        uqmbd.StudyError
+            As of :meth:`evaluate`.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import JointInput
+        >>> variables = [uqmbd.RandomVariable(name, chaospy.Normal(0, 1)) for name in ("a", "b")]
+        >>> space = GermSpace.of(JointInput.of(variables))
+        >>> space.evaluate_derivative([[0.5, -1.0]], [[0, 0], [1, 1], [2, 0]], 0).round(6)
+        array([[ 0.      , -1.      ,  0.707107]])
+        """
+        points, degrees = self._checked(germs, "germs"), np.array(multi_index)
+        own = degrees[:, germ].copy()
+        degrees[:, germ] = 0
+        values = self.evaluate(points, degrees)
+        column = np.ascontiguousarray(points[:, germ])
+        return values * self.germs[germ].derivatives(column, int(own.max(initial=0)))[:, own]
+
+    def germ_derivatives(self, germs: ArrayLike) -> Array:
+        """Return the derivatives of the germs with respect to the inputs, at germ points.
+
+        Parameters
+        ----------
+        germs : array_like, shape (K, d)
+            Points.
+
+        Returns
+        -------
+        array, shape (K, d, d)
+            Of germ j with respect to input i at [:, j, i], in one over the units of the inputs.  Infinite where several
+            germ points are one input.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the shape is another one, or the map was not stored.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import JointInput
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.5))]))
+        >>> space.germ_derivatives([[0.1]]).tolist()
+        [[[2.0]]]
+        """
+        points = self._checked(germs, "germs")
+        found = np.zeros((len(points), self.dimension, self.dimension))
+        for group in self.groups:
+            columns = list(group.columns)
+            found[:, np.array(columns)[:, None], columns] = group.germ_derivatives(points[:, columns])
+        return found
+
     def basis(self, order: int, kind: str = "total", weights: Sequence[float] | None = None) -> Index:
         """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.index_set`.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.randomness.germs import interpolate, invert
+from uqmbd.randomness.germs import interpolate, invert, slope_at
 from uqmbd.typing import Array
 
 __all__ = ["Marginal"]
@@ -56,6 +56,23 @@ class Marginal:
             assert self.table is not None
             values = np.clip(interpolate(self.table, z), *self.bounds)
         return values
+
+    def slope(self, z: Array) -> Array:
+        """Return the derivative of the input with respect to the standard variable; 0 where it is held at a bound.
+
+        Examples
+        --------
+        >>> Marginal("exponential", sigma=0.5, bounds=(0.0, np.inf)).slope(np.array([0.0])).tolist()
+        [0.5]
+        """
+        if self.kind == "affine":
+            return np.full(np.shape(z), float(self.scale))
+        if self.kind == "exponential":
+            return np.asarray(self.sigma * (self.to_input(z) - self.shift))
+        assert self.table is not None
+        low, high = self.bounds
+        free = interpolate(self.table, z)
+        return np.where((free >= low) & (free <= high), slope_at(self.table, z), 0.0)
 
     def to_germ(self, x: Array) -> Array:
         """Map the input, of any shape, to the standard variable; NaN where it lies outside the support."""

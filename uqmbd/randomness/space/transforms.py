@@ -15,6 +15,10 @@ from uqmbd.typing import Array
 __all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
 
 
+STEP = 2e-3
+"""Of germs, for derivatives of maps that are known as numbers only."""
+
+
 @dataclass(frozen=True, eq=False)
 class Coupled:
     """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
@@ -64,6 +68,17 @@ class Coupled:
             standard = self.marginals[row].to_germ(np.ascontiguousarray(inputs[:, row]))
             germs[:, row] = (standard - self._sum(germs, row, self.order[:place])) / self.factor[row, row]
         return germs
+
+    def germ_derivatives(self, germs: Array) -> Array:
+        """Return the derivatives (K, n, n) of the germs with respect to the inputs, at germ points (K, n)."""
+        slopes = np.empty_like(germs)
+        for row, marginal in enumerate(self.marginals):
+            slopes[:, row] = marginal.slope(self._sum(germs, row, self.order))
+        inverse = np.linalg.inv(self.factor)
+        with np.errstate(divide="ignore"):
+            steep = 1.0 / slopes
+        # no product of zero and infinity
+        return np.where(inverse == 0, 0.0, inverse * np.where(np.isfinite(steep), steep, np.inf)[:, None, :])
 
     def _sum(self, germs: Array, row: int, others: tuple[int, ...]) -> Array:
         # no matrix product: its rounding depends on the number of rows
@@ -123,6 +138,31 @@ class Rosenblatt:
             raise _not_stored("to germs")
         uniform = self.joint.forward(inputs)
         return np.where(self.normal, scipy.special.ndtri(uniform), 2 * uniform - 1)
+
+    def germ_derivatives(self, germs: Array) -> Array:
+        """Return the derivatives (K, n, n) of the germs with respect to the inputs, at germ points (K, n).
+
+        Those of the inputs by central differences of fourth order within the germs' supports, inverted: conditional
+        distributions are known as numbers only.
+        """
+        count = germs.shape[1]
+        forth = np.empty((len(germs), count, count))
+        for k in range(count):
+            step = np.full(len(germs), STEP)
+            if not self.normal[k]:
+                step = np.minimum(step, (1.0 - np.abs(germs[:, k])) / 2.0)
+            found = np.zeros_like(germs)
+            for times, weight in zip((-2, -1, 1, 2), (1.0, -8.0, 8.0, -1.0), strict=True):
+                moved = germs.copy()
+                moved[:, k] += times * step
+                found = found + weight * self.to_inputs(moved)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                forth[:, :, k] = found / (12.0 * step)[:, None]
+        known = np.flatnonzero(np.isfinite(forth).all(axis=(1, 2)))
+        known = known[np.linalg.det(forth[known]) != 0]
+        back = np.full_like(forth, np.nan)
+        back[known] = np.linalg.inv(forth[known])
+        return back
 
 
 Group = Coupled | Rosenblatt

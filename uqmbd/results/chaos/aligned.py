@@ -17,7 +17,7 @@ from uqmbd.results.chaos.boxes import check_filled, checked_weights, rows_of_box
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.sampled import MOMENTS, TOPS, SampledSurrogate
-from uqmbd.results.chaos.sampling import basis_values, spread_germs
+from uqmbd.results.chaos.sampling import basis_derivatives, basis_values, spread_germs
 from uqmbd.results.chaos.storage import aligned_arguments, aligned_dataset
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["AlignedChaos"]
 
+
+AT_ONCE = 64
+"""Samples that are differentiated at once."""
 
 ROUNDING = 1e-12
 """Part of the times by which the last landmark of a sample may miss the last of them."""
@@ -130,6 +133,17 @@ class AlignedChaos(SampledSurrogate):
         found = np.empty((len(germs), *self.labels.shape))
         for one in self._sampled(germs):
             one.evaluate(slice(len(self.labels.outputs)), self._times, found)
+        return found
+
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        found = np.empty((len(germs), *self.labels.shape))
+        for one in self._sampled(germs):
+            local = one.element.box.local
+            for start in range(0, len(one.rows), AT_ONCE):
+                part = slice(start, start + AT_ONCE)
+                rows = one.rows[part]
+                change = basis_derivatives(local, germs[rows], self.multi_index, germ)
+                SampledElement(one.element, rows, one.basis[part]).evaluate_change(change, self._times, found)
         return found
 
     def _sampler(self, germs: Array) -> Samples:

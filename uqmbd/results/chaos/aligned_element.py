@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["AlignedElement", "Landmarks", "SampledElement"]
 
 
+SLACK = 1e-12
+"""Part of the times by which a time may be behind the last edge."""
+
 NOISE = 1e-10
 """Size of a coefficient in time, over the largest one of its output, that is rounding."""
 
@@ -91,3 +94,58 @@ class SampledElement:
     def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
         """Evaluate some outputs at increasing times (T,), into rows of (N, C, T); NaN behind a sample's last edge."""
         self.element.table.evaluate(self.basis, times, outputs, found, self.rows)
+
+    def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
+        """Evaluate the first-order change of all outputs at times (T,), into rows of (N, O, T).
+
+        The change of an edge moves the normalised time.  A time at an edge is in the segment behind it.
+
+        Parameters
+        ----------
+        change : array, shape (K, P)
+            Of the basis.
+        times : array, shape (T,)
+        found : array, shape (N, O, T)
+            NaN behind a sample's last edge.
+        """
+        edges, moving = self._moving_edges(change)
+        segments, powers = self.element.segments, self.element.segments.shape[-1]
+        at = np.stack([np.searchsorted(row[1:-1], times, side="right") for row in edges])  # (K, T)
+        sample = np.arange(len(edges))[:, None]
+        begin, end = edges[sample, at], edges[sample, at + 1]
+        length = end - begin
+        there = length > 0
+        share = np.divide(times - begin, length, out=np.zeros_like(length), where=there)
+        # what is before the begin or at the end stands still
+        free = there & (share > 0) & (share < 1)
+        slid = -(moving[sample, at] * (1 - share) + moving[sample, at + 1] * share)
+        slid = np.divide(slid, length, out=np.zeros_like(length), where=free)
+        x = np.clip(2 * share - 1, -1, 1)
+        chebyshev = np.polynomial.chebyshev.chebvander(x, powers - 1)  # (K, T, N)
+        slopes = _chebyshev_slopes(x, powers) * (2 * slid)[..., None]
+        own, changed = (np.tensordot(b, segments, 1) for b in (self.basis, change))  # (K, S, O, N)
+        for row, k in zip(self.rows, range(len(edges)), strict=True):
+            values = np.einsum("ton,tn->ot", changed[k, at[k]], chebyshev[k])
+            values += np.einsum("ton,tn->ot", own[k, at[k]], slopes[k])
+            found[row] = np.where(times <= edges[k, -1] + SLACK * np.abs(times).max(), values, np.nan)
+
+    def _moving_edges(self, change: Array) -> tuple[Array, Array]:
+        """Return the edges (K, S + 1), none before the one before it, and how they change."""
+        edges, moving = self.basis @ self.element.edges, change @ self.element.edges
+        for s in range(1, edges.shape[1]):
+            late = edges[:, s] < edges[:, s - 1]
+            edges[late, s], moving[late, s] = edges[late, s - 1], moving[late, s - 1]
+        return edges, moving
+
+
+def _chebyshev_slopes(x: Array, powers: int) -> Array:
+    """Return the derivatives (..., N) of the first N Chebyshev polynomials."""
+    found = np.zeros((*x.shape, powers))
+    if powers > 1:
+        # T_n' = n U_{n-1}
+        second = np.zeros_like(found)
+        second[..., 0] = 1.0
+        for n in range(1, powers):
+            second[..., n] = 2 * x * second[..., n - 1] - (second[..., n - 2] if n > 1 else 0.0)
+        found[..., 1:] = np.arange(1, powers) * second[..., :-1]
+    return found

@@ -175,7 +175,10 @@ class ComposedChaos(Surrogate):
         return np.take(found, order, axis=axis)
 
     def _evaluate(self, germs: Array) -> Array:
-        return self._gathered(lambda part: part.evaluate_germs(germs), 1)
+        return self._gathered(lambda part: part._evaluate(germs), 1)
+
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        return self._gathered(lambda part: part._derivative(germs, germ), 1)
 
     def _sampler(self, germs: Array) -> Samples:
         drawn = [part._sampler(germs) for part in self.parts.values()]

@@ -1,11 +1,15 @@
-"""What a surrogate of outputs does, whatever polynomials it is made of."""
+"""What a surrogate of outputs does, whatever polynomials it is made of.
+
+Length: it is one class, the interface of all surrogates, whose methods have their types for each kind of inputs, and
+examples.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, overload
 
 import numpy as np
 import xarray as xr
@@ -14,17 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.decay import factor_words, verdict_of_error
+from uqmbd.results.chaos.labelled import (
+    DERIVATIVE,
+    VALUE,
+    Named,
+    StatedErrors,
+    labelled_array,
+    points_of,
+    surrogate_statistics,
+)
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import Verified
 from uqmbd.results.chaos.terms import constant_columns
-from uqmbd.results.schema import (
-    DEFAULT_PROBABILITIES,
-    Labels,
-    fixed_width,
-    output_index,
-    statistics_dataset,
-    time_index,
-)
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, output_index, time_index, united
 from uqmbd.results.statistics import circular_of_blocks
 from uqmbd.typing import Array, Index, Mask
 
@@ -34,6 +40,9 @@ if TYPE_CHECKING:
 __all__ = ["FEWER", "SAMPLES", "Samples", "Surrogate", "frozen"]
 
 _Kind = TypeVar("_Kind", bound=np.generic)
+
+ROUNDING = 1e-6
+"""By how much a germ may be outside its support, which rounding of inputs far from zero makes it."""
 
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
@@ -65,6 +74,10 @@ class Surrogate(Verified, ABC):
     @abstractmethod
     def _evaluate(self, germs: Array) -> Array:
         """Evaluate at germ points (K, d): (K, O, T)."""
+
+    @abstractmethod
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        """Differentiate with respect to one germ, at germ points (K, d): (K, O, T)."""
 
     @abstractmethod
     def _sampler(self, germs: Array) -> Samples:
@@ -138,21 +151,149 @@ class Surrogate(Verified, ABC):
         """Sobol' indices of pairs, shape (input, input, O, T): symmetric, 0 on the diagonal."""
         return self._by_input("sobol_second")
 
-    def evaluate(self, inputs: ArrayLike) -> Array:
-        """Evaluate at inputs (K, d), in their units: (K, O, T), in the units of the outputs.
+    @overload
+    def evaluate(self, inputs: Named) -> xr.DataArray: ...
+
+    @overload
+    def evaluate(self, **values: float | ArrayLike | xr.DataArray) -> xr.DataArray: ...
+
+    @overload
+    def evaluate(self, inputs: xr.DataArray) -> Any: ...
+
+    @overload
+    def evaluate(self, inputs: ArrayLike) -> Array: ...
+
+    def evaluate(self, inputs: Any = None, **values: Any) -> Any:
+        """Evaluate at inputs, in their units.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (K, d), or mapping, pandas.DataFrame, xarray.Dataset or xarray.DataArray
+            A plain array has the inputs as columns, in their order.  All else has them by name: a mapping or a dataset
+            has numbers, lists of one length, or arrays of xarray; a DataArray a dimension ``input``.
+        **values
+            Instead: inputs by name.  Arrays of xarray with dimensions of their own are combined with one another.
+
+        Returns
+        -------
+        array, shape (K, O, T), or xarray.DataArray
+            Of a plain array an array, in the units of the outputs.  Else labelled, with the dimensions of the inputs
+            (``point`` for lists and rows without a name, none for single numbers), ``output`` and ``time``;
+            `uqmbd.results.output` takes one output out, with its unit.
 
         Raises
         ------
         StudyError
-            If an input lies outside its distribution.
+            If an input lies outside its distribution, is missing, unknown, or has another unit.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
+        >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes)
+        >>> chaos.evaluate([[3.0]]).tolist()
+        [[[1.5]]]
+        >>> found = chaos.evaluate(k=[2.0, 3.0])
+        >>> found.dims, found.sel(output="x", time=0.0).values.tolist(), found.attrs["units"]
+        (('point', 'output', 'time'), [1.0, 1.5], 'm')
         """
-        return self.evaluate_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
+        return self._at(inputs, values, lambda points: self._evaluate(self.space.to_germs(points)), VALUE)
+
+    @overload
+    def gradient(self, inputs: Named) -> xr.DataArray: ...
+
+    @overload
+    def gradient(self, **values: float | ArrayLike | xr.DataArray) -> xr.DataArray: ...
+
+    @overload
+    def gradient(self, inputs: xr.DataArray) -> Any: ...
+
+    @overload
+    def gradient(self, inputs: ArrayLike) -> Array: ...
+
+    def gradient(self, inputs: Any = None, **values: Any) -> Any:
+        """Differentiate with respect to the inputs, each while the others are held.
+
+        Parameters
+        ----------
+        inputs, **values
+            As of :meth:`evaluate`.
+
+        Returns
+        -------
+        array, shape (K, d, O, T), or xarray.DataArray
+            In the units of the outputs over those of the inputs; labelled, it has the dimension ``input`` before
+            ``output``.  Elements are differentiated each by itself: at an edge that of the element which the point is
+            in, and of a jump from one to the next nothing is seen.  Where the outputs jump at a landmark, the
+            derivative is that of the segment which the time is in; behind the last landmark it is NaN.  An input of
+            whole numbers is differentiated as if it had values between them.  NaN or infinite where one input belongs
+            to many germs, as at the ends of a tabulated distribution.
+
+        Raises
+        ------
+        StudyError
+            As of :meth:`evaluate`.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos, labels, output
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
+        >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes)
+        >>> chaos.gradient([[3.0]]).tolist()
+        [[[[0.5]]]]
+        >>> found = output(chaos.gradient(k=3.0), "x", input="k")
+        >>> found.item(), found.attrs["units"]
+        (0.5, 'm/(N/m)')
+        """
+        return self._at(inputs, values, self._input_gradient, DERIVATIVE)
+
+    def _input_gradient(self, points: Array) -> Array:
+        """Differentiate with respect to the inputs, at inputs (K, d): (K, d, O, T)."""
+        germs = self.space.to_germs(points)
+        slopes, found = self.space.germ_derivatives(germs), np.zeros((*points.shape, *self.labels.shape))
+        for germ in range(points.shape[1]):
+            depends = np.flatnonzero(slopes[:, germ].any(axis=0))
+            if len(depends):
+                own = self._derivative(germs, germ)
+                for k in depends:
+                    with np.errstate(invalid="ignore"):
+                        found[:, k] += own * slopes[:, germ, k].reshape(-1, *(1,) * len(self.labels.shape))
+        return found
+
+    def _at(
+        self, inputs: Any, values: Mapping[str, Any], of: Callable[[Array], Array], about: Mapping[str, str]
+    ) -> Array | xr.DataArray:
+        """Evaluate a function of points (K, d) at inputs, with labels where they have some."""
+        points = points_of(inputs, values, self.labels.inputs)
+        if points is None:
+            return of(np.asarray(inputs, dtype=float))
+        return labelled_array(of(points.values), points, self.labels, about)
 
     def evaluate_germs(self, germs: ArrayLike) -> Array:
-        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs."""
+        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs.
+
+        Raises
+        ------
+        StudyError
+            If the shape is another one, or a germ lies outside its support.
+        """
         points = np.asarray(germs, dtype=float)
         if points.ndim != 2 or points.shape[1] != len(self.germ_names):
             raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
+        low, high = np.array([germ.bounds for germ in self.space.germs]).T
+        outside = ~((points >= low - ROUNDING) & (points <= high + ROUNDING))
+        if outside.any():
+            row, k = np.argwhere(outside)[0]
+            raise StudyError(
+                f"Germ {self.germ_names[k]!r} is {points[row, k]:.10g} in row {row}; expected a number from {low[k]:g} "
+                f"to {high[k]:g}, its support."
+            )
         return self._evaluate(points)
 
     def sample(self, count: int, seed: int) -> tuple[Array, Array]:
@@ -243,48 +384,63 @@ class Surrogate(Verified, ABC):
         """
         independent = self.space.independent
         wanted, samples = samples, affordable(samples, len(self.multi_index), self.mean.size)
-        found = statistics_dataset(
+        values = {name: getattr(self, name) for name in ("mean", "std", "variance", "skewness", "kurtosis")}
+        values |= {"probability": probabilities, **self.circular(samples=samples, seed=seed)}
+        values["quantile"] = self.quantiles(probabilities, samples=samples, seed=seed)
+        if independent:
+            values |= {"sobol_first": self.sobol_first, "sobol_total": self.sobol_total}
+        known = self.verification_germs is not None
+        return surrogate_statistics(
             self.labels,
-            mean=self.mean,
-            std=self.std,
-            variance=self.variance,
-            skewness=self.skewness,
-            kurtosis=self.kurtosis,
-            quantile=self.quantiles(probabilities, samples=samples, seed=seed),
-            probability=probabilities,
-            sobol_first=self.sobol_first if independent else None,
-            sobol_total=self.sobol_total if independent else None,
-            **self.circular(samples=samples, seed=seed),
+            values,
+            shape_samples=self.shape_samples,
+            samples=samples,
+            wanted=wanted,
+            terms=len(self.multi_index),
+            of_germs=None if independent else (self.germ_names, self.sobol_first_germ, self.sobol_total_germ),
+            stated=StatedErrors(self.verification_error(), self.verification_factor()) if known else None,
         )
-        if self.shape_samples:
-            for name in ("skewness", "kurtosis"):
-                found[name].attrs |= {
-                    "samples": self.shape_samples,
-                    "comment": f"{found[name].attrs['comment']}; of {self.shape_samples} samples of the surrogate",
-                }
-        if samples < wanted:
-            found["quantile"].attrs |= {
-                "samples": samples,
-                "comment": f"of {samples} samples of the surrogate: its {len(self.multi_index)} terms allow no more",
-            }
-        if not independent:
-            note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
-            dims = ("germ", *self.labels.dims)
-            found = found.assign(
-                sobol_first_germ=(dims, self.sobol_first_germ, {"long_name": "first-order Sobol' index"} | note),
-                sobol_total_germ=(dims, self.sobol_total_germ, {"long_name": "total Sobol' index"} | note),
-            ).assign_coords(germ=("germ", fixed_width(self.germ_names)))
-        if self.verification_germs is not None:
-            note = {"long_name": "stated error of the surrogate, over the standard deviation"}
-            about = {
-                "long_name": "factor by which the stated error may be off",
-                "comment": "two standard errors, from the scatter of the squared errors; above 2: raise verify",
-            }
-            found = found.assign(
-                verification_error=(self.labels.dims, self.verification_error(), note),
-                verification_factor=(self.labels.dims, self.verification_factor(), about),
-            )
-        return found
+
+    def to_xarray(
+        self, *, samples: int = 0, seed: int = 0, probabilities: Sequence[float] = DEFAULT_PROBABILITIES
+    ) -> xr.Dataset:
+        """Return what is known of the outputs as labelled data.
+
+        Parameters
+        ----------
+        samples : int
+            Samples of the surrogate that are drawn besides; 0: none.
+        seed : int
+            Of these.
+        probabilities : sequence of float
+            Of the quantiles.
+
+        Returns
+        -------
+        xarray.Dataset
+            That of :meth:`statistics`: moments, quantiles, Sobol' indices, stated errors.  With samples also
+            ``response`` (sample, output, time) and ``inputs`` (sample, input), as of :meth:`sample`.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
+        >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
+        >>> found = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes).to_xarray(samples=4)
+        >>> found["response"].sizes["sample"], found["sobol_total"].item(), found["std"].attrs["units"]
+        (4, 1.0, 'm')
+        """
+        found = self.statistics(probabilities)
+        if not samples:
+            return found
+        inputs, response = self.sample(samples, seed)
+        drawn = {
+            "response": (("sample", *self.labels.dims), response, {"long_name": "response"}),
+            "inputs": (("sample", "input"), inputs, {"long_name": "value of the input"}),
+        }
+        return united(found.assign(drawn).assign_coords(self.labels.input_coords()))
 
     def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
         """Say for each output, in a sentence, how far the surrogate can be trusted.

@@ -231,7 +231,14 @@ class PiecewiseChaos(Surrogate):
         found = np.empty((len(germs), *self.labels.shape))
         for element, rows in zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True):
             if len(rows):
-                found[rows] = element.evaluate_germs(germs[rows])
+                found[rows] = element._evaluate(germs[rows])
+        return found
+
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        found = np.empty((len(germs), *self.labels.shape))
+        for element, rows in zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True):
+            if len(rows):
+                found[rows] = element._derivative(germs[rows], germ)
         return found
 
     def _sampler(self, germs: Array) -> Samples:

@@ -20,7 +20,7 @@ from uqmbd.results.chaos.decay import (
 )
 from uqmbd.results.chaos.discontinuity import Discontinuity, find_discontinuities
 from uqmbd.results.chaos.interface import FEWER, Samples, Surrogate, frozen
-from uqmbd.results.chaos.sampling import affordable, basis_values, sampled_shape
+from uqmbd.results.chaos.sampling import affordable, basis_derivatives, basis_values, sampled_shape
 from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
 from uqmbd.results.chaos.terms import (
     first_order_masks,
@@ -306,6 +306,11 @@ class PolynomialChaos(Surrogate):
     def _evaluate(self, germs: Array) -> Array:
         with one_thread():
             found: Array = basis_values(self.space, germs, self.multi_index) @ self._flat
+        return found.reshape(len(germs), *self.labels.shape)
+
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        with one_thread():
+            found: Array = basis_derivatives(self.space, germs, self.multi_index, germ) @ self._flat
         return found.reshape(len(germs), *self.labels.shape)
 
     def _sampler(self, germs: Array) -> Samples:

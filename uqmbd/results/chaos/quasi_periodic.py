@@ -17,7 +17,7 @@ from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement, SampledWaves
 from uqmbd.results.chaos.sampled import TOPS, SampledSurrogate
-from uqmbd.results.chaos.sampling import basis_values, spread_germs
+from uqmbd.results.chaos.sampling import basis_derivatives, basis_values, spread_germs
 from uqmbd.results.chaos.storage import quasi_periodic_arguments, quasi_periodic_dataset
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
@@ -127,6 +127,12 @@ class QuasiPeriodicChaos(SampledSurrogate):
             one.evaluate(slice(None), self._times - self.origin, found)
         return found
 
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        found = np.zeros((len(germs), *self.labels.shape))
+        for one, change in zip(self._sampled(germs), self._sampled(germs, germ), strict=True):
+            one.evaluate_change(change, self._times - self.origin, found)
+        return found
+
     def _sampler(self, germs: Array) -> Samples:
         sampled, count = self._sampled(germs), self.labels.shape[1]
 
@@ -148,11 +154,13 @@ class QuasiPeriodicChaos(SampledSurrogate):
     def _times(self) -> Array:
         return np.asarray(self.labels.times)
 
-    def _sampled(self, germs: Array) -> list[SampledWaves]:
+    def _sampled(self, germs: Array, germ: int | None = None) -> list[SampledWaves]:
+        """Find what elements have of samples, or how that changes with a germ."""
         found = []
         for element, rows in zip(self.elements, rows_of_boxes([e.box for e in self.elements], germs), strict=True):
             if len(rows):
-                basis = basis_values(element.box.local, germs[rows], self.multi_index)
+                where = element.box.local, germs[rows], self.multi_index
+                basis = basis_values(*where) if germ is None else basis_derivatives(*where, germ)
                 waves = np.tensordot(basis, element.waves, 1)
                 frequencies, constants, drifts = (
                     basis @ x for x in (element.frequencies, element.constants, element.drifts)

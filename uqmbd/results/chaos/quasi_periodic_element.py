@@ -55,3 +55,22 @@ class SampledWaves:
         """Evaluate some outputs at times (T,) since the origin, into rows of (N, C, T)."""
         constants, drifts, waves = self.constants[:, outputs], self.drifts[:, outputs], self.waves[:, outputs]
         wave_values(self.frequencies, self.lattice, constants, drifts, waves, times, found, self.rows)
+
+    def evaluate_change(self, change: SampledWaves, times: Array, found: Array) -> None:
+        """Evaluate the first-order change of all outputs at times (T,) since the origin, into rows of (N, O, T).
+
+        Parameters
+        ----------
+        change : SampledWaves
+            Changes of frequencies, constants, drifts and waves of the same samples.
+        times : array, shape (T,)
+        found : array, shape (N, O, T)
+        """
+        of_waves = (self.frequencies, self.lattice, change.constants, change.drifts, change.waves)
+        wave_values(*of_waves, times, found, self.rows)
+        # d/dw of a wave is i t times the wave
+        turned = 1j * (change.frequencies @ self.lattice.T)[:, None, :] * self.waves
+        still = np.zeros_like(self.constants)
+        phases = np.zeros_like(found)
+        wave_values(self.frequencies, self.lattice, still, still, turned, times, phases, self.rows)
+        found[self.rows] += times * phases[self.rows]

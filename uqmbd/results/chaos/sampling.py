@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "affordable",
+    "basis_derivatives",
     "basis_values",
     "kernel_density",
     "quantiles_of_rows",
@@ -120,6 +121,15 @@ def basis_values(space: GermSpace, germs: Array, multi_index: Index) -> Array:
     for start in range(0, len(germs), ROWS):
         part = slice(start, start + ROWS)
         found[part] = space.evaluate(germs[part], multi_index)
+    return found
+
+
+def basis_derivatives(space: GermSpace, germs: Array, multi_index: Index, germ: int) -> Array:
+    """Evaluate the derivatives of the basis (K, P) with respect to one germ, some thousand points at a time."""
+    found = np.empty((len(germs), len(multi_index)))
+    for start in range(0, len(germs), ROWS):
+        part = slice(start, start + ROWS)
+        found[part] = space.evaluate_derivative(germs[part], multi_index, germ)
     return found
 
 

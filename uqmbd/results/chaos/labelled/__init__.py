@@ -1,0 +1,19 @@
+"""Surrogates and labels: inputs by their names in, values with dimensions, coordinates and units out."""
+
+from __future__ import annotations
+
+from uqmbd.results.chaos.labelled.arrays import DERIVATIVE, VALUE, labelled_array
+from uqmbd.results.chaos.labelled.points import Frame, Named, Points, points_of
+from uqmbd.results.chaos.labelled.statistics import StatedErrors, surrogate_statistics
+
+__all__ = [
+    "DERIVATIVE",
+    "Frame",
+    "Named",
+    "Points",
+    "StatedErrors",
+    "VALUE",
+    "labelled_array",
+    "points_of",
+    "surrogate_statistics",
+]

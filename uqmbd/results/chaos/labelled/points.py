@@ -1,0 +1,225 @@
+"""Points at which a surrogate is evaluated, from whatever gives inputs by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+from uqmbd.names import did_you_mean
+from uqmbd.results.schema import InputInfo
+from uqmbd.typing import Array
+
+__all__ = ["Frame", "Named", "Points", "points_of"]
+
+POINT = "point"
+"""Dimension of points that have none of their own."""
+
+_TAKEN = frozenset({"output", "output_units", "output_angle", "time", "input", "input_units", "input_description"})
+"""Names of dimensions and coordinates that results have themselves."""
+
+
+class Frame(Protocol):
+    """A table with named columns, as of pandas."""
+
+    @property
+    def columns(self) -> Any:
+        """Names of the columns."""
+
+    @property
+    def index(self) -> Any:
+        """Labels of the rows."""
+
+    def __getitem__(self, key: Any, /) -> Any: ...
+
+
+Named: TypeAlias = Mapping[str, Any] | xr.Dataset | Frame
+"""Inputs by name."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points with dimensions of their own.
+
+    Attributes
+    ----------
+    values : array, shape (K, d)
+        Inputs, in their order and units.
+    sizes : mapping of str to int
+        Dimensions of the points, whose product is K.
+    coords : mapping
+        Coordinates along these, and values of the inputs, as of `xarray.DataArray`.
+    """
+
+    values: Array
+    sizes: Mapping[str, int]
+    coords: Mapping[str, Any]
+
+
+def points_of(
+    inputs: ArrayLike | Named | xr.DataArray | None, values: Mapping[str, Any], infos: Sequence[InputInfo]
+) -> Points | None:
+    """Return points from inputs by name; None: a plain array was given.
+
+    Parameters
+    ----------
+    inputs : mapping, pandas.DataFrame, xarray.Dataset, xarray.DataArray with a dimension ``input``, or array_like
+        None: keywords were given.
+    values : mapping
+        Keywords: numbers, lists of one length, or arrays of xarray with dimensions of their own.
+    infos : sequence of InputInfo
+        Of the surrogate.
+
+    Raises
+    ------
+    StudyError
+        If an input is missing, unknown, given twice, has another unit or shapes do not fit.
+
+    Examples
+    --------
+    >>> infos = (InputInfo("k", "N/m"), InputInfo("c"))
+    >>> points = points_of(None, {"c": 0.5, "k": [1.0, 2.0]}, infos)
+    >>> points.values.tolist(), points.sizes
+    ([[1.0, 0.5], [2.0, 0.5]], {'point': 2})
+    """
+    if inputs is not None and values:
+        raise StudyError(f"Inputs are given twice, as a whole and by name ({', '.join(values)}); expected one of both.")
+    names = [info.name for info in infos]
+    given: dict[str, Any]
+    beside: dict[str, Any] = {}
+    if inputs is None:
+        given = dict(values)
+    elif isinstance(inputs, xr.DataArray):
+        if "input" not in inputs.dims:
+            return None
+        given = _columns(inputs, names)
+    elif isinstance(inputs, xr.Dataset):
+        given = {name: inputs[name] for name in names if name in inputs.coords}
+        given |= {str(name): one for name, one in inputs.data_vars.items()}
+    elif isinstance(inputs, Mapping):
+        given = {str(name): value for name, value in inputs.items()}
+    elif hasattr(inputs, "columns") and hasattr(inputs, "index"):
+        given, beside = _of_frame(inputs)
+    else:
+        return None
+    _check_names(given, names)
+    arrays = [_array(given[info.name], info) for info in infos]
+    return _together(arrays, infos, beside)
+
+
+def _check_names(given: Iterable[str], names: Sequence[str]) -> None:
+    for name in given:
+        if name not in names:
+            raise StudyError(
+                f"There is no input {name!r}; the inputs are: {', '.join(names)}{did_you_mean(str(name), names)}."
+            )
+    if missing := [name for name in names if name not in set(given)]:
+        raise StudyError(
+            f"Values of {', '.join(missing)} are missing; expected one for each input: {', '.join(names)}. An input "
+            "that is left out is at no value: to hold it, give it that value, such as its mean."
+        )
+
+
+def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
+    """Take an array with a dimension ``input`` apart; without names it has the order of the inputs."""
+    if "input" not in inputs.coords:
+        if inputs.sizes["input"] != len(names):
+            raise StudyError(
+                f"The dimension 'input' has {inputs.sizes['input']} entries without names; expected {len(names)}: "
+                f"{', '.join(names)}."
+            )
+        inputs = inputs.assign_coords(input=list(names))
+    known = [str(name) for name in inputs["input"].values]
+    if len(set(known)) < len(known):
+        raise StudyError(f"The coordinate 'input' names an input twice: {', '.join(known)}.")
+    found = {}
+    for k, name in enumerate(known):
+        one = inputs.isel(input=k)
+        units = one.coords.get("input_units")
+        one = one.drop_vars([x for x in one.coords if "input" in inputs[x].dims])
+        one.attrs = {} if units is None else {"units": str(units.values)}
+        found[name] = one
+    return found
+
+
+def _of_frame(frame: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Take a table apart; rows are points, whose index is a coordinate if it has a name."""
+    columns = [str(name) for name in frame.columns]
+    if len(set(columns)) < len(columns):
+        raise StudyError(f"The table has a column twice: {', '.join(columns)}.")
+    index = frame.index
+    named = getattr(index, "nlevels", 1) == 1 and index.name is not None
+    dim = str(index.name) if named else POINT
+    values = {
+        name: xr.DataArray(np.asarray(frame[key], dtype=float), dims=dim)
+        for name, key in zip(columns, frame.columns, strict=True)
+    }
+    return values, {dim: (dim, np.asarray(index))} if named else {}
+
+
+def _array(value: Any, info: InputInfo) -> xr.DataArray:
+    if isinstance(value, (xr.DataArray, xr.Variable)):
+        found = value if isinstance(value, xr.DataArray) else xr.DataArray(value)
+        units = str(found.attrs.get("units", ""))
+        if units and info.units and units.strip() != info.units.strip():
+            raise StudyError(
+                f"Input {info.name!r} is given in {units!r}; expected {info.units!r}. Convert it, or leave the "
+                "attribute 'units' out."
+            )
+        for dim in map(str, found.dims):
+            if dim in _TAKEN:
+                raise StudyError(f"Input {info.name!r} has a dimension {dim!r}, which results have; rename it.")
+        try:
+            return found.astype(float)
+        except (TypeError, ValueError):
+            raise StudyError(f"Input {info.name!r} has values of the type {found.dtype}; expected numbers.") from None
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise StudyError(f"Input {info.name!r} is {value!r}; expected a number, or a list of numbers.") from None
+    if numbers.ndim > 1:
+        raise StudyError(
+            f"Input {info.name!r} has the shape {numbers.shape}; expected a number, a list, or an xarray.DataArray, "
+            "whose dimensions have names."
+        )
+    return xr.DataArray(numbers, dims=(POINT,)[: numbers.ndim])
+
+
+def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside: Mapping[str, Any]) -> Points:
+    """Broadcast inputs to common dimensions, with their coordinates and values."""
+    for dim in dict.fromkeys(str(dim) for one in arrays for dim in one.dims):
+        sizes = {info.name: one.sizes[dim] for one, info in zip(arrays, infos, strict=True) if dim in one.dims}
+        if len(set(sizes.values())) > 1:
+            said = ", ".join(f"{name}: {size}" for name, size in sizes.items())
+            raise StudyError(
+                f"Inputs have different numbers of values along {dim!r} ({said}); expected the same, single numbers, "
+                "or arrays of xarray with dimensions of their own, of which all combinations are taken."
+            )
+    try:
+        aligned = xr.align(*arrays, join="exact")
+    except ValueError as error:
+        raise StudyError(f"Coordinates of the inputs differ: {error}.") from error
+    wide = xr.broadcast(*aligned)
+    sizes = {str(dim): size for dim, size in wide[0].sizes.items()}
+    values = np.stack([one.values.ravel() for one in wide], axis=1) if infos else np.zeros((1, 0))
+    coords: dict[str, Any] = dict(beside)
+    for one in aligned:
+        coords |= {
+            str(key): coord.variable
+            for key, coord in one.coords.items()
+            if key not in _TAKEN and key not in coords and key not in {info.name for info in infos}
+        }
+    for one, info in zip(aligned, infos, strict=True):
+        attrs = {"long_name": info.name, **({"units": info.units} if info.units else {})}
+        name, own = info.name, one.dims == (info.name,)
+        if own and name in one.coords and not np.array_equal(one.coords[name].values, one.values):
+            coords[name], own = one.coords[name].variable, False
+        while not own and (name in coords or name in sizes or name in _TAKEN):
+            name += "_"
+        coords[name] = (tuple(map(str, one.dims)), one.values, attrs)
+    return Points(values, sizes, coords)
