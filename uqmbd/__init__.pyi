@@ -27,6 +27,9 @@ from .errors import StudyWarning as StudyWarning
 from .errors import UnitsWarning as UnitsWarning
 from .errors import UnusedInputWarning as UnusedInputWarning
 from .errors import UqmbdError as UqmbdError
+from .exchange import samples_to_frame as samples_to_frame
+from .exchange import to_arviz as to_arviz
+from .exchange import to_frame as to_frame
 from .mechanism import Auxiliary as Auxiliary
 from .mechanism import Component as Component
 from .mechanism import Constraint as Constraint

@@ -106,6 +106,29 @@ def test_arviz_takes_the_tree(found):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_the_groups_of_arviz_alone_are_handed_over(found):
+    """Its schema knows no further ones; diagnostics of the draws are those that the calibration states."""
+    import arviz
+
+    tree = uqmbd.to_arviz(found)
+    assert set(tree.children) == {
+        "posterior", "prior", "posterior_predictive", "prior_predictive", "log_likelihood", "sample_stats", "observed_data",
+        "constant_data",
+    }  # fmt: skip
+    assert tree["posterior/stiffness"].sizes["chain"] > 1 and tree["posterior/stiffness"].attrs["units"] == "N/m"
+    assert tree.attrs["inference_library"] == "uqmbd"
+    assert uqmbd.to_arviz(found.tree)["posterior"].equals(found.tree["posterior"])
+    taken = arviz.from_datatree(tree) if hasattr(arviz, "from_datatree") else tree
+    table = arviz.summary(taken, round_to="none")
+    ours = found.summary().sel(input=list(table.index))
+    assert np.allclose(table["mean"].astype(float), ours["mean"], rtol=1e-6)
+    assert np.allclose(table["sd"].astype(float), ours["sd"], rtol=1e-2)
+    with pytest.raises(uqmbd.StudyError, match="a calibration has draws of its own"):
+        uqmbd.to_arviz(found, draws=10)
+
+
+@pytest.mark.thorough
 def test_the_posterior_is_propagated_by_other_methods(found):
     from uqmbd_montecarlo import MonteCarlo
 

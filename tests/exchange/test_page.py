@@ -36,7 +36,6 @@ def test_a_part_runs(part, study, tmp_path, monkeypatch):
     scope = dict(study.__dict__)
     needed = {name for block in blocks(part) for name in re.findall(r"^(?:import|from) (\w+)", block, re.M)}
     missing = sorted(name for name in needed if importlib.util.find_spec(name) is None)
-    assert len(missing) < len(needed) or not needed
     for block in blocks(part):
         if not any(re.search(rf"^(?:import|from) {name}\b", block, re.M) for name in missing):
             exec(compile(block, "ecosystem.md", "exec"), scope)
