@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from uqmbd.cli.commands import Commands
+from uqmbd.cli.completion import labels, studies
 from uqmbd.cli.failures import explained
 from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import shown_progress
@@ -33,7 +34,6 @@ app = typer.Typer(
     "or an accuracy is not met.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
     no_args_is_help=True,
     context_settings=CONTEXT,
 )
@@ -49,7 +49,10 @@ app.add_typer(new)
 Kind = StrEnum("Kind", {name: name for name in PLUGIN_KINDS})  # type: ignore[misc]  # from the table of kinds
 KINDS_HELP = "\n".join(["\b", "Kinds:", *(f"  {name:12} {kind.what}" for name, kind in PLUGIN_KINDS.items())])
 
-Script = Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")]
+Script = Annotated[
+    Path,
+    typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.", autocompletion=studies),
+]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -84,7 +87,10 @@ def options(
 def run(
     script: Script,
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="LABEL", help="Run this propagator only (may be repeated).")
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="LABEL", help="Run this propagator only (may be repeated).", autocompletion=labels
+        ),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -175,7 +181,10 @@ def animate(
         int, typer.Option("--samples", metavar="N", min=0, help="Realisations around the motion at the means.")
     ] = 20,
     method: Annotated[
-        str | None, typer.Option("--method", metavar="LABEL", help="Show the realisations of this propagator.")
+        str | None,
+        typer.Option(
+            "--method", metavar="LABEL", help="Show the realisations of this propagator.", autocompletion=labels
+        ),
     ] = None,
     fps: Annotated[float, typer.Option("--fps", metavar="N", help="Pictures per second.")] = 20.0,
     seconds: Annotated[
