@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
-from uqmbd.units import advice_on, warn
 
 __all__ = [
     "ANY",
@@ -185,8 +184,10 @@ def check_units(units: object, where: str) -> str:
         raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
     if mark := unwritable(units):
         raise StudyError(f"{where}: units is {units!r}; units cannot contain {mark}.")
-    if advice := advice_on(units):
-        warn(f"{where}: units is {units!r}{',' if advice.startswith('which') else ';'} {advice}.")
+    from uqmbd.units import spelling, warn  # which `uqmbd --help` does not need
+
+    if told := spelling(where, units):
+        warn(told)
     return units
 
 

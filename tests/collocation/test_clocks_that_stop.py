@@ -56,7 +56,13 @@ def pendulum(low, high, end, count):
     speed = uqmbd.RandomVariable("speed", chaospy.Uniform(low, high), units="rad/s")
     mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
     rod = mechanism.body(
-        "rod", mass=1, inertia=0, position=(0, -1), angle=-sympy.pi / 2, velocity=(speed, 0), angular_velocity=speed
+        "rod",
+        mass=1,
+        inertia=0,
+        position=(0, -1),
+        angle=-sympy.pi / 2,
+        velocity=(1.0 * speed, 0),
+        angular_velocity=speed,
     )
     mechanism.add(Revolute("pivot", mechanism.ground, rod, point_i=(0, 0), point_j=(-1, 0)))
     mechanism.output("height", rod.position[1], units="m")

@@ -16,7 +16,7 @@ from uqmbd_collocation import Collocation
 
 import uqmbd
 
-a = uqmbd.RandomVariable("a", {distribution}, units="m")
+a = uqmbd.RandomVariable("a", {distribution})
 b = uqmbd.RandomVariable("b", chaospy.Uniform(0, 1))
 mechanism = uqmbd.Mechanism("machine", uqmbd.Translational())
 body = mechanism.body("body", mass=1, position=(0, 0))

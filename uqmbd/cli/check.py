@@ -81,6 +81,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     _show_controllers(screen, getattr(found, "controllers", ()))
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_requirements(screen, study)
+    _show_units(screen, getattr(found, "units", ()))
     _show_propagators(screen, study)
 
 
@@ -229,6 +230,14 @@ def _show_requirements(screen: Console, study: Study) -> None:
     if study.mechanism.requirements:
         screen.print()
         screen.print(table)
+
+
+def _show_units(screen: Console, found: tuple[str, ...]) -> None:
+    """Print what is wrong with units."""
+    if found:
+        screen.print()
+    for sentence in found:
+        screen.print(f"Units: {sentence}", markup=False)
 
 
 def _show_propagators(screen: Console, study: Study) -> None:

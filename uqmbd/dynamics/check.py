@@ -10,7 +10,7 @@ from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.notices import Move, moves, size_of
-from uqmbd.mechanism import Controller, Mechanism
+from uqmbd.mechanism import Controller, Mechanism, unit_findings
 from uqmbd.names import checked
 
 __all__ = ["Check", "check"]
@@ -45,6 +45,8 @@ class Check:
         What holds at the start only, of ``position`` or ``velocity``.
     controllers : tuple of (name, timing, measured, commands)
         What each samples and commands, in words.
+    units : tuple of str
+        What is wrong with units, a sentence each.
     """
 
     bodies: tuple[str, ...]
@@ -67,6 +69,7 @@ class Check:
     where equations bind velocities alone."""
     conditions: tuple[tuple[str, str], ...] = ()
     controllers: tuple[tuple[str, str, str, str], ...] = ()
+    units: tuple[str, ...] = ()
 
 
 @checked
@@ -119,6 +122,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         unit_lengths=len(model.norms),
         apart=_apart(mechanism),
         moved=_moved(mechanism, model, time),
+        units=unit_findings(mechanism),
         velocity_equations=len(layout.nonholonomic),
         velocity_mobility=layout.coordinates - layout.rank,
         conditions=tuple((name, c.kind) for name, c in mechanism.conditions.items()),

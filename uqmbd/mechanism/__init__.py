@@ -109,6 +109,7 @@ from uqmbd.mechanism.rates import mode_shape, time_derivative
 from uqmbd.mechanism.requirement import Requirement
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.mechanism.start import StartCondition
+from uqmbd.mechanism.unit_findings import unit_findings
 
 __all__ = [
     "Final",
@@ -218,4 +219,5 @@ __all__ = [
     "t",
     "told",
     "told_by",
+    "unit_findings",
 ]

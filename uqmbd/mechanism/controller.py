@@ -13,6 +13,7 @@ from uqmbd.mechanism.components import Auxiliary, Component, Local
 from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.names import check_name, check_units, checked, did_you_mean
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
+from uqmbd.units import without_quantities
 
 __all__ = ["Controller", "HeldStates", "HeldSymbol"]
 
@@ -159,8 +160,8 @@ class Controller:
         if len(units) != len(names):
             raise StudyError(f"{where}: commanded is {shown(commanded)}, where a name occurs twice.")
         self.commands = {check_name(k, f"{where}: command"): check_units(u, f"{where}: {k}") for k, u in units.items()}
-        self.rate = _positive(where, "rate", rate, "samples per second, Hz")
-        self.delay = _number(where, "delay", delay, "s")
+        self.rate = _positive(where, "rate", without_quantities(f"{where}: rate", rate, "Hz"), "samples per second, Hz")
+        self.delay = _number(where, "delay", without_quantities(f"{where}: delay", delay, "s"), "s")
         if self.delay < 0:
             raise StudyError(f"{where}: delay is {self.delay:g}; expected a time of 0 s or more.")
         if not callable(function) or isinstance(function, type):

@@ -13,8 +13,15 @@ from uqmbd.mechanism.components import settle
 from uqmbd.mechanism.expressions import check_dimensions, numbers, shown
 from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
 from uqmbd.mechanism.scope import Described, require_known
+from uqmbd.units import without_quantities
 
 __all__ = ["new_body"]
+
+UNITS = {
+    "mass": "kg", "inertia": "kg m^2", "com": "m", "position": "m", "angle": "rad", "quaternion": "1", "rotation": "1",
+    "velocity": "m/s", "angular_velocity": "rad/s",
+}  # fmt: skip
+"""What the numbers of a body are in."""
 
 
 def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
@@ -37,6 +44,7 @@ def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: A
         If a value is missing, of the wrong dimension, or physically impossible.
     """
     where, space, d = f"body {name!r}", mechanism.space, mechanism.space.dimension
+    stated = {key: without_quantities(f"{where}: {key}", value, UNITS[key]) for key, value in stated.items()}
     if not isinstance(hold, bool):
         raise StudyError(f"{where}: hold is {shown(hold)}; expected True or False.")
     if stated["angular_velocity"] is not None and not space.turns:
@@ -50,22 +58,22 @@ def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: A
     angle = stated["angle"]
     turned = orientation(where, space, angle, stated["quaternion"], stated["rotation"])
 
-    def vector(key: str, size: int, hint: str, units: str, default: Any = None) -> tuple[sympy.Expr, ...] | None:
+    def vector(key: str, size: int, hint: str, default: Any = None) -> tuple[sympy.Expr, ...] | None:
         value = default if stated[key] is None else stated[key]
-        found = () if value is None else tuple(numbers(where, key, value, size, f"{hint}, {units}"))
+        found = () if value is None else tuple(numbers(where, key, value, size, f"{hint}, {UNITS[key]}"))
         for entry in found:
-            check_dimensions(f"{where}: {key}", entry, units)
+            check_dimensions(f"{where}: {key}", entry, UNITS[key])
         return None if value is None else found
 
     origin = (0,) * d
     pose = Pose(
-        q=(*(vector("position", d, "world axes", "m", origin) or ()), *turned),
-        velocity=vector("velocity", d, "world axes", "m/s"),
-        angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes", "rad/s"),
+        q=(*(vector("position", d, "world axes", origin) or ()), *turned),
+        velocity=vector("velocity", d, "world axes"),
+        angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes"),
         hold=hold,
         angle=sympy.sympify(0 if angle is None else angle),
     )
-    centre = vector("com", d, "centre of mass, body frame", "m", origin)
+    centre = vector("com", d, "centre of mass, body frame", origin)
     terms = BodyTerms(name, mechanism.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
     body = Body(name, space, terms, pose)
     terms.attached = {"body": body}

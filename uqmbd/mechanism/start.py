@@ -10,10 +10,11 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
-from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown, units_of
 from uqmbd.mechanism.holonomic import RATES
 from uqmbd.mechanism.recorded import recorded
 from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
+from uqmbd.units import without_quantities
 
 __all__ = ["StartCondition", "start_condition"]
 
@@ -95,6 +96,7 @@ def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Ex
             raise StudyError(f"{where} was given {shown(condition)} without a value; {USAGE}.")
         left, right = condition, value
     expression = recorded(where, left)
+    right = without_quantities(f"{where}: the value", right, units_of(expression))
     if len(flatten(right)) != 1:
         raise StudyError(
             f"{where}: the value is {shown(right)}; expected one number, or expression in random variables."

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from uqmbd.dynamics import built_in_names, integrators
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
+from uqmbd.units import without_quantities
 
 if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
@@ -45,6 +46,7 @@ NAMED = 5
 
 def check_times(times: ArrayLike, where: str) -> Array:
     """Return output times as an array, or say what is wrong with them."""
+    times = without_quantities(f"{where}: times", times, "s")
     try:
         grid = np.array(times, dtype=float)
     except (TypeError, ValueError):
@@ -115,6 +117,7 @@ def check_integrator(integrator: str, where: str) -> str:
 
 def check_max_step(max_step: Any, where: str) -> float:
     """Return the longest step, infinite if there is none, or say what is wrong with it."""
+    max_step = without_quantities(f"{where}: max_step", max_step, "s")
     if max_step is None:
         return float("inf")
     number = isinstance(max_step, Real) and not isinstance(max_step, (bool, np.bool_))
@@ -129,6 +132,7 @@ def check_max_step(max_step: Any, where: str) -> float:
 def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
     """Return the times at which the integration starts anew, sorted, or say what is wrong with them."""
     wanted = "expected times in s at which the integration starts anew, e.g. breaks=[0.2, 0.21]"
+    breaks = without_quantities(f"{where}: breaks", breaks, "s")
     if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)):
         raise StudyError(f"{where}: breaks are {breaks!r}; {wanted}.")
     found = []
@@ -152,6 +156,7 @@ def check_start(start: str, where: str) -> str:
 
 def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple[float, ...]:
     """Return the times at which a report shows distributions, each within those of the study."""
+    times = without_quantities(f"{where}: report_times", times, "s")
     try:
         wanted = tuple(float(t) for t in times)
     except (TypeError, ValueError):

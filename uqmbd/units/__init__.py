@@ -3,8 +3,22 @@
 from __future__ import annotations
 
 from uqmbd.units.names import SPELLINGS, TABLE
-from uqmbd.units.text import advice_on, read_units
+from uqmbd.units.quantities import is_quantity, without_quantities
+from uqmbd.units.text import advice_on, read_units, spelling
 from uqmbd.units.told import warn
 from uqmbd.units.unit import PURE, Dimension, Unit, in_words
 
-__all__ = ["SPELLINGS", "TABLE", "PURE", "Dimension", "Unit", "advice_on", "in_words", "read_units", "warn"]
+__all__ = [
+    "SPELLINGS",
+    "TABLE",
+    "PURE",
+    "Dimension",
+    "Unit",
+    "advice_on",
+    "in_words",
+    "is_quantity",
+    "read_units",
+    "spelling",
+    "warn",
+    "without_quantities",
+]

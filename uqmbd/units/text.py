@@ -12,7 +12,7 @@ from uqmbd.units.asked import asked_of_pint
 from uqmbd.units.names import SPELLINGS, TABLE
 from uqmbd.units.unit import Unit
 
-__all__ = ["advice_on", "read_units"]
+__all__ = ["advice_on", "read_units", "spelling"]
 
 EXAMPLES = "'m', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number"
 
@@ -67,6 +67,18 @@ def advice_on(text: str) -> str:
     or leave them out
     """
     return _read(text)[1]
+
+
+def spelling(where: str, units: str) -> str:
+    """Say how the units of something are to be written; empty where they are written so.
+
+    Examples
+    --------
+    >>> spelling("output 'x'", "meter")
+    "output 'x': units is 'meter'; write 'm'."
+    """
+    advice = advice_on(units)
+    return f"{where}: units is {units!r}{',' if advice.startswith('which') else ';'} {advice}." if advice else ""
 
 
 @functools.lru_cache(maxsize=1024)

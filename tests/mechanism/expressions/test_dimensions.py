@@ -1,6 +1,7 @@
 """Dimensions of expressions: what does not fit is found, and what fits is left alone."""
 
 import itertools
+import warnings
 from fractions import Fraction
 
 import chaospy
@@ -10,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.mechanism import unit_findings
 from uqmbd.mechanism.expressions import findings
 from uqmbd.units import PURE, in_words, read_units
 from uqmbd_joints import Revolute
@@ -264,3 +266,24 @@ def test_powers():
     assert findings("it", x**2, "m")
     assert findings("it", sympy.Pow(2, x))
     assert read_units("m^1.5").dimension[0] == Fraction(3, 2)
+
+
+def test_all_findings_of_a_mechanism_are_told_together():
+    mechanism = uqmbd.Mechanism("spring", uqmbd.Line())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqmbd.UnitsWarning)
+        stone = mechanism.body("stone", mass=variable("m"))
+        mechanism.output("x", stone.position[0], units="N")
+        mechanism.output("y", stone.position[0], units="meter")
+        mechanism.require("near", stone.position[0] <= variable("kg"))
+        mechanism.start(stone.velocity[0], variable("rad"))
+    found = unit_findings(mechanism)
+    assert len(found) == 5
+    for words in ("body 'stone': mass", "output 'x'", "write 'm'", "requirement 'near'", "start condition"):
+        assert sum(words in sentence for sentence in found) == 1
+    assert all(sentence.endswith(".") for sentence in found)
+
+
+def test_a_mechanism_that_fits_has_no_findings(mechanism):
+    mechanism.output("x", mechanism.bodies["crank"].position[0], units="m")
+    assert unit_findings(mechanism) == ()

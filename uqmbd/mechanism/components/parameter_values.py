@@ -14,7 +14,7 @@ from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
 from uqmbd.mechanism.expressions import check_dimensions, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 from uqmbd.randomness import RandomVariable
-from uqmbd.units import Dimension
+from uqmbd.units import Dimension, without_quantities
 
 __all__ = ["settle", "stated_in_bodies"]
 
@@ -97,6 +97,8 @@ def _value(
     *,
     stated: bool,
 ) -> Any:
+    units = "rad" if parameter.kind == "rotation" and space.dimension == 2 else parameter.units
+    value = without_quantities(f"{where}: {key}", value, units)
     size = parameter.size(space)
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     if stated and not parameter.fits(space) and not (isinstance(value, (int, float)) and value == parameter.default):

@@ -12,6 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.parameter import Parameter
 from uqmbd.mechanism.expressions import numbers, shown
 from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.units import without_quantities
 
 __all__ = ["KEYWORDS", "Declared", "localised", "replaced"]
 
@@ -106,6 +107,7 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
             raise StudyError(
                 f"{where}: {keyword} is given; in the plane everything turns about the same axis, so leave it out."
             )
+        value = without_quantities(f"{where}: {keyword}", value, declared[names[0]].units)
         entries = numbers(where, keyword, value, size, "world axes, as drawn")
         _require_fixed(f"{where}: {keyword} is {shown(value)}, which", entries, names)
         for name in names:

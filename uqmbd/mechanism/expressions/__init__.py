@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
-from uqmbd.mechanism.expressions.dimensions import check_dimensions, findings
+from uqmbd.mechanism.expressions.dimensions import check_dimensions, findings, units_of
 from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
@@ -97,5 +97,6 @@ __all__ = [
     "step",
     "t",
     "told",
+    "units_of",
     "unknown_symbol",
 ]

@@ -55,7 +55,7 @@ from uqmbd.units import PURE, Dimension, Unit, in_words, read_units, warn
 Unseen = Iterable[Dimension]
 """Of numbers that are 1."""
 
-__all__ = ["Finding", "check_dimensions", "findings"]
+__all__ = ["Finding", "check_dimensions", "findings", "units_of"]
 
 SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
 """How to say that something is right after all."""
@@ -137,6 +137,22 @@ def findings(where: str, expression: Any, units: str = "", unseen: Callable[[], 
     if declared is not None and isinstance(found, Known):
         walk.compare(expression, found, declared, units)
     return walk.found
+
+
+def units_of(expression: sympy.Expr) -> str:
+    """Return the SI's units of an expression; empty where they are not known.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> stone = uqmbd.Mechanism("fall", uqmbd.Line()).body("stone", mass=2)
+    >>> units_of(stone.position[0] - 3), units_of(9.81 * stone.position[0])
+    ('m', '')
+    """
+    found = _Walk("", tuple).measure(expression)
+    if not isinstance(found, Known) or found.free or not math.isclose(found.unit.factor, 1.0, rel_tol=SAME):
+        return ""
+    return "1" if found.unit.dimension == PURE else in_words(found.unit.dimension)
 
 
 @dataclass

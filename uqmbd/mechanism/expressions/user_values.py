@@ -11,6 +11,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import UNEVALUATED, foreign_part, told
 from uqmbd.randomness import RandomVariable
+from uqmbd.units import is_quantity
 
 __all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown", "unknown_symbol"]
 
@@ -117,6 +118,8 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         given = shown(entry) if entry is value else f"{shown(value)} with {shown(entry)} in it"
         return StudyError(f"{where} is {given}{why}")
 
+    if is_quantity(entry):
+        raise refused("; its units are not known here. Give a number, as quantity.m_as('m') returns.")
     # SymPy would read a text as a formula and make symbols of its words
     if isinstance(entry, (str, bytes, bool, type)) or entry is None:
         raise refused(f"; {wanted}.")
@@ -162,7 +165,7 @@ def _float(number: sympy.Expr) -> float:
 
 def _parts(value: Any) -> list[Any] | None:
     """Return what a sequence, an array or a matrix consists of; None for anything else."""
-    if isinstance(value, (str, bytes)):
+    if isinstance(value, (str, bytes)) or is_quantity(value):
         return None
     if isinstance(value, (sympy.MatrixBase, sympy.Tuple)):
         return list(value)

@@ -15,6 +15,7 @@ from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked
 from uqmbd.randomness import Symbolic
 from uqmbd.typing import Vector
+from uqmbd.units import without_quantities
 
 __all__ = ["Frame", "NamedFrame"]
 
@@ -133,6 +134,7 @@ class Frame:
 
     def _column(self, local: Any, method: str, kind: str) -> Matrix:
         """Return components as a column, or say that there are not as many as there are dimensions."""
+        local = without_quantities(f"{method}(): its argument local", local, "m" if kind == "point" else "")
         given = flatten(local)
         if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
             raise StudyError(

@@ -15,6 +15,7 @@ import sympy
 
 from uqmbd.mechanism.expressions import numbers
 from uqmbd.names import check_arguments
+from uqmbd.units import without_quantities
 
 __all__ = ["Line", "Planar", "Space", "Spatial", "Translational"]
 
@@ -42,7 +43,8 @@ class Space:
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        gravity = (0.0,) * self.dimension if self.gravity is None else self.gravity
+        given = without_quantities(f"{type(self).__name__}: gravity", self.gravity, "m/s^2")
+        gravity = (0.0,) * self.dimension if given is None else given
         example = -9.81 if self.dimension == 1 else (0.0,) * (self.dimension - 1) + (-9.81,)
         hint = f"world axes, m/s^2, e.g. {example}"
         entries = numbers(type(self).__name__, "gravity", gravity, self.dimension, hint)

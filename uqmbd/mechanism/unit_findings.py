@@ -1,0 +1,43 @@
+"""What is wrong with the units of a mechanism, all at once; where it is stated each is a warning of its own."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.expressions import findings, flatten
+from uqmbd.mechanism.mechanism import Mechanism
+from uqmbd.mechanism.scope import unseen_numbers
+from uqmbd.units import spelling
+
+__all__ = ["unit_findings"]
+
+
+def unit_findings(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return sentences on units of outputs, requirements, start conditions, parameters and random variables.
+
+    Examples
+    --------
+    >>> import warnings, uqmbd
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=2)
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", uqmbd.UnitsWarning)
+    ...     mechanism.output("height", stone.position[0], units="N")
+    >>> print(*unit_findings(mechanism))
+    output 'height': stone.x is in m, and its units are to be N; ...
+    """
+    unseen = unseen_numbers(mechanism)
+    stated = [
+        (f"output {o.name!r}", o.expression, o.units)
+        for o in (*mechanism.outputs.values(), *mechanism.scalars.values())
+    ]
+    stated += [(f"requirement {name!r}", margin.expression, "") for name, margin in mechanism.margins.items()]
+    stated += [(f"start condition {x.text}", x.residual, "") for x in mechanism.conditions.values()]
+    for component in mechanism.all_components():
+        kind = f"body {component.name!r}" if component.offered else f"{type(component).__name__} {component.name!r}"
+        for key, parameter in component.parameters().items():
+            if parameter.kind not in ("option", "axis", "turning_axis", "rotation") and key in component.values:
+                stated += [(f"{kind}: {key}", x, parameter.units) for x in flatten(component.values[key])]
+    texts = [(f"random variable {x.name!r}", x.units) for x in mechanism.inputs.variables]
+    texts += [(where, units) for where, _, units in stated]
+    told = [sentence for where, units in texts if (sentence := spelling(where, units))]
+    told += [x.text for where, value, units in stated for x in findings(where, value, units, unseen)]
+    return tuple(dict.fromkeys(told))

@@ -1,0 +1,87 @@
+"""Quantities of pint: numbers with units, taken where numbers are."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.units.asked import unit_of_pint
+from uqmbd.units.text import read_units
+from uqmbd.units.unit import Unit, in_words
+
+__all__ = ["is_quantity", "without_quantities"]
+
+
+def is_quantity(value: Any) -> bool:
+    """Tell whether a value is a quantity of pint, which is not imported for that.
+
+    Examples
+    --------
+    >>> is_quantity(2.0)
+    False
+    """
+    pint = sys.modules.get("pint")
+    return pint is not None and isinstance(value, pint.Quantity)
+
+
+def without_quantities(what: str, value: Any, units: str) -> Any:
+    """Return a value with numbers in place of quantities, in the units in which it is expected.
+
+    Parameters
+    ----------
+    what : str
+        Where, and which argument, for the message.
+    value : object
+        A number, expression or quantity, or a sequence or array of them; anything without quantities is returned as it
+        is.  A quantity may have numbers, an array, or an expression.
+    units : str
+        Units of the numbers, as ``m``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a quantity measures something else, or nothing is known of what is expected.
+
+    Examples
+    --------
+    >>> without_quantities("body 'rod': position", (0.1, 0), "m")
+    (0.1, 0)
+    """
+    if "pint" not in sys.modules:
+        return value
+    if is_quantity(value):
+        return _number(what, value, units)
+    if isinstance(value, (list, tuple)):
+        found = [without_quantities(what, part, units) for part in value]
+        return tuple(found) if type(value) is tuple else found
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [without_quantities(what, part, units) for part in value.tolist()]
+    return value
+
+
+def _number(what: str, value: Any, units: str) -> Any:
+    expected, given = read_units(units), unit_of_pint(value.units)
+    if expected is None:
+        raise StudyError(
+            f"{what} is the quantity {value}, and nothing is known of its units here; give a number, as "
+            "quantity.m_as('m') returns."
+        )
+    if given is None or given.dimension != expected.dimension:
+        named = in_words(given.dimension) if given else str(value.units)
+        raise StudyError(
+            f"{what} is the quantity {value}, which is in {named}; expected a number or quantity in {units}."
+        )
+    number = _in(value, given, expected)
+    return number.tolist() if isinstance(number, (np.ndarray, np.generic)) else number
+
+
+def _in(value: Any, given: Unit, expected: Unit) -> Any:
+    """Return the numbers of a quantity in other units; those of pint where they are numbers."""
+    if given == expected:
+        return value.magnitude
+    if hasattr(value.magnitude, "free_symbols"):
+        return value.magnitude * (given.factor / expected.factor)
+    return value.to_base_units().magnitude / expected.factor
