@@ -4,7 +4,7 @@ import math
 from fractions import Fraction
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.units import SPELLINGS, TABLE, Unit, advice_on, read_units
@@ -67,6 +67,7 @@ def products(draw):
     return text
 
 
+@settings(deadline=None)
 @given(products())
 def test_products_are_read_as_pint_reads_them(registry, text):
     assert_same(read_units(text), in_pint(registry, text))
@@ -123,6 +124,7 @@ def test_what_is_no_unit_is_told(text):
     assert read_units(text) is None
 
 
+@settings(deadline=None)  # the first one waits for pint
 @given(st.text(max_size=12))
 def test_any_text_is_read_or_told(text):
     """No text fails: it has a meaning, advice, or both; without letters and signs there is neither."""
