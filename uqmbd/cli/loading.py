@@ -12,8 +12,8 @@ from contextlib import contextmanager
 
 __all__ = ["loading"]
 
-SELDOM = 100_000
-"""New objects between two searches while loading: what a script leaves behind is still found."""
+SELDOM = 500_000
+"""New objects between two searches while loading, more than imports make: what a script leaves is still found."""
 
 
 @contextmanager
@@ -25,7 +25,7 @@ def loading() -> Iterator[None]:
     >>> before = gc.get_threshold()
     >>> with loading():
     ...     print(gc.get_threshold()[0])
-    100000
+    500000
     >>> gc.get_threshold() == before
     True
     """

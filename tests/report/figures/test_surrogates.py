@@ -15,6 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.figures.sobol import indices_of
 from uqmbd.report.figures.surrogates import finest, series, shown_methods
+from uqmbd.report.live import orders_data, unpacked
 
 Maker = Callable[..., xr.DataTree]
 OUTPUT = "slider_x"
@@ -230,6 +231,13 @@ def test_convergence_with_the_order_is_exponential(orders: xr.DataTree) -> None:
     assert _legend(figure) == [
         "collocation: mean", "collocation: standard deviation", "monte-carlo: standard error"
     ]  # fmt: skip
+    for view, axes in zip(orders_data(results.propagator_nodes(orders), OUTPUT)["views"], figure.axes, strict=True):
+        places, drawn = unpacked(view["time"]), [line for line in axes.lines if len(line.get_xdata())]
+        for method, line in zip(view["methods"], drawn, strict=True):
+            values = unpacked(method["lines"][0]["values"])
+            np.testing.assert_array_equal(places[np.isfinite(values)], line.get_xdata())
+            np.testing.assert_allclose(values[np.isfinite(values)], 100 * np.asarray(line.get_ydata()))
+        np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], 100 * np.array(axes.get_ylim()))
     with pytest.raises(StudyError, match="no other chaos to compare 'collocation-1' with"):
         report.order_convergence({"collocation-1": orders["collocation-1"]}, OUTPUT)
 

@@ -17,7 +17,7 @@ from uqmbd.report.figures.decay import (
     verification,
 )
 from uqmbd.report.figures.density import Densities, densities
-from uqmbd.report.figures.differences import differences, order_convergence, orders_of
+from uqmbd.report.figures.differences import differences, order_convergence, orders_of, sampling_errors
 from uqmbd.report.figures.distributions import FAILED_INPUTS, histograms, input_densities, inputs, output_densities
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import error_cost
@@ -107,6 +107,7 @@ __all__ = [
     "output_densities",
     "over_output",
     "runs_of",
+    "sampling_errors",
     "scalar_densities",
     "series",
     "settling",

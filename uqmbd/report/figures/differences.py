@@ -31,7 +31,7 @@ from uqmbd.wording import format_integer
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Convergence", "differences", "order_convergence", "orders_of"]
+__all__ = ["Convergence", "differences", "order_convergence", "orders_of", "sampling_errors"]
 
 
 _MARKERS = "osD^vP"
@@ -242,7 +242,7 @@ def order_convergence(results: Results, output: str, *, reference: str | None = 
                 axes.plot(x[used], values[used], mfc=fill, clip_on=False, **looks)
             what = "mean" if name == "mean" else "standard deviation"
             handles[f"{row.name}: {what}"] = Line2D([], [], mfc=fill, **looks)
-    for label, size, error in _standard_errors(nodes, chosen, output):
+    for label, size, error in sampling_errors(nodes, chosen, output):
         (handles[f"{label}: standard error"],) = grid[1].plot([size], [error], "*", color="black", ms=8, ls="")
         numbers.append(float(size))
         seen.append(error)
@@ -255,7 +255,7 @@ def order_convergence(results: Results, output: str, *, reference: str | None = 
     return figure
 
 
-def _standard_errors(nodes: Mapping[str, xr.DataTree], chosen: str, output: str) -> list[tuple[str, int, float]]:
+def sampling_errors(nodes: Mapping[str, xr.DataTree], chosen: str, output: str) -> list[tuple[str, int, float]]:
     """Return label, realisations, and the largest standard error of the std over the largest std, of each sampling."""
     scale = float(_statistics(nodes, chosen, output)["std"].max()) or 1.0
     found = []

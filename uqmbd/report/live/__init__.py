@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
-from uqmbd.report.live.convergence_charts import decay_data, errors_data, settling_data
+from uqmbd.report.live.convergence_charts import decay_data, errors_data, orders_data, settling_data
 from uqmbd.report.live.curve_chart import chart_html
 from uqmbd.report.live.distribution_charts import densities_data, inputs_data
 from uqmbd.report.live.explorer_data import explorer_data
@@ -35,6 +35,7 @@ __all__ = [
     "live_method",
     "live_poses",
     "live_surrogate",
+    "orders_data",
     "packed",
     "packed_poses",
     "packed_surrogate",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
 
 from uqmbd.report.drawing import decades
 from uqmbd.report.figures import (
@@ -16,17 +19,23 @@ from uqmbd.report.figures import (
     Results,
     Samples,
     coefficient_parts,
+    orders_of,
+    sampling_errors,
     settling,
     stated_errors,
 )
 from uqmbd.report.live.chart_data import curve_data, curves_data
 from uqmbd.report.live.packing import packed
+from uqmbd.typing import Array
 
-__all__ = ["decay_data", "errors_data", "settling_data"]
+__all__ = ["decay_data", "errors_data", "orders_data", "settling_data"]
 
 INK = ("#1b1f24", "#e6e9ed")
 PALE = ("#8a8f96", "#7d868f")
 """Colours, on a light and on a dark page, of the one that matters most, and of what stands for several things."""
+
+SMALLEST = 1e-16
+"""Differences that are rounding, and have no place on a logarithmic axis."""
 
 
 _LIMIT = {"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}
@@ -163,3 +172,63 @@ def decay_data(results: Results, output: str) -> dict[str, Any] | None:
             }
         )
     return {"choose": "Orders or degrees", "seen": 0, "views": views}
+
+
+def orders_data(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, Any] | None:
+    """Return how far surrogates of several orders are from the finest, in per cent of its largest standard deviation.
+
+    A view by the order and one by the realisations, which has the standard errors of samplings, too. None if there are
+    fewer than two orders besides the finest, or realisations are not known.
+
+    Raises
+    ------
+    StudyError
+        If no surrogate is left to compare with the finest, or times differ.
+    """
+    reference, found = orders_of(nodes, output)
+    sampled = sampling_errors(nodes, reference, output)
+    errors = [row.realisations for row in found] + [np.array([size]) for _, size, _ in sampled]
+    sizes = np.unique(np.concatenate(errors))
+    orders = np.unique(np.concatenate([row.orders for row in found]))
+    if len(orders) < 2 or len(sizes) < 2 or sizes[0] < 1:
+        return None
+    known = [values for row in found for values in (row.mean, row.std)] + [np.array([error]) for *_, error in sampled]
+    seen = np.concatenate(known)
+    seen = seen[seen > SMALLEST]
+    ends = (float(seen.min()), float(seen.max())) if len(seen) else (1e-3, 1.0)
+    views = []
+    for word, counts, places in (("order", "orders", orders), ("realisations", "realisations", sizes)):
+        methods = []
+        for k, row in enumerate(found):
+            at = np.searchsorted(places, getattr(row, counts))
+            for name, values, dash in (("mean", row.mean, []), ("standard deviation", row.std, [4, 2])):
+                curve = Curve(f"{row.name}: {name}", _placed(places, at, values), (), "difference")
+                methods.append(curve_data(k, len(found), curve) | {"points": True, "dash": dash, "width": 1.6})
+        if counts == "realisations":
+            for k, (label, size, error) in enumerate(sampled, len(found)):
+                at = np.searchsorted(places, [size])
+                curve = Curve(f"{label}: standard error", _placed(places, at, np.array([error])), (), "difference")
+                methods.append(curve_data(k, len(found), curve) | {"points": True, "dash": []})
+        views.append(
+            {
+                "title": f"by {word}",
+                "output": f"difference of {output} to {reference}",
+                "axis": "difference / largest std",
+                "units": "%",
+                "time": packed(places.astype(float)),
+                "of": len(places),
+                "start": len(places) - 1,
+                "across": {"name": word, "units": "", "whole": True}
+                | ({"told": word, "log": True} if counts == "realisations" else {"told": "", "before": f"{word} "}),
+                "methods": methods,
+                "up": _logarithmic(ends),
+            }
+        )
+    return {"choose": "Orders or realisations", "seen": 0, "views": views}
+
+
+def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> Array:
+    """Return values in per cent at some of the places; NaN elsewhere, and where a logarithm shows nothing."""
+    shown = np.full(len(places), np.nan)
+    shown[at] = np.where(values > SMALLEST, 100 * values, np.nan)
+    return shown

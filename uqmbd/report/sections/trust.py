@@ -177,14 +177,15 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
     if several:
         words = _convergence_words(nodes, name)
         drawn.append(
-            image(
+            charted(
                 functools.partial(figures.order_convergence, nodes, name),
                 f"Difference of mean and standard deviation of {name} to a reference, against the order and the number "
                 "of realisations. " + " ".join(words),
                 "How the error falls with the order, and with what it costs: the largest difference over time to the "
-                "surrogate of the highest order. Exponential convergence is a straight line on the left; a floor that "
-                "no order lowers is the accuracy of the time integration.",
+                "surrogate of the highest order. Exponential convergence is a straight line over the order; a floor "
+                "that no order lowers is the accuracy of the time integration.",
                 f"{name}-orders",
+                lambda: json_chart(live.orders_data(nodes, name)),
             )
         )
     return {"name": name, "words": words, "figures": drawn}
