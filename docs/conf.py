@@ -64,6 +64,8 @@ copybutton_prompt_is_regexp = True
 html_theme = "pydata_sphinx_theme"
 html_title = f"uqmbd {release}"
 html_static_path = ["_static", _mathjax()]
+(HERE / "_build" / "extra").mkdir(parents=True, exist_ok=True)
+html_extra_path = ["_build/extra"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_theme_options = {

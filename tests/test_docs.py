@@ -16,7 +16,9 @@ DOCS = ROOT / "docs"
 FOLDER = DOCS / "how-to" / "plugins"
 PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name != "index.md")
 OTHERS = sorted(
-    path for path in DOCS.rglob("*.md") if path not in PAGES and not path.relative_to(DOCS).parts[0].startswith("_")
+    path
+    for path in DOCS.rglob("*.md")
+    if path not in PAGES and path.relative_to(DOCS).parts[0] not in ("_build", "_ext", "gallery")
 )
 """All pages but those on plugins, without what a build of the site makes."""
 
@@ -75,6 +77,6 @@ def test_every_path_that_the_page_on_changes_names_is_there():
 def test_every_hook_has_a_page_and_every_link_leads_somewhere():
     index = (FOLDER / "index.md").read_text(encoding="utf-8")
     assert [kind.hook for kind in plugins.KINDS.values() if kind.hook not in index] == []
-    for page in [*PAGES, *OTHERS, ROOT / "README.md"]:
+    for page in [*PAGES, *OTHERS, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]:
         for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", page.read_text(encoding="utf-8")):
             assert link.startswith("http") or (page.parent / link).exists(), (page.name, link)

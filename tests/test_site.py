@@ -77,3 +77,20 @@ def test_pages_differ_in_more_than_capitals(site):
     """Some systems of files do not tell capitals."""
     files = [path for module in MODULES for path in site.file_names(module).values()]
     assert len({path.lower() for path in files}) == len(files)
+
+
+def test_every_study_has_a_page(site, tmp_path):
+    gallery = importlib.import_module("uqmbd_site.gallery")
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    assert gallery.write_gallery(tmp_path / "docs", run=False) == []
+    found = [*(ROOT / "studies").glob("*.py"), *(ROOT / "studies" / "published").glob("*.py")]
+    index = (tmp_path / "docs" / "gallery" / "index.md").read_text(encoding="utf-8")
+    for path in found:
+        page = (tmp_path / "docs" / "gallery" / f"{path.stem}.md").read_text(encoding="utf-8")
+        assert f"uqmbd run {path.relative_to(ROOT)}" in page and f"({path.stem}.md)" in index
+
+
+def test_the_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", text, re.M) == [importlib.import_module("uqmbd").__version__]
