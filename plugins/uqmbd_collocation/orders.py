@@ -9,6 +9,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd_collocation.fitting import Fit, Projection, Regression
+from uqmbd_collocation.given import GivenProjection
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
 
@@ -22,7 +23,7 @@ HIGHEST = 32
 def raise_order(
     runs: Runs,
     points: uqmbd.VerificationPoints,
-    plan: Callable[[int], Projection | Regression],
+    plan: Callable[[int], Projection | Regression | GivenProjection],
     first: int,
     limits: Limits,
     label: str,

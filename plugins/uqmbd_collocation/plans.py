@@ -13,6 +13,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Projection, Regression
+from uqmbd_collocation.given import Given, GivenProjection
 
 __all__ = ["STREAM", "Adaptive", "Method", "Plans", "Terms"]
 
@@ -56,8 +57,12 @@ class Plans:
     max_realisations: int
     verify: int
     seed: int
+    expansion: Given | None = None
 
     def __post_init__(self) -> None:
+        if self.expansion is not None:
+            self._only_given()
+            return
         design = None if self.grid else uqmbd.sampling_design(self.design, "Collocation: rule", GRIDS)
         if self.method != "projection" and self.rule in GRIDS:
             raise uqmbd.StudyError(
@@ -92,6 +97,15 @@ class Plans:
         if self.grid:
             self.refuse(("samples",), f"rule={self.grid!r}, a grid; give nodes or level, or a rule such as 'sobol'")
 
+    def _only_given(self) -> None:
+        """Refuse what a given expansion and rule leave nothing to choose for."""
+        self.refuse(("rule", "level", "samples", "elements"), "expansion=, which comes with a rule of its own")
+        for name, usual in (("method", "projection"), ("index_set", "total"), ("adaptive", "no")):
+            if (value := getattr(self, name)) != usual:
+                raise uqmbd.StudyError(
+                    f"Collocation: {name}={value!r} means nothing with expansion=, whose terms and rule are given."
+                )
+
     def refuse(self, names: tuple[str, ...], by: str) -> None:
         """Raise where one of some options is given."""
         for name in names:
@@ -112,7 +126,7 @@ class Plans:
         """The rule if it is a grid, else empty."""
         return self.design if self.design in GRIDS else ""
 
-    def plan(self, space: uqmbd.GermSpace, order: int) -> Projection | Regression:
+    def plan(self, space: uqmbd.GermSpace, order: int) -> Projection | Regression | GivenProjection:
         """Choose nodes and the way to fit them; nothing is computed yet.
 
         Raises
@@ -120,6 +134,10 @@ class Plans:
         uqmbd.StudyError
             If an option does not suit the inputs, or there would be more than ``max_realisations``.
         """
+        if self.expansion is not None:
+            given = self.expansion.plan(space, self.label)
+            self._check_number(space, order, len(given.nodes))
+            return given
         terms = space.basis(order, self.index_set, self.weights)
         if self.grid:
             if self.grid == "gauss":
@@ -171,7 +189,9 @@ class Plans:
         ]
         for way in ways:
             try:
-                tried = replace(self, **{**plain, "elements": None, "max_realisations": 10**9, **way})
+                tried = replace(
+                    self, **{**plain, "elements": None, "expansion": None, "max_realisations": 10**9, **way}
+                )
                 with warnings.catch_warnings():
                     warnings.simplefilter("error")
                     found = tried.plan(space, tried.order)

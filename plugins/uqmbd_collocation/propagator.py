@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 import xarray as xr
 
 import uqmbd
+from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible, warn_of_doubt
+from uqmbd_collocation.given import Given
 from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
@@ -42,7 +45,8 @@ class Collocation(uqmbd.Propagator):
         Which products of one-dimensional polynomials: a total degree of at most `order`, each degree, or few
         interactions.
     weights : tuple of float, optional
-        Anisotropy: an input (in the order of their names) of weight 2 gets half the order.
+        Anisotropy: an input (in the order of their names) of weight 2 gets half the order.  With `expansion`: array,
+        shape (K,), weights of the nodes, of sum 1.
     method : {"projection", "regression", "omp", "lars"}
         Pseudo-spectral projection by a quadrature rule; least squares on samples; or sparse regression, in which
         orthogonal matching pursuit or least-angle regression chooses few of the terms.
@@ -52,7 +56,7 @@ class Collocation(uqmbd.Propagator):
         ``random``, or a sampling design of a plugin.
     nodes : tuple of int, optional
         Gauss: nodes of each input (in the order of their names), or one number for all; default one more than the
-        highest degree in it.
+        highest degree in it.  With `expansion`: array, shape (input, K), values of the inputs.
     level : int, optional
         Smolyak, Clenshaw-Curtis; default: the lowest that suits the order.
     samples : int, optional
@@ -119,6 +123,12 @@ class Collocation(uqmbd.Propagator):
         grows is the phase; else that of the oscillation, from extreme to extreme, whose size and middle may change
         slowly.  Default: what turns in some realisations, else what swings in most, the steadier first; the results say
         which.
+    expansion : numpoly.ndpoly, optional
+        Polynomials of chaospy, of the inputs in the order of their names, with `nodes` and `weights` of a rule of
+        chaospy: ``chaospy.generate_expansion(order, joint)`` and ``chaospy.generate_quadrature(order, joint)``.  The
+        chaos is the projection on what they span, in orthonormal polynomials of the germs.  `order` has no meaning
+        then.  Polynomials that are not orthogonal for the distributions of the inputs are told, or refused where they
+        belong to others; so is a rule that is too coarse for them.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int
@@ -160,10 +170,10 @@ class Collocation(uqmbd.Propagator):
     name: ClassVar[str] = "collocation"
     order: Annotated[int, uqmbd.Bounds(0)] = 3
     index_set: Terms = "total"
-    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | Array | None = None
     method: Method = "projection"
     rule: str | None = None
-    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | Array | None = None
     level: Annotated[int, uqmbd.Bounds(0)] | None = None
     samples: Annotated[int, uqmbd.Bounds(2)] | None = None
     adaptive: Adaptive = "no"
@@ -174,12 +184,14 @@ class Collocation(uqmbd.Propagator):
     threshold: float = 0.01
     alignment: Literal["events", "phase", "two-frequency", "auto"] | tuple[Family, ...] | None = None
     clock: str | None = None
+    expansion: Any = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     verify: Annotated[int, uqmbd.Bounds(0)] = 16
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._take_expansion()
         self._plans(self.node_name)
         if self._limits.elements is not None:
             if self.adaptive != "no":
@@ -203,6 +215,25 @@ class Collocation(uqmbd.Propagator):
             if not used and (given := getattr(self, name)) != getattr(Collocation, name):
                 text = f"Collocation: {name}={given!r} has no effect with {what}; leave it out, or change the latter."
                 warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
+
+    def _take_expansion(self) -> None:
+        """Keep a given expansion with its rule, as plain numbers; `nodes` and `weights` are of it then."""
+        if self.expansion is None:
+            for name, what in (("nodes", "a whole number of 1 or more"), ("weights", "a number above 0")):
+                if isinstance(given := getattr(self, name), np.ndarray):
+                    raise uqmbd.StudyError(
+                        f"Collocation: {name} is an array of the shape {given.shape}; expected {what} for each input, "
+                        "or an expansion that goes with it: expansion=."
+                    )
+            return
+        for name in ("order", "transform"):
+            if (given := getattr(self, name)) != getattr(Collocation, name):
+                raise uqmbd.StudyError(f"Collocation: {name}={given!r} means nothing with expansion=; leave it out.")
+        if isinstance(self.expansion, Given) and self.nodes is None and self.weights is None:
+            return
+        object.__setattr__(self, "expansion", Given.of(self.expansion, self.nodes, self.weights))
+        object.__setattr__(self, "nodes", None)
+        object.__setattr__(self, "weights", None)
 
     @property
     def design(self) -> str:
@@ -303,7 +334,7 @@ class Collocation(uqmbd.Propagator):
                 also=("tolerance",),
                 bound=self.max_realisations,
             )
-        given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples"))
+        given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "expansion"))
         if given or self.elements == "adaptive" or not self.verify:
             return None
         return uqmbd.Sizing(

@@ -191,6 +191,8 @@ def _is_one(value: Any, member: Any) -> bool:
         return number and (bounds is None or bounds.hold(value))
     if base is str:
         return isinstance(value, str)
+    if typing.get_origin(base) is np.ndarray:
+        return isinstance(value, np.ndarray)
     return True
 
 

@@ -11,6 +11,7 @@ from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.monomials import as_numpoly
 from uqmbd.randomness.quadrature import (
     Quadrature,
     TailMixture,
@@ -41,6 +42,7 @@ __all__ = [
     "TailMixture",
     "Toleranced",
     "adopted",
+    "as_numpoly",
     "clenshaw_curtis",
     "combination_coefficients",
     "cumulated",

@@ -292,6 +292,34 @@ class PolynomialChaos(Surrogate):
         """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""
         return chaos_dataset(self, self.coefficients)
 
+    def to_chaospy(self) -> Any:
+        """Return it as a polynomial of chaospy, e.g. for ``chaospy.E``.
+
+        Returns
+        -------
+        numpoly.ndpoly
+            Of the shape (O, T), in the units of the outputs.  Its variables ``q0``, ``q1``, ... are the germs in the
+            order of :attr:`germ_names`, not the inputs: ``chaos.space.to_germs(inputs)`` are their values.  Germs of
+            normal inputs are standard normal, those of uniform ones uniform on [-1, 1].
+
+        Notes
+        -----
+        Sums of powers lose digits where the degree is high: as many as the largest summand is larger than the value.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(10, 2))]))
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]))
+        >>> chaos.to_chaospy()
+        polynomial([[0.5*q0+1.0]])
+        """
+        from uqmbd.randomness import as_numpoly
+
+        return as_numpoly(self.space.germs, self.multi_index, self.coefficients)
+
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos:
         """Make a chaos from the dataset `chaos` of a result, without the mechanism.

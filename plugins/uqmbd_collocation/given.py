@@ -1,0 +1,253 @@
+"""An expansion and a quadrature rule of others, as of chaospy: checked, and brought into the terms of the germs."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array, Index
+from uqmbd_collocation.fitting import ALIASED, COARSE, Fit, Projection
+from uqmbd_collocation.runs import Runs
+
+__all__ = ["Given", "GivenProjection", "Polynomials"]
+
+ALIKE = 1e-6
+"""Misfit of the terms of the germs to a polynomial, over its largest value, below which they are the same."""
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """Polynomials of the inputs, as plain numbers.
+
+    Attributes
+    ----------
+    powers : tuple of tuple of int
+        Of the inputs, for each monomial.
+    coefficients : tuple of tuple of float
+        For each monomial that of each polynomial.
+    """
+
+    powers: tuple[tuple[int, ...], ...]
+    coefficients: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def of(cls, expansion: Any) -> Polynomials:
+        """Read polynomials of numpoly, which chaospy's expansions are.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is something else.
+        """
+        wanted = "expected polynomials of chaospy, e.g. chaospy.generate_expansion(3, joint)"
+        if not all(hasattr(expansion, name) for name in ("exponents", "coefficients", "names")):
+            raise uqmbd.StudyError(f"Collocation: expansion is {str(expansion)[:60]!r}; {wanted}.")
+        columns = [int(name[1:]) if re.fullmatch(r"q\d+", name) else -1 for name in map(str, expansion.names)]
+        if min(columns, default=0) < 0:
+            raise uqmbd.StudyError(
+                f"Collocation: the expansion has the variables {', '.join(map(str, expansion.names))}; {wanted}, whose "
+                "variables are q0, q1, ..., the inputs in the order of their names."
+            )
+        values = np.array([np.asarray(c, dtype=float) for c in expansion.coefficients])
+        if values.ndim != 2 or not values.shape[1] or not np.isfinite(values).all():
+            raise uqmbd.StudyError(
+                f"Collocation: the expansion has the shape {values.shape[1:]}; {wanted}: a row of polynomials with "
+                "finite coefficients."
+            )
+        powers = np.zeros((len(values), max(columns, default=0) + 1), dtype=int)
+        powers[:, columns] = expansion.exponents
+        return cls(tuple(map(tuple, powers.tolist())), tuple(map(tuple, values.tolist())))
+
+    def __call__(self, inputs: Array) -> Array:
+        """Evaluate at inputs (K, d): (K, polynomial)."""
+        powers = np.array(self.powers)
+        monomials = np.ones((len(inputs), len(powers)))
+        for k in range(powers.shape[1]):
+            monomials *= inputs[:, k, None] ** powers[:, k]
+        return np.asarray(monomials @ np.array(self.coefficients))
+
+
+@dataclass(frozen=True)
+class Given:
+    """Polynomials, nodes and weights, as plain numbers.
+
+    Attributes
+    ----------
+    polynomials : Polynomials
+    nodes : tuple of tuple of float
+        A row for each input, in the order of their names.
+    weights : tuple of float
+    """
+
+    polynomials: Polynomials
+    nodes: tuple[tuple[float, ...], ...]
+    weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, expansion: Any, nodes: Any, weights: Any) -> Given:
+        """Check shapes.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Which, and what was expected.
+        """
+        polynomials = Polynomials.of(expansion)
+        if nodes is None or weights is None:
+            raise uqmbd.StudyError(
+                f"Collocation: expansion= is given without {'nodes=' if nodes is None else 'weights='}; expected the "
+                "rule as well, e.g. nodes, weights = chaospy.generate_quadrature(3, joint, rule='gaussian')."
+            )
+        try:
+            at, by = np.atleast_2d(np.asarray(nodes, dtype=float)), np.asarray(weights, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise uqmbd.StudyError(
+                f"Collocation: nodes and weights must be numbers with expansion=; {error}."
+            ) from None
+        inputs = len(polynomials.powers[0])
+        if at.ndim != 2 or by.ndim != 1 or at.shape[1] != len(by) or not len(by) or len(at) < inputs:
+            raise uqmbd.StudyError(
+                f"Collocation: nodes have the shape {at.shape}, weights {by.shape}, and the expansion {inputs} "
+                "variables; expected (inputs, K) and (K,), as chaospy.generate_quadrature gives them."
+            )
+        if not (np.isfinite(at).all() and np.isfinite(by).all()) or abs(by.sum() - 1) > 1e-6:
+            raise uqmbd.StudyError(
+                f"Collocation: weights sum to {by.sum():.6g}; expected finite nodes and weights of sum 1, of a rule "
+                "for the distributions of the inputs."
+            )
+        return cls(polynomials, tuple(map(tuple, at.tolist())), tuple(by.tolist()))
+
+    def __repr__(self) -> str:
+        """Options are recorded as text, which tells one rule from another of as many nodes."""
+        numbers = (self.polynomials.powers, self.polynomials.coefficients, self.nodes, self.weights)
+        digest = hashlib.sha256(repr(numbers).encode()).hexdigest()[:12]
+        return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
+
+    def plan(self, space: uqmbd.GermSpace, label: str) -> GivenProjection:
+        """Bring it into the terms of the germs.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it does not fit the inputs: another number of them, dependent ones, nodes outside of a distribution,
+            polynomials of an input that is no affine function of its germ, or that do not belong to the distributions.
+        """
+        if len(self.nodes) != space.dimension or len(self.polynomials.powers[0]) > space.dimension:
+            raise uqmbd.StudyError(
+                f"{label}: nodes are of {len(self.nodes)} inputs, and the mechanism has {space.dimension} "
+                f"({', '.join(space.inputs)}, in this order); expected a rule and an expansion for all of them."
+            )
+        if not space.independent:
+            raise uqmbd.StudyError(
+                f"{label}: inputs depend on one another, for which expansion= is not made; leave it out, or describe "
+                "them as functions of independent ones."
+            )
+        nodes = space.to_germs(np.array(self.nodes).T)
+        powers = np.zeros((len(self.polynomials.powers), space.dimension), dtype=int)
+        powers[:, : len(self.polynomials.powers[0])] = self.polynomials.powers
+        terms = _below(powers)
+        table = self._table(space, terms, label)
+        gram = table @ table.T
+        norms = np.sqrt(np.diag(gram))
+        skew = float(np.abs(gram / np.outer(norms, norms) - np.eye(len(gram))).max()) if (norms > 0).all() else np.inf
+        where = (
+            f"{label}: polynomials of the expansion are not orthogonal for the distributions of "
+            f"{', '.join(space.inputs)} (in this order): the largest correlation of two of them is {skew:.2g}"
+        )
+        if skew > ALIASED:
+            raise uqmbd.StudyError(
+                f"{where}. Make it for the joint distribution of the inputs in the order of their names, as "
+                "chaospy.J(*(v.distribution for v in mechanism.inputs.variables))."
+            )
+        if skew > COARSE:
+            text = f"{where}. The chaos is the projection on what they span; coefficients of theirs are that uncertain."
+            warnings.warn(text, stacklevel=2)
+        rank = np.linalg.matrix_rank(table / norms[:, None], tol=1e-8)
+        projector = None if rank == len(terms) else np.linalg.pinv(table, rcond=1e-10) @ table
+        rule = uqmbd.Quadrature(nodes, np.array(self.weights), None, f"{len(nodes)} given nodes")
+        return GivenProjection(Projection(rule, terms, False, label), projector)
+
+    def _table(self, space: uqmbd.GermSpace, terms: Index, label: str) -> Array:
+        """Return the coefficients (polynomial, term) of the polynomials in the terms of the germs."""
+        points = uqmbd.monte_carlo_rule(space, 4 * len(terms) + 64, 0, "sobol").nodes
+        psi, values = space.evaluate(points, terms), self.polynomials(space.to_inputs(points))
+        found = np.linalg.lstsq(psi, values, rcond=None)[0]
+        largest = np.maximum(np.abs(values).max(axis=0), 1e-300)
+        misfit = float((np.abs(psi @ found - values).max(axis=0) / largest).max())
+        if not misfit < ALIKE:
+            raise uqmbd.StudyError(
+                f"{label}: the expansion is no polynomial of the germs (relative misfit {misfit:.2g}): an input is "
+                "lognormal, or has tails as heavy, so that it is no multiple of its germ. Leave expansion= out, or "
+                "make the mechanism's random variable normal and write its exponential into the mechanism."
+            )
+        return np.asarray(found.T)
+
+
+@dataclass(frozen=True, eq=False)
+class GivenProjection:
+    """Projection on what given polynomials span, by a given rule.
+
+    Attributes
+    ----------
+    complete : Projection
+        On all terms that occur in them.
+    projector : array, shape (P, P), optional
+        Onto the span, where it is less than these.
+    """
+
+    complete: Projection
+    projector: Array | None
+
+    @property
+    def nodes(self) -> Array:
+        """Where realisations are needed, shape (K, d)."""
+        return self.complete.nodes
+
+    @property
+    def multi_index(self) -> Index:
+        """The terms, shape (P, d)."""
+        return self.complete.multi_index
+
+    def check(self, space: uqmbd.GermSpace) -> None:
+        """Raise if the rule cannot tell the terms apart, and warn if it can only roughly."""
+        self.complete.check(space)
+
+    def fit(self, runs: Runs) -> Fit:
+        """Project; if a node failed, fit the others by regression.
+
+        Raises
+        ------
+        uqmbd.IntegrationError
+            If a node failed, and the polynomials are not all products up to their degrees.
+        """
+        found = self.complete.fit(runs)
+        if self.projector is None:
+            return found
+        if found.failed:
+            raise uqmbd.IntegrationError(
+                f"{self.complete.label}: {found.failed} of {len(self.nodes)} nodes failed, and the expansion leaves "
+                "out products of low degree, so that the others cannot be fitted. Take distributions that stay clear "
+                f"of the failure. Reason of the failure: {runs.reason(runs.at(self.nodes))}"
+            )
+        coefficients = np.einsum("pq,q...->p...", self.projector, found.coefficients)
+        return Fit(coefficients, found.multi_index, found.how, found.where, weights=found.weights)
+
+
+def _below(powers: Index) -> Index:
+    """Return all products that some powers contain, by their degree; the first is the constant."""
+    found = {tuple(row) for row in powers.tolist()}
+    waiting = list(found)
+    while waiting:
+        row = waiting.pop()
+        for k, power in enumerate(row):
+            lower = (*row[:k], power - 1, *row[k + 1 :])
+            if power and lower not in found:
+                found.add(lower)
+                waiting.append(lower)
+    return np.array(sorted(found, key=lambda row: (sum(row), tuple(-p for p in row))), dtype=np.int64)
