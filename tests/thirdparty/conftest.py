@@ -10,25 +10,39 @@ import tomllib
 
 import pytest
 
+from uqmbd.new import new_plugin
+
 
 @pytest.fixture(scope="module")
 def site(request, tmp_path_factory):
-    """Install the package ``PACKAGE`` of a module by hand, which is quicker than by pip: its files, and its metadata."""
-    package, folder = request.module.PACKAGE, tmp_path_factory.mktemp("thirdparty") / "site"
+    """Install packages by hand, which is quicker than by pip: their files, and their metadata.
+
+    A module names the folder of one, ``PACKAGE``, or those that `uqmbd new plugin` writes: ``WRITTEN``, kinds by names.
+    """
+    work = tmp_path_factory.mktemp("thirdparty")
+    packages = [request.module.PACKAGE] if hasattr(request.module, "PACKAGE") else []
+    for name, kind in getattr(request.module, "WRITTEN", {}).items():
+        new_plugin(name, kind, work)
+        packages.append(work / name)
+    for package in packages:
+        _install(package, work / "site")
+    return work / "site"
+
+
+def _install(package, folder):
     declared = tomllib.loads((package / "pyproject.toml").read_text())
-    project = declared["project"]
-    for name in declared["tool"]["setuptools"]["packages"]:
-        shutil.copytree(package / name, folder / name)
+    project, tool = declared["project"], declared["tool"]["setuptools"]
+    for name in tool["packages"]:
+        shutil.copytree(package / tool.get("package-dir", {}).get("", ".") / name, folder / name)
     information = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
     information.mkdir()
     (information / "METADATA").write_text(
         f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
     )
     lines = []
-    for group, points in project["entry-points"].items():
+    for group, points in project.get("entry-points", {}).items():
         lines += [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
     (information / "entry_points.txt").write_text("\n".join([*lines, ""]))
-    return folder
 
 
 @pytest.fixture(scope="module")

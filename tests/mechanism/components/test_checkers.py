@@ -5,12 +5,16 @@ The calls are generated from the declarations, so that a new component is checke
 
 from __future__ import annotations
 
+import atexit
+import functools
 import importlib.util
 import itertools
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -18,10 +22,10 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
+from uqmbd.new import new_plugin
 
 ROOT = Path(__file__).parents[3]
 PACKAGES = {path.name for path in (ROOT / "plugins").iterdir()}
-EXAMPLE = ROOT / "tests" / "thirdparty" / "uqmbd-example-plugin"
 
 BEGIN = '''
 import chaospy
@@ -84,13 +88,20 @@ uqmbd.RandomVariable("length", chaospy.Uniform(1, 2), unit="m")
 """
 
 
+@functools.cache
+def example():
+    """Write a package of somebody else's, for as long as the tests run; return the folder of its sources."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    new_plugin("magnet", "component", Path(folder))
+    return Path(folder, "magnet", "src")
+
+
 def components():
     """All that are registered by packages of this repository, and that of a package of somebody else's."""
     registered = [plugins.component(name) for name in sorted(plugins.components())]
     found = [x for x in registered if x.__module__.partition(".")[0] in PACKAGES]
-    specification = importlib.util.spec_from_file_location(
-        "uqmbd_example.magnet", EXAMPLE / "uqmbd_example" / "magnet.py"
-    )
+    specification = importlib.util.spec_from_file_location("magnet.component", example() / "magnet" / "component.py")
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return [*found, module.Magnet]
@@ -189,7 +200,7 @@ def scripts(tmp_path_factory):
 
 
 def run(words, folder):
-    path = [str(x) for x in (ROOT, ROOT / "plugins", EXAMPLE)]
+    path = [str(x) for x in (ROOT, ROOT / "plugins", example())]
     environment = {**os.environ, "MYPYPATH": os.pathsep.join(path)}
     return subprocess.run(
         [sys.executable, "-m", *words], capture_output=True, text=True, check=False, cwd=folder, env=environment
@@ -210,7 +221,7 @@ def by_mypy(folder):
 def by_pyright(folder):
     """Errors as a plain pyright tells them; it is told where the packages are, which here are not installed."""
     pytest.importorskip("pyright")
-    settings = {"extraPaths": [str(x) for x in (ROOT, ROOT / "plugins", EXAMPLE)]}
+    settings = {"extraPaths": [str(x) for x in (ROOT, ROOT / "plugins", example())]}
     (folder / "pyrightconfig.json").write_text(json.dumps(settings))
     done = run(["pyright", "--outputjson", "--pythonpath", sys.executable], folder)
     found = json.loads(done.stdout)["generalDiagnostics"]
