@@ -278,4 +278,4 @@ def new_plugin_package(
     print(f"\nNext:    cd {folder / name}")
     print('         python -m pip install --editable ".[test]"')
     print("         python -m pytest")
-    print(f"Then put your own in the place of the example; what may be written says docs/{about.page} of uqmbd.")
+    print(f"Then replace the example by your own: docs/{about.page} of uqmbd says what there is.")
