@@ -112,7 +112,7 @@ def test_one_impact_in_a_long_rotation():
     mechanism.add(Revolute("axle", mechanism.ground, disc, point_i=(0, 3), point_j=(0, 0)))
     ball = mechanism.body("ball", mass=1, inertia=0.1, position=(distance, 0), velocity=(-1, 0))
     mechanism.add(PlaneImpact("wall", mechanism.ground, ball, (0, 0), (0, 0), (1, 0), restitution=0.5))
-    mechanism.output("both", 1.0 * ball.velocity[0] + disc.point((1, 0))[0], units="1")
+    mechanism.output("both", 1.0 * ball.velocity[0] + disc.point((1, 0))[0], units="m")
     study = uqmbd.Study("wall", mechanism, times=np.linspace(0, 10, 201), rtol=1e-9, propagators=[])
     node = study.propagate(Collocation(order=4, alignment=("events", "phase")))
     draw = np.random.default_rng(0)

@@ -133,6 +133,11 @@ def test_any_text_is_read_or_told(text):
     assert unit is not None or advice or not text.strip()
 
 
+def test_one_or_the_other_is_written_with_a_comma():
+    assert read_units("N s/m, N m s/rad") is None and advice_on("N s/m, N m s/rad") == ""
+    assert "write 'N m'" in advice_on("N/m, Nm")
+
+
 def test_nothing_is_stated_by_an_empty_text():
     assert read_units("") is None and advice_on("") == "" and advice_on("  ") == ""
 

@@ -45,7 +45,8 @@ def read_units(text: str) -> Unit | None:
     ----------
     text : str
         Symbols of units, with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``, ``²``,
-        ``^(1/2)``); from left to right, so that ``m/N s`` is ``(m/N) s``.  Names in words are understood, too.
+        ``^(1/2)``); from left to right, so that ``m/N s`` is ``(m/N) s``.  Names in words are understood, too.  Several
+        with commas between them, as ``N/m, N m/rad``, are one or the other.
 
     Examples
     --------
@@ -88,6 +89,8 @@ def _read(text: str) -> tuple[Unit | None, str]:
         return None, ""
     if found := TABLE.get(text):
         return found, ""
+    if "," in text:  # one of several, as of a coefficient of force or moment
+        return None, next((advice for part in text.split(",") if (advice := _read(part)[1])), "")
     if text.strip() in ("-", "[-]", "–", "--"):
         return Unit(), "write '1' for a pure number"
     try:

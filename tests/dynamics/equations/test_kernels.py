@@ -79,7 +79,7 @@ def spatial():
     mechanism.add(TorsionSpringDamper("T", c, d, 3, 0.2, 0.1, (0, 0, 1), (0, 1, 0)))
     mechanism.add(PointForce("f", e, (0.1, 0.2, 0), (uqmbd.step(t, 0, 0, 1, 2), -0.3 * e.velocity[1], 1)))
     mechanism.add(Torque("m", e, (1, 2, t), frame="body"))
-    mechanism.add(Torque("n", d, (1, 2, e.velocity[0]), frame="world"))
+    mechanism.add(Torque("n", d, (1, 2, 1.0 * e.velocity[0]), frame="world"))
     mechanism.output("x", a.position[0])
     return mechanism
 

@@ -60,7 +60,7 @@ def test_a_velocity_in_a_constraint_of_positions_points_to_the_term():
     mechanism = uqmbd.Mechanism("trial", uqmbd.Planar())
     body = mechanism.body("body", mass=1, inertia=1)
     with pytest.raises(uqmbd.StudyError, match=r"uqmbd\.VelocityConstraint"):
-        mechanism.add(PointOnPlane("plane", mechanism.ground, body, (0, body.velocity[0]), (0, 0), (0, 1)))
+        mechanism.add(PointOnPlane("plane", mechanism.ground, body, (0, 1.0 * body.velocity[0]), (0, 0), (0, 1)))
 
 
 @pytest.mark.parametrize("integrator", ["dop853", "ida"])

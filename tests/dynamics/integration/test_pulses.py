@@ -209,7 +209,7 @@ def test_a_longest_step_bounds_the_steps_of_every_integrator(integrator, mark, m
 @pytest.mark.thorough
 def test_the_steps_of_galerkin_are_bounded_too():
     """By both of its integrators."""
-    impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N s")
+    impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N")
     mechanism = particle(impulse)
     for integrator, what in (("dop853", "steps"), ("ida", "residuals")):
         few, many = (
@@ -249,7 +249,7 @@ def test_breaks_that_are_no_times_are_refused(value):
 @pytest.mark.thorough
 def test_the_results_say_how_steps_were_bounded(tmp_path):
     """In the attributes of the study, of the node and of a simulation; a checkpoint of other steps is not taken."""
-    impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N s")
+    impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N")
     mechanism, propagator = particle(impulse), MonteCarlo(samples=4, seed=1)
     options = [{}, {"max_step": 0.01}, {"breaks": np.array([0.3, 0.1])}]
     studies = [uqmbd.Study("s", mechanism, TIMES, [propagator], **some) for some in options]

@@ -185,6 +185,7 @@ def test_outputs_of_another_dimension_are_told(mechanism):
         (lambda c, p: c.position[0] * variable("N/m"), "N"),
         (lambda c, p: sympy.Piecewise((c.position[0], c.position[0] > 0.1), (0, True)), "m"),
         (lambda c, p: uqmbd.step(uqmbd.t, 0, 0, 1, 1) * c.position[0], "m"),
+        (lambda c, p: uqmbd.step(uqmbd.t, 0, 0, 1, 2) * c.position[0], "N"),
     ],
 )
 def test_outputs_that_fit_are_left_alone(mechanism, expression, units):

@@ -267,7 +267,8 @@ class _Walk:
         pairs = [(term, self.measure(term)) for term in terms]
         known = [(term, measure) for term, measure in pairs if isinstance(measure, Known)]
         if not known:
-            return None if any(measure is None for _, measure in pairs) else Number()
+            numbers = [measure for _, measure in pairs if isinstance(measure, Number)]
+            return Number(seen=any(x.seen for x in numbers)) if len(numbers) == len(pairs) else None
         groups: list[list[tuple[Any, Known]]] = []
         for term, measure in known:
             for group in groups:
@@ -362,7 +363,7 @@ def _number(part: Any) -> Measure:
         size = abs(float(part))
     except (TypeError, ValueError, OverflowError):
         return None
-    return Number(size, seen=part not in (1, -1) or part.is_Float) if math.isfinite(size) else None
+    return Number(size, seen=bool(size) and (part.is_Float or part not in (1, -1))) if math.isfinite(size) else None
 
 
 def _pairs(known: list[tuple[Any, Known]]) -> Iterator[tuple[tuple[Any, Known], tuple[Any, Known]]]:
