@@ -115,7 +115,7 @@ def simulate(
     from uqmbd.dynamics import Ensemble, integrate, require_for
     from uqmbd.mechanism import Mechanism
     from uqmbd.propagation.execution import integrated_by, not_finite_output
-    from uqmbd.results.schema import CF
+    from uqmbd.results.schema import CF, as_text
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -132,7 +132,7 @@ def simulate(
     if not model.outputs.names and not any(one.needs_motion for one in moved):
         still = {"Conventions": CF, "mechanism": mechanism.name, "start": start}
         alone = {} if model.scalars is None else _scalars(mechanism, ensemble, None)
-        return with_margins(xr.Dataset(alone, attrs=still), mechanism.name, ensemble, grid)
+        return as_text(with_margins(xr.Dataset(alone, attrs=still), mechanism.name, ensemble, grid))
     refuse_jumps(ensemble, grid, rtol, where)
     trajectories = integrate(ensemble, grid, rtol, integrator, between=model.needs_path)
     if trajectories.messages[0]:
@@ -163,7 +163,7 @@ def simulate(
     if check:
         coords |= _errors(ensemble, grid, rtol, trajectories, response, set(variables))
     data = xr.Dataset(variables, coords=coords, attrs=attrs)
-    return with_margins(data, mechanism.name, ensemble, grid, trajectories)
+    return as_text(with_margins(data, mechanism.name, ensemble, grid, trajectories))
 
 
 def with_margins(

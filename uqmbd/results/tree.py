@@ -17,7 +17,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison import DIFFERS, UNDER_RESOLVED, compare, overall
 from uqmbd.results.requirements import compare_requirements
-from uqmbd.results.schema import Labels, comparable, join_nodes, node_parts, statistics_dataset, united
+from uqmbd.results.schema import Labels, as_text, comparable, join_nodes, node_parts, statistics_dataset, united
 from uqmbd.status import Status
 
 __all__ = [
@@ -73,7 +73,9 @@ def study_tree(
     found = list(nodes)
     tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
     by_label = {str(node.name): node for node in found}
-    tree["comparison"] = xr.DataTree(united(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))))
+    tree["comparison"] = xr.DataTree(
+        as_text(united(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))))
+    )
     return tree
 
 

@@ -133,7 +133,7 @@ def test_any_partition_of_a_chaos_is_the_chaos(owners, order, seed):
     space = GermSpace.of(JointInput.of(inputs))
     draw = np.random.default_rng(seed)
     names, terms = [f"y{k}" for k in range(5)], [[0, 0], [1, 0], [0, 1], [1, 1]]
-    germs, known, coefficients = draw.normal(size=(4, 2)), draw.normal(size=(4, 5, 3)), draw.normal(size=(4, 5, 3))
+    germs, known, coefficients = draw.uniform(-1, 1, (4, 2)), draw.normal(size=(4, 5, 3)), draw.normal(size=(4, 5, 3))
 
     def some(rows):
         axes = labels([names[k] for k in rows], ["u", "v"], TIMES[:3])

@@ -49,7 +49,7 @@ for limit in map(int, sys.argv[3:]):
 @pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.thorough)])
 def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path: Path) -> None:
     (tmp_path / "unfinished").mkdir()
-    limits = [0, 3000, 300_000]
+    limits = [0, 3000, 100_000]
     command = [sys.executable, "-c", SCRIPT, str(tmp_path), ending, *map(str, limits)]
     root = Path(uqmbd.__file__).parents[1]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)

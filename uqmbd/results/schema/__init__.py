@@ -29,7 +29,7 @@ from uqmbd.results.schema.nodes import (
     propagator_node,
     propagator_nodes,
 )
-from uqmbd.results.schema.units import CF, product_of_units, united, units_of, with_units
+from uqmbd.results.schema.units import CF, as_text, product_of_units, united, units_of, with_units
 from uqmbd.results.schema.validation import validate
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "OutputInfo",
     "SCHEMA_VERSION",
     "STATUS_MEANINGS",
+    "as_text",
     "check_shape",
     "check_version",
     "comparable",

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-__all__ = ["CF", "DIMENSIONLESS", "Role", "product_of_units", "united", "units_of", "with_units"]
+__all__ = ["CF", "DIMENSIONLESS", "Role", "as_text", "product_of_units", "united", "units_of", "with_units"]
 
 CF = "CF-1.11"
 """Conventions of datasets whose variables have one unit each."""
@@ -158,8 +158,26 @@ def united(data: xr.Dataset) -> xr.Dataset:
     return found
 
 
+def as_text(data: xr.Dataset) -> xr.Dataset:
+    """Let files have text as text: in Zarr's format 3 by its type `string`, for text of fixed width is no part of it.
+
+    Examples
+    --------
+    >>> import xarray
+    >>> as_text(xarray.Dataset(coords={"output": ["x"]}))["output"].encoding
+    {'dtype': 'O'}
+    """
+    found = data.copy()
+    for variable in found.variables.values():
+        if variable.dtype.kind == "U":
+            variable.encoding = {"dtype": "O"}
+    return found
+
+
 def with_units(tree: xr.DataTree) -> xr.DataTree:
     """Say the units of the variables of all nodes of a result, as :func:`united` does; the tree is changed, not copied.
+
+    Text is stored as such, too, by :func:`as_text`.
 
     Examples
     --------
@@ -170,7 +188,7 @@ def with_units(tree: xr.DataTree) -> xr.DataTree:
     """
     for node in tree.subtree:
         if node.data_vars:
-            node.dataset = united(node.to_dataset(inherit=False))
+            node.dataset = as_text(united(node.to_dataset(inherit=False)))
     return tree
 
 
