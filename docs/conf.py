@@ -12,6 +12,13 @@ sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent), str(HERE.parent / "plugins
 # blocks that are executed find the sources, and draw without a screen
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[1:3], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 os.environ.setdefault("MPLBACKEND", "Agg")
+# kernels of executed pages show figures as they are returned, sharp at any size
+KERNELS = HERE / "_build" / "ipython"
+(KERNELS / "profile_default").mkdir(parents=True, exist_ok=True)
+(KERNELS / "profile_default" / "ipython_kernel_config.py").write_text(
+    'c.IPKernelApp.matplotlib = "inline"\nc.InlineBackend.figure_formats = {"svg"}\n'
+)
+os.environ["IPYTHONDIR"] = str(KERNELS)
 
 import uqmbd  # noqa: E402  # behind the path
 

@@ -94,3 +94,37 @@ def test_every_study_has_a_page(site, tmp_path):
 def test_the_citation_is_of_this_version():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.*)$", text, re.M) == [importlib.import_module("uqmbd").__version__]
+
+
+def test_a_component_page_has_its_figure_arguments_and_equations(pages):
+    spring = pages["uqmbd_springs.SpringDamper"]
+    assert "uqmbd_springs.SpringDamper.svg" in spring and "`uqmbd.Line`" in spring
+    assert r"V = " in spring and r"\mathrm{stiffness}" in spring and "def terms(self, p" in spring
+
+
+def test_equations_of_a_component_are_what_it_states(site):
+    """Of a distance in the plane: the square of the distance of two points less that of the length."""
+    from uqmbd_joints import Distance
+
+    components = importlib.import_module("uqmbd_site.components")
+    (line,) = components.equations(Distance)
+    for part in (r"r_{jx} - r_{ix}", r"r_{jy} - r_{iy}", r"\mathrm{length}^{2}", "0 ="):
+        assert part in line
+
+
+def test_objects_that_only_functions_return_are_told(pages):
+    text = pages["uqmbd.mechanism.body.Body"]
+    assert "uqmbd.mechanism.body.Body" in text and "`uqmbd.Mechanism.body`" in text and "`uqmbd.check`" in text
+
+
+def test_every_command_and_hook_is_told(site, tmp_path):
+    from uqmbd.plugins import KINDS
+
+    interface = importlib.import_module("uqmbd_site.interface")
+    interface.write_command_line(tmp_path)
+    interface.write_hooks(tmp_path)
+    folder = tmp_path / "reference" / "api"
+    commands = (folder / "command_line.rst").read_text(encoding="utf-8")
+    assert all(f"\nuqmbd {name}" in commands for name in KINDS["commands"].reserved)
+    hooks = (folder / "hooks.rst").read_text(encoding="utf-8")
+    assert all(kind.hook in hooks for kind in KINDS.values())

@@ -19,7 +19,7 @@ from uqmbd_site.reference import write_if_changed
 __all__ = ["LIMIT", "studies", "write_gallery"]
 
 LIMIT = 900
-"""Longest time of a study, s; none takes a third of it on two cores."""
+"""Longest time of a study, s."""
 
 PICTURES = """
 import sys

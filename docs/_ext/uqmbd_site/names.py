@@ -6,10 +6,12 @@ import ast
 import importlib
 import inspect
 import sys
+import typing
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
-__all__ = ["CORE", "PLUGINS", "file_names", "kind", "public_names", "told_at_its_place"]
+__all__ = ["CORE", "PLUGINS", "file_names", "kind", "public_names", "returned", "told_at_its_place"]
 
 CORE = ("uqmbd", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
 """Public modules of uqmbd."""
@@ -51,6 +53,38 @@ def file_names(module: str) -> dict[str, str]:
         name: f"{module}.{name}" + ("-class" if lower.count(name.lower()) > 1 and name[0].isupper() else "")
         for name in names
     }
+
+
+def returned() -> dict[type, list[str]]:
+    """Return the classes that are not public by name but are what public functions and methods return, and which."""
+    everything = {(module, name): x for module in (*CORE, *PLUGINS) for name, x in public_names(module).items()}
+    public = {id(x) for x in everything.values()}
+    found: dict[type, list[str]] = {}
+    for (module, name), x in everything.items():
+        owned = vars(x).items() if kind(x) == "class" else ()
+        functions = {f"{module}.{name}": x} if kind(x) == "function" else {}
+        functions |= {f"{module}.{name}.{key}": f for key, f in owned if not key.startswith("_")}
+        for place, function in functions.items():
+            for cls in _classes(_stated_return(function)):
+                if cls.__module__.startswith("uqmbd") and id(cls) not in public:
+                    found.setdefault(cls, []).append(place)
+    return dict(sorted(found.items(), key=lambda item: item[0].__name__))
+
+
+def _stated_return(function: Any) -> Any:
+    """Return the annotation of what a function, method or property returns, or None."""
+    plain = function.fget if isinstance(function, property) else getattr(function, "__func__", function)
+    try:
+        return typing.get_type_hints(plain).get("return") if inspect.isfunction(plain) else None
+    except NameError:  # a type that is known to checkers of types only
+        return None
+
+
+def _classes(annotation: Any) -> Iterator[type]:
+    if isinstance(annotation, type) and not typing.get_args(annotation):
+        yield annotation
+    for argument in typing.get_args(annotation):
+        yield from _classes(argument)
 
 
 def told_at_its_place(name: str, found: Any) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import uqmbd
 from uqmbd_site.components import component_page, draw
-from uqmbd_site.names import CORE, PLUGINS, file_names, kind, public_names, told_at_its_place
+from uqmbd_site.names import CORE, PLUGINS, file_names, kind, public_names, returned, told_at_its_place
 
 __all__ = ["is_component", "write_if_changed", "write_reference"]
 
@@ -35,9 +35,10 @@ def write_if_changed(path: Path, text: str) -> None:
 def write_reference(source: str | Path, *, pictures: bool = True) -> None:
     """Write the pages of all public names into ``reference/api`` of a folder of sources."""
     folder = Path(source) / "reference" / "api"
-    written = {folder / f"{page}.rst" for page in ("core", "plugins", "command_line", "hooks")}
+    written = {folder / f"{page}.rst" for page in ("core", "plugins", "returned", "command_line", "hooks")}
     write_if_changed(folder / "core.rst", _overview("Public modules", CORE))
     write_if_changed(folder / "plugins.rst", _overview("Built-in plugins", PLUGINS))
+    write_if_changed(folder / "returned.rst", _returned_page())
     for module in (*CORE, *PLUGINS):
         pages = file_names(module)
         write_if_changed(folder / f"{module}.rst", _module_page(module, pages))
@@ -70,6 +71,33 @@ def _overview(title: str, modules: tuple[str, ...]) -> str:
     lines = [title, "=" * len(title), ""]
     lines += [".. list-table::", "", *(line for module in modules for line in _row(module, module, _summary(module)))]
     return "\n".join([*lines, "", ".. toctree::", "   :hidden:", "", *(f"   {module}" for module in modules), ""])
+
+
+def _returned_page() -> str:
+    """Return the page of classes whose objects public functions return, and which nobody makes by name."""
+    title = "What functions return"
+    lines = [
+        title,
+        "=" * len(title),
+        "",
+        "Objects of these classes are made by what is named, and not by their classes.",
+        "",
+    ]
+    for cls, places in returned().items():
+        lines += [
+            cls.__name__,
+            "-" * len(cls.__name__),
+            "",
+            f"Of {', '.join(f'`{place}`' for place in places[:4])}.",
+            "",
+        ]
+        lines += [
+            f".. autoclass:: {cls.__module__}.{cls.__name__}",
+            "   :members:",
+            "   :inherited-members: Expr, Symbol, tuple",
+            "",
+        ]
+    return "\n".join(lines)
 
 
 def _summary(module: str) -> str:
