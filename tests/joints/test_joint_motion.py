@@ -438,17 +438,17 @@ def test_a_joint_tells_its_motion_once_it_is_added():
     other = uqmbd.Mechanism("other", uqmbd.Planar())
     stranger = other.body("stranger", 1, 1)
     with pytest.raises(uqmbd.StudyError, match=r"it contains joint.angle, but 'joint' was not added to mechanism"):
-        other.add(Torque("torque", stranger, joint.angle))
+        other.add(Torque("torque", stranger, 1.0 * joint.angle))
     other.add(Revolute("joint", other.ground, stranger, O2, O2))
     with pytest.raises(
         uqmbd.StudyError, match="Revolute 'joint' is not in mechanism 'other', .* the one given belongs to another"
     ):
-        other.add(Torque("torque", stranger, joint.angle))
+        other.add(Torque("torque", stranger, 1.0 * joint.angle))
     namesake = other.body("body", 1, 1)
     with pytest.raises(
         uqmbd.StudyError, match="body 'body' is not in mechanism 'other', .* the one given belongs to another"
     ):
-        other.add(Torque("torque", namesake, body.angular_velocity))
+        other.add(Torque("torque", namesake, 1.0 * body.angular_velocity))
     with pytest.raises(uqmbd.StudyError, match=r"points somewhere, e\.g\. \(0, 1\)"):
         other.add(PositionDriver("drive", other.ground, stranger, O2, O2, (0, 0), 1))
     with pytest.raises(uqmbd.StudyError, match=r"body 'odd': mass: it contains joint.angle, which changes while"):

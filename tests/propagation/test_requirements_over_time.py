@@ -78,7 +78,7 @@ def test_a_limit_of_the_largest_value_is_one_at_all_times():
     assert mechanism.requirements["smallest"].relation == "minimum(mass.x) >= -0.9"
     once = {
         "at least once": uqmbd.maximum(x) >= 0.5, "stroke": uqmbd.maximum(x) - uqmbd.minimum(x) <= 2,
-        "of the frequency": uqmbd.maximum(x) <= uqmbd.eigenfrequency(1),
+        "of the frequency": uqmbd.maximum(x) <= 1.0 * uqmbd.eigenfrequency(1),
     }  # fmt: skip
     for name, relation in once.items():
         mechanism.require(name, relation)

@@ -51,7 +51,7 @@ class Page(HTMLParser):
 def study():
     length = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.05), units="m")
     mechanism = uqmbd.Mechanism("<script>pendulum", uqmbd.Planar(gravity=(0, -9.81)))
-    rod = mechanism.body("rod & bob", mass=2, inertia=length**2, position=(length / 2, 0))
+    rod = mechanism.body("rod & bob", mass=2, inertia=1.0 * length**2, position=(length / 2, 0))
     mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
     mechanism.output("tip", rod.point((length / 2, 0))[1], units="m")
     return uqmbd.Study("swing", mechanism, np.linspace(0, 1, 5), [MonteCarlo(samples=20, seed=1), Collocation(order=2)])

@@ -30,7 +30,7 @@ def study(**changes: Any) -> uqmbd.Study:
     mechanism = uqmbd.Mechanism("glider", uqmbd.Translational())
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(*RATE), units="m/s")
     body = mechanism.body("body", mass=1, velocity=(speed, 0), position=(0.1 * speed, 0))
-    mechanism.output("growth", sympy.exp(body.position[0]), units="m")
+    mechanism.output("growth", sympy.exp(1.0 * body.position[0]), units="m")
     given = {"propagators": [MonteCarlo(samples=60, seed=1)]} | changes
     return uqmbd.Study("glider", mechanism, TIMES, **given)
 
