@@ -169,6 +169,7 @@ def refine_dimensions(runs: Runs, points: uqmbd.VerificationPoints, limits: Limi
         settled = max(changes) < limits.tolerance
         missed = missed_share(runs, coefficients, multi_index, points) if settled else np.nan
         steps.append(Step(len(runs), len(multi_index), *changes, missed))
+        steps[-1].log(label, limits)
         if settled and missed < limits.tolerance:
             break
         if not waiting:

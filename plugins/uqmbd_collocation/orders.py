@@ -75,6 +75,7 @@ def raise_order(
         fit = following
         missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
         steps.append(Step(len(runs), len(fit.multi_index), *changes, missed))
+        steps[-1].log(label, limits)
         complete = terms == _most_terms(runs.space)
         if missed < limits.tolerance and (complete or steps[-1].change < limits.tolerance):
             return Refinement(fit, tuple(steps), met=not fit.failed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from dataclasses import dataclass, field
 
@@ -61,6 +62,12 @@ class Step:
     def change(self) -> float:
         """The largest of them."""
         return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
+
+    def log(self, label: str, limits: Limits) -> None:
+        """Log it for who listens to ``uqmbd.refinement``."""
+        about = (label, self.realisations, self.terms, self.change_mean, self.change_std, self.missed_std)
+        text = "%s: %d realisations, %d terms: mean changes by %.2g, deviation by %.2g, missed %.2g; tolerance %.2g"
+        logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
 
 
 @dataclass(frozen=True)

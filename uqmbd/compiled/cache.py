@@ -7,6 +7,7 @@ import hashlib
 import os
 import pickle
 import platform
+import time
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 
 from uqmbd.compiled.native import host
 from uqmbd.compiled.store import Store
+from uqmbd.logs import kernels
 from uqmbd.version import __version__
 
 __all__ = ["cache_folder", "cached", "source_digest"]
@@ -81,8 +83,12 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
             stored = store.get(name)
             if stored is not None:
                 with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
-                    return pickle.loads(stored)  # noqa: S301 - checked by the store
+                    value = pickle.loads(stored)  # noqa: S301 - checked by the store
+                    kernels.debug("%s: taken from the cache %s", name[:12], store.folder)
+                    return value
             if waited:
+                begin = time.perf_counter()
                 value = make()
+                kernels.info("%s: compiled in %.3g s, kept in %s", name[:12], time.perf_counter() - begin, store.folder)
                 store.put(name, pickle.dumps(value))
     return value

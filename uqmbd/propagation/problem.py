@@ -39,6 +39,7 @@ from uqmbd.propagation.execution import (
     executor_for,
     fingerprint,
     in_order,
+    log_realisations,
     lost_chunk,
     needs_motion,
     run_tasks,
@@ -276,6 +277,7 @@ class Problem:
             if self.chosen is not None:
                 found = found.choosing(self.model.scalars, self.chosen)
             self.observed.add(found)
+            log_realisations(self.label, self.kind, found)
             yield found
             begin = now
             self.progress.advance(self.label, len(chunk.status))

@@ -7,6 +7,7 @@ would go on where it does not happen, with nothing to tell how: the output is re
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
+from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
@@ -60,7 +62,20 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
         The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
         requirements; variables that have one unit say it.
     """
-    return with_units(_run_all(propagator, problem, check))
+    methods.info("%s: begins, %d inputs, %d output times", problem.label, len(problem.inputs), len(problem.times))
+    found = with_units(_run_all(propagator, problem, check))
+    if methods.isEnabledFor(logging.INFO):
+        about = found.attrs
+        methods.info(
+            "%s: ends: %s realisations, %s failed, %.3g s",
+            *(
+                problem.label,
+                about.get("realisations", "?"),
+                about.get("failures", "?"),
+                about.get("wall_time", np.nan),
+            ),
+        )
+    return found
 
 
 def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:

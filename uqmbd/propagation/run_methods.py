@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
+from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
 from uqmbd.propagation.estimate import Estimate
@@ -97,8 +98,9 @@ def run_methods(
         if (error := _obstacle(propagator, study)) is not None:
             errors[propagator.node_name] = error
     expected(shown, {p.node_name: None if p.node_name in errors else _count(p, study) for p in propagators})
-    for label in errors:
+    for label, error in errors.items():
         failed(shown, label)
+        methods.info("%s: fails: %s", label, error)
     nodes = []
     for propagator in propagators:
         if propagator.node_name in errors:
@@ -109,6 +111,7 @@ def run_methods(
             release(work.error)
             errors[propagator.node_name] = work.error
             failed(shown, propagator.node_name)
+            methods.info("%s: fails: %s", propagator.node_name, work.error)
     order = [p.node_name for p in propagators if p.node_name in errors]
     return Outcome(tuple(nodes), {label: errors[label] for label in order})
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.logs import refinement
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
@@ -221,6 +222,7 @@ def refine_elements(
         contributions, blame = _contributions(parts, rtol, lost)
         error = float(np.sqrt(contributions.sum(axis=0).max()))
         rounds.append((len(parts), computed, error))
+        refinement.info("%s: %d elements, error %.3g, threshold %.3g", label, len(parts), error, limits.threshold)
         if limits.adaptive and error <= limits.threshold:
             break
         room = limits.count - len(parts)

@@ -20,7 +20,7 @@ from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.kept import Kept, Known
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
-from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs
+from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs, log_realisations
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
@@ -57,6 +57,7 @@ __all__ = [
     "fingerprint",
     "in_order",
     "late_outputs",
+    "log_realisations",
     "machine_attribute",
     "needs_motion",
     "integrated_by",

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from uqmbd.logs import realisations
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
-__all__ = ["AGAIN", "Observed", "evenly", "late_outputs"]
+__all__ = ["AGAIN", "Observed", "evenly", "late_outputs", "log_realisations"]
 
 
 AGAIN = 3
@@ -76,3 +78,18 @@ def late_outputs(part: Realisations) -> Index:
     """Return in how many realisations each output does not happen."""
     found: Index = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
     return found
+
+
+def log_realisations(label: str, kind: str, part: Realisations) -> None:
+    """Log a chunk of realisations, and what failed in it, for who listens to ``uqmbd.realisations``."""
+    if not realisations.isEnabledFor(logging.INFO):
+        return
+    realisations.debug("%s: %d realisations of %s in %.3g s", label, len(part.status), kind, part.wall_time)
+    failed = np.flatnonzero((part.status != Status.OK) & (part.status != Status.CENSORED))
+    if len(failed):
+        first = part.messages[int(failed[0])]
+        realisations.info(
+            "%s: %d of %d realisations failed; the first: %s", label, len(failed), len(part.status), first
+        )
+    for row in failed.tolist() if realisations.isEnabledFor(logging.DEBUG) else ():
+        realisations.debug("%s: inputs %s failed: %s", label, part.values[row].tolist(), part.messages[row])

@@ -26,6 +26,7 @@ from uqmbd.propagation.execution import (
     Packed,
     executor_for,
     in_order,
+    log_realisations,
     lost_chunk,
 )
 from uqmbd.propagation.method_node import labels_of
@@ -182,6 +183,7 @@ class Reductions:
                     now - begin + spent,
                 )
                 work.observed.count(found.realisations, answer.missing)
+                log_realisations(work.label, work.kind, found.realisations)
                 work.observed.take(piece.values[answer.seen], answer.responses)
                 if own is not None:
                     own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
