@@ -88,7 +88,7 @@ def test_every_study_has_a_page(site, tmp_path):
     index = (tmp_path / "docs" / "gallery" / "index.md").read_text(encoding="utf-8")
     for path in found:
         page = (tmp_path / "docs" / "gallery" / f"{path.stem}.md").read_text(encoding="utf-8")
-        assert f"uqmbd run {path.relative_to(ROOT)}" in page and f"({path.stem}.md)" in index
+        assert f"uqmbd run {path.relative_to(ROOT)}" in page and f":link: {path.stem}\n" in index
 
 
 def test_the_citation_is_of_this_version():

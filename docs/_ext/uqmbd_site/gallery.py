@@ -35,9 +35,12 @@ tree = load(folder / "results.nc")
 found = [node.dataset["mean"] for node in tree.subtree if node.name == "statistics" and "time" in node.dataset.dims]
 if found and found[0].sizes["output"]:
     figure = uqmbd.report.bands(tree, str(found[0]["output"].values[0]))
-else:
+elif any(node.name == "scalars" for node in tree.subtree):
     figure = uqmbd.report.scalar_densities(tree)
-figure.savefig(folder / "output.svg", bbox_inches="tight", metadata={"Date": None})
+else:  # of requirements alone
+    figure = None
+if figure:
+    figure.savefig(folder / "output.svg", bbox_inches="tight", metadata={"Date": None})
 """
 """What draws a mechanism, and its first output, in a process of its own."""
 
@@ -65,7 +68,6 @@ def write_gallery(source: str | Path, *, run: bool = True) -> list[str]:
     """
     source = Path(source)
     root, problems = source.parent, []
-    write_if_changed(source / "gallery" / "index.md", _index(root))
     for name, path in studies(root).items():
         kept = source / "_build" / "studies" / name
         problem = _computed(root, path, kept) if run else ""
@@ -79,6 +81,7 @@ def write_gallery(source: str | Path, *, run: bool = True) -> list[str]:
             report.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(kept / "report.html", report)
         write_if_changed(source / "gallery" / f"{name}.md", _page(root, path, pictures, report=report.exists()))
+    write_if_changed(source / "gallery" / "index.md", _index(root))
     return problems
 
 
@@ -140,9 +143,13 @@ def _index(root: Path) -> str:
     for title, folder in groups.items():
         lines += [f"## {title}", ""]
         chosen = {name: path for name, path in studies(root).items() if path.parent.name == folder}
+        lines += ["::::{grid} 1 2 2 3", ":gutter: 2", ""]
         for name, path in chosen.items():
-            lines.append(f"- [{_title(path)}]({name}.md): {_parts(path)[0]}")
-        lines += ["", "```{toctree}", ":hidden:", "", *chosen, "```", ""]
+            picture = f"pictures/{name}-mechanism.svg"
+            lines += [f":::{{grid-item-card}} {_title(path)}", f":link: {name}", ":link-type: doc"]
+            lines += [f":img-top: {picture}"] if (root / "docs" / "gallery" / picture).exists() else []
+            lines += ["", _parts(path)[0], ":::", ""]
+        lines += ["::::", "", "```{toctree}", ":hidden:", "", *chosen, "```", ""]
     lines += [
         "## What was found",
         "",
