@@ -116,3 +116,27 @@ def test_charts_and_their_ground_go_together(opened, html, tmp_path, scheme, gro
         return found;
     }"""
     assert cell.locator("canvas").first.evaluate(count, wanted) > 500
+
+
+@pytest.mark.parametrize(
+    ("body", "other"),
+    [
+        ('data-jp-theme-light="false"', "document.body.dataset.jpThemeLight = 'true'"),
+        ('class="vscode-dark"', "document.body.className = 'vscode-light'"),
+        ('data-vscode-theme-kind="vscode-high-contrast"', "document.body.dataset.vscodeThemeKind = 'vscode-light'"),
+    ],
+)
+def test_an_output_is_as_dark_as_its_notebook(opened, html, tmp_path, body, other):
+    """Whatever the system prefers; it changes with the notebook."""
+    path = tmp_path / "page.html"
+    path.write_text(f'<!doctype html><meta charset="utf-8"><body {body}>{html}', encoding="utf-8")
+    page = opened(path, color_scheme="light")
+    cell = page.locator(".uqmbd-cell")
+    alive(page, cell)
+    ground = "(place) => getComputedStyle(place.shadowRoot.querySelector('.cell')).backgroundColor"
+    canvas = "(place) => place.shadowRoot.querySelector('canvas').toDataURL()"
+    dark = cell.evaluate(canvas)
+    assert cell.evaluate(ground) == "rgb(20, 24, 29)"
+    page.evaluate(other)
+    page.wait_for_timeout(200)
+    assert cell.evaluate(ground) == "rgb(255, 255, 255)" and cell.evaluate(canvas) != dark

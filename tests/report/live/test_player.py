@@ -24,9 +24,9 @@ const high = view.fit(900);
 const palette = { ink: "#000000", paper: "#ffffff", soft: "#777777", dark: false };
 const where = [], shapes = [];
 for (let r = 0; r < given.data.realisations; r++)
-  for (let t = 0; t < mechanism.times.length; t++) where.push(mechanism.storedAt(r, t));
-for (let t = 0; t < mechanism.times.length; t++) shapes.push(...mechanism.draw(view, mechanism.storedAt(0, t), palette));
-const ghosts = mechanism.ghosts(view, mechanism.storedAt(given.data.realisations - 1, 0), palette, 0.5);
+  for (let t = 0; t < mechanism.times.length; t++) where.push(mechanism.storedAt(r, mechanism.times[t]));
+for (let t = 0; t < mechanism.times.length; t++) shapes.push(...mechanism.draw(view, mechanism.storedAt(0, mechanism.times[t]), palette));
+const ghosts = mechanism.ghosts(view, mechanism.storedAt(given.data.realisations - 1, mechanism.times[0]), palette, 0.5);
 const flat = (points) => points.filter((p) => p !== null);
 answer = {
   where, size: [view.wide, view.high], unit: view.unit, high: high / view.inch, ghosts: ghosts.length,
@@ -172,3 +172,46 @@ def test_hostile_names_stay_in_their_texts():
     mechanism.output("x", body.position[0])
     text = json_script(player_data(motion(uqmbd.Study("s", mechanism, [0, 1]), samples=0, frames=3)))
     assert "<" not in text and json.loads(text)["mechanism"] == name
+
+
+BETWEEN = """
+const read = (frame) => given.poses[frame];
+answer = given.wanted.map((time) => poseAt(read, weightsAt(given.times, time), given.dimension));
+"""
+
+
+def test_poses_between_frames_are_those_of_the_motion(node):
+    """A point that runs on a circle, and a half-angle pair whose sign jumps: 0.6 rad a frame, times of two steps."""
+    times = np.cumsum(np.r_[0.0, np.tile([0.1, 0.08], 10)])
+
+    def poses(at):
+        angle = 6.0 * np.asarray(at)
+        return np.stack([np.cos(angle), np.sin(angle), np.cos(angle / 2), np.sin(angle / 2)], axis=-1)
+
+    stored = poses(times)
+    stored[5:9, 2:] *= -1
+    wanted = np.linspace(times[1], times[-2], 73)
+    given = {"times": times.tolist(), "poses": stored.tolist(), "wanted": wanted.tolist(), "dimension": 2}
+    found = np.array(node(["between.js"], BETWEEN, given))
+    # turns have two signs
+    turns = found[:, 2:] * np.sign((found[:, 2:] * poses(wanted)[:, 2:]).sum(axis=1))[:, None]
+    np.testing.assert_allclose(np.c_[found[:, :2], turns], poses(wanted), atol=5e-3)
+    exact = np.array(node(["between.js"], BETWEEN, given | {"wanted": times.tolist()}))
+    np.testing.assert_array_equal(exact, stored)
+
+
+def test_a_pose_beside_one_that_is_not_known_is_the_nearest(node):
+    poses = [[0.0, 0.0], [1.0, 0.0], [None, None]]
+    read = BETWEEN.replace("given.poses[frame]", "given.poses[frame].map((x) => x ?? NaN)")
+    given = {"times": [0.0, 1.0, 2.0], "poses": poses, "wanted": [1.2, 0.2], "dimension": 2}
+    assert node(["between.js"], read, given) == [[1.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("step", "resolved"), [(0.3, True), (1.0, True), (2.5, False), (9.9, False)])
+def test_frames_resolve_a_motion_that_turns_little_between_them(node, step, resolved):
+    """A crank of 1 m that turns by a step a frame, slightly slower in the end."""
+    angle = step * np.arange(60) * (1 - 1e-3 * np.arange(60))
+    poses = np.stack([np.cos(angle), np.sin(angle), np.cos(angle / 2), np.sin(angle / 2)], axis=-1)
+    given = {"times": list(range(60)), "poses": poses.tolist()}
+    lines = "answer = resolvedBy(given.times, (frame) => given.poses[frame], 2, 4.0);"
+    assert node(["between.js"], lines, given) == resolved

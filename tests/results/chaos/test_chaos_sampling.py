@@ -227,7 +227,9 @@ def test_outputs_without_times(chaos: PolynomialChaos) -> None:
     assert plain.statistics()["quantile"].dims == ("probability", "output")
     assert plain.decay()["energy"].dims == ("order", "output")
     assert plain.density([0.0], "x").shape == (1,)
-    assert plain.verdicts(0.005)[0] == "x: stated error of the surrogate 1 % of the standard deviation; raise the order"
+    assert (
+        plain.verdicts(0.005)[0] == "x: stated error of the surrogate 1.0 % of the standard deviation; raise the order"
+    )
     back = PolynomialChaos.from_dataset(plain.to_dataset())
     assert back.labels.times is None
     np.testing.assert_array_equal(back.verification_error(), plain.verification_error())

@@ -1,6 +1,7 @@
 // An output of a notebook: its charts, with a style and a time of their own, beside other outputs on the same page.
 
 import { startCharts } from "./charts.js";
+import { followNotebook } from "./theme.js";
 import { ownTime } from "./time_bus.js";
 
 /** Make the output with this mark alive; one that is shown twice is told apart by what has begun already. */
@@ -9,6 +10,7 @@ export function startCell(mark, style) {
   const place = Array.from(places).find((one) => one.shadowRoot === null);
   if (place === undefined) return;
   ownTime();
+  followNotebook((dark) => (place.dataset.theme = dark ? "dark" : "light"));
   const content = document.createElement("div");
   content.className = "cell";
   content.append(...place.childNodes);

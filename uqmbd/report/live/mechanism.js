@@ -1,7 +1,9 @@
 // A mechanism in its poses, in the data that Python has packed (player_data.py): where its points are, and what is drawn.
 
 import { unpackArray } from "./arrays.js";
+import { poseAt, resolvedBy, weightsAt } from "./between.js";
 import { isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
+import { nearestIndex } from "./numbers.js";
 import { Pen } from "./symbols.js";
 
 const POINTLIKE = ["hinge", "ball", "universal", "weld", "rod", "spring", "damper", ""];
@@ -33,6 +35,8 @@ export class Mechanism {
     this.own = data.bodies.map((_, b) => data.owners.flatMap((owner, k) => (owner === b && this.placed[k] ? [k] : [])));
     // how far the points of each body are from its origin, m
     this.reaches = this.own.map((own) => Math.max(0, ...own.map((k) => Math.hypot(...this.local.subarray(k * data.dimension, (k + 1) * data.dimension)))));
+    const size = Math.hypot(...data.bounds[0].map((low, axis) => data.bounds[1][axis] - low));
+    this.resolved = data.bodies.every((_, b) => resolvedBy(this.times, this.reader(this.stored, 0, b), data.dimension, size));
     this.boxed = new Set(data.parts.filter((p) => BOXED.includes(p.symbol) && p.bodies.length > 1).map((p) => p.bodies[1]));
   }
 
@@ -47,14 +51,26 @@ export class Mechanism {
     });
   }
 
-  /** Those of a realisation that is stored, at a frame. */
-  storedAt(realisation, frame) {
-    const { stored, local, width, dimension, owners, bodies, times } = this;
+  /** What returns the pose of a body at a frame, from those of all frames and bodies; the first frame is at `from`. */
+  reader(poses, from, b) {
+    const { width, bodies } = this;
+    return (frame) => {
+      const start = ((from + frame) * bodies.length + b) * width;
+      return Array.from(poses.subarray(start, start + width));
+    };
+  }
+
+  /** The frames of a time, and what they count; of a motion that they do not resolve the nearest one. */
+  framesAt(time) {
+    return this.resolved ? weightsAt(this.times, time) : [[nearestIndex(this.times, time), 1]];
+  }
+
+  /** Those of a realisation that is stored, at a time. */
+  storedAt(realisation, time) {
+    const { stored, local, dimension, owners, times } = this;
+    const weights = this.framesAt(time);
     return this.place(
-      (b) => {
-        const from = ((realisation * times.length + frame) * bodies.length + b) * width;
-        return Array.from(stored.subarray(from, from + width));
-      },
+      (b) => poseAt(this.reader(stored, realisation * times.length, b), weights, dimension),
       (k) => {
         const from = (realisation * owners.length + k) * dimension;
         return Array.from(local.subarray(from, from + dimension));
@@ -62,11 +78,12 @@ export class Mechanism {
     );
   }
 
-  /** Those of poses from LivePoses at a frame; points that are not known are those of the first realisation. */
-  foundAt({ poses, points }, frame) {
-    const { local, width, dimension, bodies } = this;
+  /** Those of poses from LivePoses at a time; points that are not known are those of the first realisation. */
+  foundAt({ poses, points }, time) {
+    const { local, dimension } = this;
+    const weights = this.framesAt(time);
     return this.place(
-      (b) => Array.from(poses.subarray((frame * bodies.length + b) * width, (frame * bodies.length + b + 1) * width)),
+      (b) => poseAt(this.reader(poses, 0, b), weights, dimension),
       (k) => {
         if (points === null) return Array.from(local.subarray(k * dimension, (k + 1) * dimension));
         return Array.from(points.subarray(k * (dimension + 1), k * (dimension + 1) + dimension));

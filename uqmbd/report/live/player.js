@@ -80,24 +80,23 @@ export function makePlayer(figure, data) {
   });
 
   function shapesOf(colours) {
-    const k = frame();
     const shapes = [];
-    const chosen = found && mechanism.foundAt(found, k);
-    const way = data.followed ? minusWay(mechanism.storedAt(0, k)) : null;
+    const chosen = found && mechanism.foundAt(found, time);
+    const way = data.followed ? minusWay(mechanism.storedAt(0, time)) : null;
     const moved = (points) => (way ? mechanism.shifted(points, way) : points);
     if (cloud || chosen) {
       const alpha = Math.min(Math.max(5 / Math.max(data.realisations - 1, 1), 0.15), 0.6);
       const from = chosen ? 0 : 1;
       const to = cloud ? data.realisations : 1;
-      for (let r = from; r < to; r++) shapes.push(...mechanism.ghosts(view, moved(mechanism.storedAt(r, k)), colours, r ? alpha : 0.9));
+      for (let r = from; r < to; r++) shapes.push(...mechanism.ghosts(view, moved(mechanism.storedAt(r, time)), colours, r ? alpha : 0.9));
     }
     const radii = found?.points ? mechanism.owners.map((_, n) => Math.abs(found.points[(n + 1) * (data.dimension + 1) - 1])) : mechanism.radii;
-    shapes.push(...mechanism.draw(view, moved(chosen ?? mechanism.storedAt(0, k)), colours, radii));
+    shapes.push(...mechanism.draw(view, moved(chosen ?? mechanism.storedAt(0, time)), colours, radii));
     return shapes;
   }
 
   function minusWay(points) {
-    const first = mechanism.wayOf(mechanism.storedAt(0, 0));
+    const first = mechanism.wayOf(mechanism.storedAt(0, begin));
     return mechanism.wayOf(points).map((x, k) => first[k] - x);
   }
 
@@ -123,13 +122,21 @@ export function makePlayer(figure, data) {
     const k = frame();
     told.textContent = clock(time);
     if (Number(scrub.value) !== k) scrub.value = k;
-    scrub.setAttribute("aria-valuetext", clock(times[k]));
-    canvas.setAttribute("aria-label", `The mechanism ${data.mechanism} at ${clock(times[k])}, ${words()}.`);
+    scrub.setAttribute("aria-valuetext", clock(time));
+    canvas.setAttribute("aria-label", `The mechanism ${data.mechanism} at ${clock(time)}, ${words()}.`);
   }
 
   const words = () => (found ? "at the chosen inputs" : "at the means of the inputs");
 
+  // what a picture is that stands still while the time runs
+  const held = mechanism.resolved ? "" : ` It moves too fast to be drawn between ${times.length} times: the nearest one is shown.`;
+
   function say() {
+    tellInputs();
+    status.textContent += held;
+  }
+
+  function tellInputs() {
     if (!pageInputs()) status.textContent = atMeans;
     else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
     else {

@@ -109,6 +109,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             "note": " ".join(filter(None, (f"This output {STILL}.", integration(first, name)))),
             "words": "",
             "numbers": [],
+            "numbers_of": "",
         }
     sampled = {method.label: method for method in shown if method.sampled}
     files: list[Content] = []
@@ -147,8 +148,9 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     compared: list[Content] = []
     if whole and len(holders) > 1 and surrogate_nodes(holders):
         compared += _differences(holders, name)
+    described = in_words(first, name)
     words = [
-        in_words(first, name),
+        f"By {first.label}, {described[0].lower()}{described[1:]}" if result.several else described,
         *(precision(method, name) for method in list(sampled.values())[:1]),
         integration(first, name),
     ]
@@ -160,6 +162,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "note": "",
         "words": " ".join(filter(None, words)),
         "numbers": numbers(first, name),
+        "numbers_of": first.label if result.several else "",
     }
 
 
