@@ -111,7 +111,7 @@ def test_orders_are_whole_and_told_as_such(opened, tmp_path):
         assert seen.locator("caption").inner_text() == f"At order {order}, in %"
     part = float(seen.locator("tbody tr").first.locator("td").inner_text())
     largest = unpacked(decay_data(node, "x")["views"][0]["methods"][0]["lines"][0]["values"])
-    assert part == pytest.approx(largest[2], rel=1e-3)
+    assert part == pytest.approx(largest[2], rel=0.05)  # it is told with two digits
     assert page.pdf().startswith(b"%PDF")
     drawn = figure.locator(".view").first.locator(".paper text").all_text_contents()
     assert {"1", "2", "3", "100"} <= set(drawn) and "1.5" not in drawn
