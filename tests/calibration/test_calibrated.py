@@ -30,7 +30,7 @@ def stone(extra=False, units="m"):
     mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     place = uqmbd.RandomVariable("place", chaospy.Normal(MEAN[1], 0.2), units=units)
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(MEAN[0], 0.3), units="m/s")
-    body = mechanism.body("stone", mass=1, position=place, velocity=speed)
+    body = mechanism.body("stone", mass=1, position=place / 1000 if units == "mm" else place, velocity=speed)
     mechanism.output("x", body.position[0] + (uqmbd.RandomVariable("shift", chaospy.Normal(0, 1)) if extra else 0))
     mechanism.require("near", body.position[0] <= 8.5)
     return mechanism

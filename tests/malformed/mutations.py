@@ -258,6 +258,8 @@ def _values(key: str, argument: str, good: Any) -> Iterator[tuple[str, Any, Fate
             yield from all_of(NO_NAMES)
             yield "very long", fixed("n" * 5000), "either"
             yield "lines", fixed("a\nb"), "either"
+        case "polynomials":
+            yield from all_of(_WRONG)
         case "units":
             yield from all_of(NOT_TEXTS)
         case "flag":
@@ -367,7 +369,7 @@ KINDS: dict[str, str] = {
     "carrier": "body or none", "sampling": "choice", "replicates": "count", "max_failures": "share", "keep": "count", "control": "choice", "sobol_indices": "flag",
     "index_set": "choice", "weights": "counts", "method": "choice", "rule": "choice", "nodes": "counts", "level": "count", "adaptive": "choice", "tolerance": "share",
     "max_realisations": "count", "elements": "count", "max_elements": "count", "threshold": "share", "alignment": "choice", "clock": "name", "transform": "choice", "linear_solver": "choice",
-    "stop_at": "share", "x": "law", "x0": "law", "y0": "law", "x1": "law", "y1": "law",
+    "stop_at": "share", "expansion": "polynomials", "x": "law", "x0": "law", "y0": "law", "x1": "law", "y1": "law",
 }  # fmt: skip
 
 

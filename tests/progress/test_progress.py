@@ -119,7 +119,7 @@ def test_a_study_announces_its_methods_and_tells_of_failures():
 
     length = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.05), units="m")
     mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
-    rod = mechanism.body("rod", mass=2, inertia=length**2, position=(length / 2, 0))
+    rod = mechanism.body("rod", mass=2, inertia=2.0 * length**2, position=(length / 2, 0))
     mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
     mechanism.output("tip", rod.point((length / 2, 0))[1], units="m")
     study = uqmbd.Study("s", mechanism, [0, 0.1], [MonteCarlo(samples=4, seed=1), Broken()])

@@ -129,7 +129,7 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
     --------
     >>> import numpy as np
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
-    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7 % at 1 s; raise the order'
+    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
     """
     advice = f"; {remedy}" if error.max() > limit else ""
     return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"

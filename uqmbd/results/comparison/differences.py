@@ -35,11 +35,12 @@ ROUNDING = 1e-9
 def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> str:
     """Choose the method to compare the others with: the most converged one that can say so.
 
-    Methods whose results end before the last time come last, and before them those in which an output has no spread
-    that others give one, such as a chaos of order 0. First come samples that tell the standard deviation to within
-    15 %, for their standard errors hold whatever the mechanism; then surrogates whose stated error is below 10 %; then
-    others that state an error; then those that state none. Among equals the one of the least own error, the one with
-    the most successful realisations, and the one that was given first.
+    Methods whose results end before the last time come last, and before them surrogates in which an output has no
+    spread to which others give one (not those whose stated error is above 10 %), such as a chaos of order 0. First come
+    samples that tell the standard deviation to within 15 %, for their standard errors hold whatever the mechanism; then
+    surrogates whose stated error is below 10 %; then others that state an error; then those that state none. Among
+    equals the one of the least own error, the one with the most successful realisations, and the one that was given
+    first.
 
     Parameters
     ----------
@@ -70,12 +71,15 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> 
 
     own = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     names = {label: node.children["statistics"].to_dataset()["output"].values.tolist() for label, node in nodes.items()}
-    spread = {name for label in nodes for name, varies in zip(names[label], own[label].varies, strict=True) if varies}
+    known = {label: one.varies & ~(one.stated > COARSE) for label, one in own.items()}
+    spread = {name for label in nodes for name, varies in zip(names[label], known[label], strict=True) if varies}
 
     def trust(label: str) -> tuple[bool, bool, int, float, int]:
         node = nodes[label]
         found, times = own[label], _times(node.children["statistics"].to_dataset())
-        sees = all(varies for name, varies in zip(names[label], found.varies, strict=True) if name in spread)
+        sees = bool(found.samples) or all(
+            varies for name, varies in zip(names[label], found.varies, strict=True) if name in spread
+        )
         fine = np.asarray((np.isfinite(found.std) & np.isfinite(found.mean)).all(axis=0))
         whole = bool(fine.all())
         error = float(found.isel(fine).relative(times[fine]).max(initial=0.0)) if fine.any() else np.inf

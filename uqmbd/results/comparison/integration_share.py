@@ -72,7 +72,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     >>> from uqmbd.results import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
-    ['0.1 % of the spread']
+    ['0.10 % of the spread']
     """
     if "integration_error" not in statistics:
         return []

@@ -114,8 +114,8 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     ...     return propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
     >>> for sentence in recommend(compare([node("many", 1.0, 10000, 0.01), node("few", 0.99, 1000, 0.02)])):
     ...     print(sentence)
-    Use few: it agrees with many, its stated error is at most 4 % of the standard deviation (at 0 s), and it is 10 times
-    cheaper than many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
+    Use few: it agrees with many, its stated error is at most 4.0 % of the standard deviation (at 0 s), and it is 10
+    times cheaper than many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
     """
     methods = [str(m) for m in comparison["method"].values]
     if len(methods) < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
@@ -283,8 +283,8 @@ def largest_error_words(share: float, time: float, output: str = "") -> str:
     Examples
     --------
     >>> largest_error_words(0.02, 0.5), largest_error_words(0.02, math.nan, "x")
-    ('stated error at most 2 % of the standard deviation (at 0.5 s)',
-     'stated error at most 2 % of the standard deviation (of x)')
+    ('stated error at most 2.0 % of the standard deviation (at 0.5 s)',
+     'stated error at most 2.0 % of the standard deviation (of x)')
     """
     where = [f"of {output}"] if output else []
     where += [f"at {time:g} s"] if math.isfinite(time) else []
