@@ -24,7 +24,7 @@ def test_rates_of_what_moves_are_those_of_its_course():
         "point": lower.point((0.5, 0.1))[1] * sympy.cos(uqmbd.t),
         "angle": upper.angle * uqmbd.t,
         "knee": knee.angle**2,
-        "spin": sympy.sin(lower.angular_velocity),
+        "spin": sympy.sin(1.0 * lower.angular_velocity),
     }
     twice = ("point", "angle", "knee")
     for name, course in courses.items():

@@ -31,7 +31,7 @@ def run(tmp_path):
             check=False,
             cwd=tmp_path,
             # other plugins of pytest import NumPy
-            env={**os.environ, "PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+            env={**os.environ, "PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_ADDOPTS": ""},
         )
 
     return start

@@ -237,7 +237,7 @@ class _Walk:
     def _of_numbers(self, part: Any) -> Measure:
         for inner in part.args:
             self._pure(inner, self.measure(inner), type(part).__name__)
-        return Number()
+        return None if part.has(t) else Number()  # cos(t) has a frequency of 1 rad/s, which its rate has as a factor
 
     def _pure(self, part: Any, measure: Measure, function: str = "") -> None:
         """Look at what has to be a pure number, or an angle in radians."""
