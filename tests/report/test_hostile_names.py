@@ -107,7 +107,7 @@ def check_page(page: str, names: list[str]) -> Page:
     found = Page(page)
     assert set(found.tags) <= TAGS, set(found.tags) - TAGS
     for tag, name, value in found.attributes:
-        placed = tag == "text" and re.fullmatch(r"-?[\d.]+", value or "")
+        placed = tag in ("svg", "text") and re.fullmatch(r"-?[\d.]+", value or "")
         assert not name.startswith("on") and (name not in ("x", "srcdoc") or placed), (tag, name, value)
         if name in ("src", "href"):
             assert value is not None and value.startswith(("data:image/", "#")), value
