@@ -50,7 +50,7 @@ from uqmbd.mechanism.expressions.summaries import (
 )
 from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeShape
-from uqmbd.units import PURE, Dimension, Unit, in_words, read_units, warn
+from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 
 Unseen = Iterable[Dimension]
 """Of numbers that are 1."""
@@ -355,7 +355,7 @@ def _sum_of(one: Dimension, other: Dimension) -> Dimension:
     return tuple(a + b for a, b in zip(one, other, strict=True))
 
 
-_SECOND: Dimension = read_units("s").dimension  # type: ignore[union-attr]
+_SECOND: Dimension = TABLE["s"].dimension
 
 
 def _number(part: Any) -> Measure:

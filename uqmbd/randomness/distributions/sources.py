@@ -82,29 +82,13 @@ class Frozen:
 
 
 @dataclass(frozen=True, eq=False)
-class Infrastructure:
+class Infrastructure(Frozen):
     """A distribution of scipy's newer infrastructure, such as ``scipy.stats.Normal(mu=1, sigma=0.1)``."""
-
-    given: Any
 
     @property
     def discrete(self) -> bool:
         """Whether it takes single values only."""
         return any(kind.__name__ == "DiscreteDistribution" for kind in type(self.given).__mro__)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """Its ends."""
-        low, high = self.given.support()
-        return float(low), float(high)
-
-    def density(self, x: Array) -> Array:
-        """Density or probability."""
-        return np.asarray(self.given.pmf(x) if self.discrete else self.given.pdf(x), dtype=float)
-
-    def cdf(self, x: Array) -> Array:
-        """Probability up to `x`."""
-        return np.asarray(self.given.cdf(x), dtype=float)
 
     def quantile(self, u: Array) -> Array:
         """Quantiles."""
@@ -113,10 +97,6 @@ class Infrastructure:
     def upper_quantile(self, u: float) -> float:
         """Value that is exceeded with probability `u`."""
         return float(self.given.iccdf(u))
-
-    def moment(self, order: int) -> float:
-        """Raw moment."""
-        return float(self.given.mean() if order == 1 else self.given.moment(order))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,5 +137,5 @@ class OpenTurns:
         """Raw moment; NaN where there is none, which OpenTURNS raises."""
         try:
             return float(self.given.getMean()[0] if order == 1 else self.given.getMoment(order)[0])
-        except (TypeError, RuntimeError, NotImplementedError, ValueError):
+        except (TypeError, RuntimeError, ValueError):
             return np.nan
