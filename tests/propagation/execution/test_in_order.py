@@ -224,7 +224,8 @@ def test_as_many_pieces_are_under_way_as_there_are_workers():
     """More than a hundred workers have work, though nobody says how many there are."""
     with Simulated(150, 2) as executor:
         Kept().run(executor, 3000)
-    assert 300 <= executor.most <= 700
+    # two for each are sent; how many of them are answered before the next is sent is up to the machine
+    assert 150 <= executor.most <= 700
 
 
 def test_nobody_accepts():
