@@ -10,8 +10,9 @@ from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
+from uqmbd.report.overview.motion import mechanism_picture
 from uqmbd.report.overview.trusted import holder_of, populations
-from uqmbd.report.sections import Content, TemplateSection, mechanism_picture
+from uqmbd.report.sections import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_count

@@ -7,7 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqmbd.report.sections.agreement import agreement
+from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results.comparison import NO_SPREAD

@@ -7,7 +7,7 @@ import base64
 from uqmbd.report import live
 from uqmbd.report.drawing import still_image
 from uqmbd.report.mechanisms import gif, poses, still
-from uqmbd.report.sections.section import Content
+from uqmbd.report.sections import Content
 from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_count, format_number
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from uqmbd.report.figures import design_of
-from uqmbd.report.sections.agreement import agreement
-from uqmbd.report.sections.inputs import input_rows
-from uqmbd.report.sections.output_words import stated_errors
+from uqmbd.report.sections.about_methods.agreement import agreement
+from uqmbd.report.sections.about_results import input_rows, stated_errors
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers

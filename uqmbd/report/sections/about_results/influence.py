@@ -7,7 +7,7 @@ import functools
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted
 from uqmbd.report.figures import OF_GERMS, Indices, has_indices, indices_of, label_of, node_with_indices
-from uqmbd.report.sections.outputs import most_uncertain
+from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results.comparison import STILL

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
-from uqmbd.report.sections.outputs import most_uncertain
+from uqmbd.report.sections.about_results import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_duration, format_factor, format_integer, format_percent

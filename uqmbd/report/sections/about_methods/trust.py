@@ -26,7 +26,7 @@ from uqmbd.report.figures import (
     surrogate_of,
     varies_over_time,
 )
-from uqmbd.report.sections.outputs import json_chart, most_uncertain
+from uqmbd.report.sections.about_results import json_chart, most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import statements

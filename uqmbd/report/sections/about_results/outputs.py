@@ -11,7 +11,7 @@ import xarray as xr
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted, image
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
-from uqmbd.report.sections.output_words import in_words, integration, numbers, output_rows, precision
+from uqmbd.report.sections.about_results.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import choose_reference

@@ -1,0 +1,25 @@
+"""Sections on what came out: outputs, requirements and events, and the inputs that they come from."""
+
+from __future__ import annotations
+
+from uqmbd.report.sections.about_results.events import EVENTS
+from uqmbd.report.sections.about_results.explore import EXPLORE
+from uqmbd.report.sections.about_results.influence import INFLUENCE
+from uqmbd.report.sections.about_results.inputs import INPUTS, input_rows
+from uqmbd.report.sections.about_results.output_words import stated_errors
+from uqmbd.report.sections.about_results.outputs import OUTPUTS, bands_chart, json_chart, most_uncertain, ranked
+from uqmbd.report.sections.about_results.requirements import REQUIREMENTS
+from uqmbd.report.sections.about_results.scalars import SCALARS
+
+__all__ = [
+    "ABOUT_RESULTS",
+    "bands_chart",
+    "input_rows",
+    "json_chart",
+    "most_uncertain",
+    "ranked",
+    "stated_errors",
+]
+
+ABOUT_RESULTS = (EXPLORE, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)
+"""Sections after the first screen and before those of plugins, in the order of the page."""
