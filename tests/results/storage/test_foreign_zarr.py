@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 import shutil
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -137,14 +138,102 @@ def test_types_that_are_not_written_are_refused(folder: Path) -> None:
             load(folder)
 
 
-def test_format_3_is_refused(folder: Path) -> None:
-    for where in (".", "m", "m/statistics/mean"):
-        file = folder / where / "zarr.json"
-        file.write_text('{"zarr_format": 3, "node_type": "group", "attributes": {}}')
-        with pytest.raises(StudyError, match="format 3"):
-            load(folder)
-        file.unlink()
-    load(folder)
+@pytest.fixture
+def new_folder(folder: Path, tmp_path: Path) -> Path:
+    """The same in Zarr's format 3."""
+    return save(load(folder), tmp_path / "new.zarr", zarr_format=3)
+
+
+def change_3(folder: Path, array: str, changes: dict[str, Any], *, within: bool) -> None:
+    """Change the metadata of an array in its own file, or within what the file of the root holds of it."""
+    own, root = folder / array / "zarr.json", folder / "zarr.json"
+    changed = json.loads(own.read_text()) | changes
+    if not within:
+        own.write_text(json.dumps(changed))
+        return
+    inline = {"kind": "inline", "must_understand": False, "metadata": {array: changed}}
+    root.write_text(json.dumps(json.loads(root.read_text()) | {"consolidated_metadata": inline}))
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_in_format_3_no_codec_of_others_is_even_made(
+    new_folder: Path, within: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is registered there, which any package that is installed may do."""
+    from zarr import registry as new
+    from zarr.abc.codec import BytesBytesCodec
+
+    class NewSpy(BytesBytesCodec):  # type: ignore[misc]  # zarr is not known to the checker
+        is_fixed_size = True
+
+        @classmethod
+        def from_dict(cls, data: dict[str, Any]) -> NewSpy:
+            Spy.made.append("made")
+            return cls()
+
+    new.register_codec("uqmbd-spy", NewSpy)
+    monkeypatch.setattr(Spy, "made", [])
+    own = json.loads((new_folder / "m/statistics/mean/zarr.json").read_text())["codecs"]
+    for spy in ({"name": "uqmbd-spy", "configuration": {}}, "uqmbd-spy", {"name": "numcodecs.pickle"}):
+        change_3(new_folder, "m/statistics/mean", {"codecs": [*own, spy]}, within=within)
+        with pytest.raises(StudyError, match=r"'[./]*m/statistics/mean' uses the codec '(uqmbd-spy|numcodecs.pickle)'"):
+            load(new_folder)
+    assert not Spy.made
+
+
+def test_in_format_3_every_codec_that_is_not_written_is_refused(new_folder: Path) -> None:
+    """Those of the packages that are installed, and of the specification; a shard holds codecs of its own."""
+    installed = {one.name.removeprefix("zarr.codecs.") for one in entry_points(group="zarr.codecs")}
+    others = installed | {"sharding_indexed", "transpose", "vlen-bytes", "numcodecs.blosc", "numcodecs.json2", "pickle"}
+    for name in sorted(others):
+        change_3(new_folder, "m/statistics/mean", {"codecs": [{"name": name, "configuration": {}}]}, within=False)
+        with pytest.raises(StudyError, match=f"'{name}'"):
+            load(new_folder)
+
+
+@pytest.mark.parametrize("within", [False, True])
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"data_type": "object"}, "has the type"),
+        ({"data_type": {"name": "null_terminated_bytes", "configuration": {"length_bytes": 4}}}, "has the type"),
+        ({"data_type": {"name": "struct", "configuration": {}}}, "has the type 'struct'"),
+        ({"storage_transformers": [{"name": "mine"}]}, "storage transformers"),
+        ({"chunk_grid": {"name": "mine"}}, "'mine' as its chunk_grid"),
+        ({"chunk_key_encoding": {"name": "../mine"}}, "as its chunk_key_encoding"),
+        ({"node_type": "program"}, "is a 'program'"),
+    ],
+)
+def test_in_format_3_what_is_not_written_is_refused(
+    new_folder: Path, changes: dict[str, Any], words: str, within: bool
+) -> None:
+    change_3(new_folder, "m/statistics/count", changes, within=within)
+    with pytest.raises(StudyError, match=words):
+        load(new_folder)
+
+
+@pytest.mark.parametrize("name", ["m/statistics/count/zarr.json", "m/zarr.json", "zarr.json"])
+def test_damaged_metadata_of_format_3_are_one_message(new_folder: Path, name: str) -> None:
+    for text in ("", "[]", "{}", "null", '{"node_type": "array", "codecs": 3}', "\xff"):
+        (new_folder / name).write_text(text, encoding="latin-1")
+        with pytest.raises(StudyError, match=r"damaged or no result|is not read"):
+            load(new_folder)
+
+
+def test_objects_of_format_2_are_texts_or_refused(folder: Path) -> None:
+    """xarray writes text of any width as objects, whose codec makes nothing else of what is in the file."""
+    tree = load(folder)
+    for node in tree.subtree:
+        for variable in node.variables.values():
+            if variable.dtype.kind == "U":
+                variable.encoding = {"dtype": "O"}
+    other = folder.parent / "other.zarr"
+    tree.to_zarr(other, zarr_format=2)
+    assert json.loads((other / "m/statistics/output/.zarray").read_text())["dtype"] == "|O"
+    assert load(other).identical(load(folder))
+    change(other, "m/statistics/output", {"filters": None})
+    with pytest.raises(StudyError, match="has the type"):
+        load(other)
 
 
 def test_links_are_refused(folder: Path, tmp_path: Path) -> None:

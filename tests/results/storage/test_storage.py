@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal
 
 import h5py
 import numpy as np
@@ -43,6 +45,56 @@ def test_round_trip_is_exact(study: xr.DataTree, tmp_path: Path, ending: str) ->
     twice = results.load(results.save(once, tmp_path / f"a{ending}"))
     assert twice.identical(study)
     assert [p.name for p in tmp_path.iterdir()] == [f"a{ending}"]
+
+
+@pytest.mark.thorough
+def test_round_trip_through_format_3_is_exact(study: xr.DataTree, tmp_path: Path) -> None:
+    """By `save`, and by xarray itself; numbers to the bit, text in the width that it takes."""
+    pytest.importorskip("zarr")
+    path = results.save(study, tmp_path / "a.zarr", zarr_format=3)
+    assert (path / "zarr.json").is_file()
+    once = results.load(path)
+    assert once.identical(study)
+    for one, other in zip(once.subtree, study.subtree, strict=True):
+        assert one.path == other.path
+        assert {k: type(v) for k, v in one.attrs.items()} == {k: type(v) for k, v in other.attrs.items()}
+        for name, variable in other.variables.items():
+            found = one.variables[name]
+            assert found.dtype.kind == variable.dtype.kind
+            if variable.dtype.kind != "U":
+                assert found.dtype == variable.dtype and found.values.tobytes() == variable.values.tobytes()
+    results.validate(once)
+    if importlib.util.find_spec("dask"):
+        with results.open(path) as opened:
+            assert opened.load().identical(study)
+    assert results.load(results.save(once, path, zarr_format=3)).identical(study)
+
+
+@pytest.mark.parametrize("zarr_format", [2, 3])
+def test_what_xarray_writes_is_read(tmp_path: Path, zarr_format: Literal[2, 3]) -> None:
+    """Without our encoding: attributes of lists are arrays where they are of numbers."""
+    pytest.importorskip("zarr")
+    data = xr.Dataset(
+        {"mean": (("output", "time"), [[0.1, np.nan], [np.inf, -0.0]], {"units": "m", "scale": np.array([1.5, 2.0])})},
+        coords={"output": ["x", "Ü"], "time": [0.0, 1.0]},
+        attrs={"names": ["a", "b"], "many": [[1], [2, 3]], "flag": True, "number": 7, "one": np.array([2.5])},
+    )
+    data["output"].encoding = {"dtype": "O"}
+    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs={"study": "s"}), "m/statistics": data, "a": xr.Dataset()})
+    tree.to_zarr(tmp_path / "a.zarr", zarr_format=zarr_format, consolidated=False)
+    found = results.load(tmp_path / "a.zarr")
+    assert found.identical(tree)
+    assert found["m/statistics/mean"].values.tobytes() == data["mean"].values.tobytes()
+    attrs, expected = found["m/statistics"].attrs, data.attrs
+    assert {k: type(v) for k, v in attrs.items()} == {k: type(v) for k, v in expected.items()}
+    assert list(found.children) == ["a", "m"]  # xarray stores no order
+
+
+@pytest.mark.parametrize(("name", "zarr_format"), [("a.nc", 3), ("a.zarr", 4), ("a.zarr", "3")])
+def test_a_format_that_does_not_exist_is_refused(tmp_path: Path, name: str, zarr_format: Any) -> None:
+    with pytest.raises(StudyError, match="zarr_format is .*expected 2 or 3"):
+        results.save(xr.DataTree(), tmp_path / name, zarr_format=zarr_format)
+    assert not list(tmp_path.iterdir())
 
 
 def _objects(path: Path) -> list[object]:

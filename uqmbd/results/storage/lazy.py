@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Mapping
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -36,7 +37,7 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``) or a Zarr folder (``.zarr``) written by :func:`uqmbd.results.save`.
+        A netCDF file (``.nc``) or a Zarr folder (``.zarr``), as :func:`uqmbd.results.load` reads them.
 
     Returns
     -------
@@ -79,9 +80,9 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     return tree
 
 
-def _unread(source: Path, engine: Any) -> xr.DataTree:
+def _unread(source: Path, options: Mapping[str, Any]) -> xr.DataTree:
     """Open a tree; coordinates are read."""
-    tree = xr.open_datatree(source, engine=engine, decode_timedelta=False, chunks={})
+    tree = xr.open_datatree(source, **options, chunks={})
     for node in tree.subtree:
         node.dataset = _with_coordinates(node.to_dataset(inherit=False))
     return tree

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from xarray.backends import H5NetCDFStore
 
 from uqmbd.errors import StudyError
@@ -30,7 +32,7 @@ _INT64 = np.iinfo(np.int64)
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
 
-def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
+def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Literal[2, 3] | None = None) -> Path:
     """Write a result to a netCDF file or a Zarr folder, with the version of its schema.
 
     It is written beside the target and then takes its place, so that a reader never meets half a result and an
@@ -43,6 +45,8 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
         A result; any tree of numbers and text will do.
     path : path-like
         Ends in ``.nc`` or ``.zarr``; folders on the way are made.
+    zarr_format : {2, 3}, optional
+        Of a Zarr folder; by default 2, which readers of both generations know.
 
     Returns
     -------
@@ -52,7 +56,8 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     StudyError
-        If the ending is another one, an attribute cannot be stored, the folder cannot be written, or Zarr is missing.
+        If the ending is another one, an attribute cannot be stored, the folder cannot be written, Zarr is missing, or
+        `zarr_format` is neither 2 nor 3, or is given for netCDF.
 
     Examples
     --------
@@ -63,7 +68,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     True
     """
     target = Path(path)
-    writer = _writer(target)
+    writer = _writer(target, zarr_format)
     encoded = _encode_tree(tree)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +93,8 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``) or a Zarr folder (``.zarr``) written by :func:`save`.
+        A netCDF file (``.nc``), or a Zarr folder (``.zarr``) of format 2 or 3, written by :func:`save` or by
+        `to_zarr` of the result.
 
     Returns
     -------
@@ -111,13 +117,13 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     return load_with(Path(path), _read)
 
 
-def _read(source: Path, engine: Any) -> xr.DataTree:
-    with xr.open_datatree(source, engine=engine, decode_timedelta=False) as opened:
+def _read(source: Path, options: Mapping[str, Any]) -> xr.DataTree:
+    with xr.open_datatree(source, **options) as opened:
         return opened.load()
 
 
-def load_with(source: Path, read: Callable[[Path, Any], xr.DataTree]) -> xr.DataTree:
-    """Read a result, of which nothing is executed, by a function of its path and the engine of xarray."""
+def load_with(source: Path, read: Callable[[Path, Mapping[str, Any]], xr.DataTree]) -> xr.DataTree:
+    """Read a result, of which nothing is executed, by a function of its path and the options of xarray's opening."""
     _writer(source)
     if not source.exists():
         raise StudyError(f"There is no result at {str(source)!r}.")
@@ -126,11 +132,14 @@ def load_with(source: Path, read: Callable[[Path, Any], xr.DataTree]) -> xr.Data
             f"{str(source)!r} holds samples of a method, and is no result: uqmbd.results.open reads the result beside "
             "it (results.nc), with all samples, and uqmbd.results.SampleStore.open the samples alone."
         )
-    engine = "h5netcdf" if source.suffix == ".nc" else "zarr"
+    options: dict[str, Any] = {"engine": "h5netcdf" if source.suffix == ".nc" else "zarr", "decode_timedelta": False}
     try:
-        if engine == "zarr":
+        if source.suffix == ".zarr":
             check_codecs(source)
-        tree = read(source, engine)
+            # the specification of format 3 has no consolidated metadata
+            old = (source / ".zmetadata").is_file() and not (source / "zarr.json").is_file()
+            options["consolidated"] = old
+        tree = read(source, options)
     except StudyError:
         raise
     except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
@@ -138,19 +147,23 @@ def load_with(source: Path, read: Callable[[Path, Any], xr.DataTree]) -> xr.Data
     check_version(tree.attrs, str(source))
     if tree.attrs.pop(_VERSION_ADDED, None):
         del tree.attrs[_VERSION]
-    found = _decode_tree(tree)
+    found = _decode_tree(tree, ordered=source.suffix == ".nc")
     found.set_close(tree.close)
     return found
 
 
-def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
+def _writer(path: Path, zarr_format: object = None) -> Callable[[xr.DataTree, Path], None]:
+    if zarr_format is not None and (path.suffix != ".zarr" or zarr_format not in (2, 3)):
+        raise StudyError(
+            f"zarr_format is {zarr_format!r} for {str(path)!r}; expected 2 or 3, for a path that ends in .zarr."
+        )
     if path.suffix == ".nc":
         return _write_netcdf
     if path.suffix != ".zarr":
         raise StudyError(f"A result is stored as .nc (netCDF) or .zarr (Zarr); {str(path)!r} ends in neither.")
     from uqmbd.results.storage.zarr_writer import write_zarr
 
-    return write_zarr
+    return partial(write_zarr, zarr_format=3) if zarr_format == 3 else write_zarr
 
 
 def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
@@ -180,11 +193,14 @@ def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
     return xr.DataTree.from_dict(datasets, name=tree.name)
 
 
-def _decode_tree(tree: xr.DataTree) -> xr.DataTree:
+def _decode_tree(tree: xr.DataTree, *, ordered: bool) -> xr.DataTree:
+    """Return a tree as it was; where groups come in no order (`ordered`), those whose order is not stored by name."""
     dataset = tree.to_dataset(inherit=False)
     order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
-    names = sorted(tree.children, key=lambda name: order.index(name) if name in order else len(order))
-    return xr.DataTree(_decode(dataset), children={name: _decode_tree(tree.children[name]) for name in names})
+    names = tree.children if ordered else sorted(tree.children)
+    names = sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+    children = {name: _decode_tree(tree.children[name], ordered=ordered) for name in names}
+    return xr.DataTree(_decode(dataset), children=children)
 
 
 def _encode(dataset: xr.Dataset) -> xr.Dataset:
@@ -196,7 +212,7 @@ def _encode(dataset: xr.Dataset) -> xr.Dataset:
             values = variable.values
             if not all(isinstance(v, str) for v in values.ravel()):
                 raise StudyError(f"Variable {name!r} holds Python objects; only numbers and text can be stored.")
-            data = variable.copy(data=values.astype(np.str_))
+            data = variable.copy(data=_text(values))
         variables[name] = xr.Variable(data.dims, data.data, _encode_attributes(variable.attrs, str(name)))
     coords = {name: variables.pop(name) for name in dataset.coords}
     return xr.Dataset(variables, coords=coords, attrs=_encode_attributes(dataset.attrs, "the dataset"))
@@ -236,7 +252,7 @@ def _decode(dataset: xr.Dataset) -> xr.Dataset:
     variables = {}
     for name, variable in dataset.variables.items():
         # An empty or optimised text type of the reader becomes the fixed width that was written.
-        values = variable.values.astype(np.str_) if variable.dtype.kind in "OT" else variable.data
+        values = _text(variable.values) if variable.dtype.kind in "OT" else variable.data
         variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
     coords = {name: variables.pop(name) for name in dataset.coords}
     return xr.Dataset(variables, coords=coords, attrs=_decode_attributes(dataset.attrs))
@@ -253,5 +269,19 @@ def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
         elif isinstance(value, np.generic):
             decoded[name] = value.item()
         else:
-            decoded[name] = np.array(value) if isinstance(value, list) else value
+            decoded[name] = _array(value) if isinstance(value, list) else value
     return decoded
+
+
+def _array(values: list[Any]) -> Any:
+    """Return the array that Zarr wrote as a list, which is of numbers; other lists are what was given to xarray."""
+    try:
+        found = np.array(values)
+    except ValueError:  # ragged
+        return values
+    return found if found.dtype.kind in "iuf" else values
+
+
+def _text(values: NDArray[Any]) -> NDArray[np.str_]:
+    """Return text as text of fixed width; NumPy turns its own text of any width to it by way of objects only."""
+    return values.astype(object).astype(np.str_)

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import xarray as xr
 from zarr.storage import LocalStore
@@ -22,15 +22,22 @@ if TYPE_CHECKING:
 
 __all__ = ["write_zarr"]
 
+_TEXT = {"dtype": "O"}
+"""Text of any width, which xarray writes as Zarr's type `string`."""
+
 PATIENCE = 60.0
 """Longest wait, s, for writes that are under way when another has failed."""
 
 
-def write_zarr(tree: xr.DataTree, path: Path) -> None:
+def write_zarr(tree: xr.DataTree, path: Path, zarr_format: Literal[2, 3] = 2) -> None:
     """Write a tree to a folder that does not exist; when this returns or fails, nobody writes there any more."""
     writes = _Writes()
     encoding = {
-        node.path: {name: {"chunks": chunks_of(variable)} for name, variable in node.variables.items() if variable.size}
+        node.path: {
+            name: {"chunks": chunks_of(variable), **(_TEXT if zarr_format == 3 and variable.dtype.kind == "U" else {})}
+            for name, variable in node.variables.items()
+            if variable.size
+        }
         for node in tree.subtree
     }
 
@@ -42,8 +49,8 @@ def write_zarr(tree: xr.DataTree, path: Path) -> None:
             await writes.count(lambda: LocalStore.set_if_not_exists(self, key, value))
 
     try:
-        # Format 2: the specification of format 3 has no fixed-width text and no consolidated metadata yet (both warn).
-        tree.to_zarr(Store(path), zarr_format=2, encoding=encoding)
+        # The specification of format 3 has no fixed-width text and no consolidated metadata yet (both warn).
+        tree.to_zarr(Store(path), zarr_format=zarr_format, encoding=encoding, consolidated=zarr_format == 2)
     except BaseException:
         writes.end()
         raise
