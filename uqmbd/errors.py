@@ -26,42 +26,223 @@ class UqmbdError(Exception):
     ----------
     failed : mapping of str to str
         Where a run of a study ends because all its methods failed, the reason of each by its label; else empty.
+
+    Examples
+    --------
+    It catches all that uqmbd raises on purpose, and nothing else:
+
+    >>> import uqmbd
+    >>> try:
+    ...     uqmbd.Mechanism("", uqmbd.Planar())
+    ... except uqmbd.UqmbdError as error:
+    ...     print(type(error).__name__, dict(error.failed))
+    StudyError {}
     """
 
     failed: Mapping[str, str] = MappingProxyType({})
 
 
 class StudyError(UqmbdError, ValueError):
-    """Something in a study script cannot be used: the message says what, and what was expected."""
+    """Something in a study script cannot be used: the message says what, and what was expected.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    >>> cart = mechanism.body("cart", mass=-1)
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: body 'cart': its mass is -1 kg; a mass cannot be negative.
+    """
 
 
 class AssemblyError(UqmbdError):
-    """The mechanism cannot be assembled: the message names the joint and its residual."""
+    """The mechanism cannot be assembled: the message names the joint and its residual.
+
+    Examples
+    --------
+    Two rods of 1 m do not hold a point between pins that are 3 m apart:
+
+    >>> import uqmbd
+    >>> from uqmbd_joints import Distance
+    >>> mechanism = uqmbd.Mechanism("rods", uqmbd.Translational())
+    >>> bead = mechanism.body("bead", mass=1, position=(1.5, 0.1))
+    >>> left = mechanism.add(Distance("left", mechanism.ground, bead, (0, 0), (0, 0), length=1))
+    >>> right = mechanism.add(Distance("right", mechanism.ground, bead, (3, 0), (0, 0), length=1))
+    >>> mechanism.output("x", bead.position[0], units="m")
+    >>> try:
+    ...     uqmbd.simulate(mechanism, [0, 1])
+    ... except uqmbd.AssemblyError as error:
+    ...     print(str(error)[:52])
+    mechanism 'rods' cannot be assembled: joint 'left' (
+    """
 
 
 class IntegrationError(UqmbdError):
-    """The integration of the equations of motion stopped: the message says when and probably why."""
+    """The integration of the equations of motion stopped: the message says when and probably why.
+
+    Examples
+    --------
+    A force that grows with the cube of the length drives a mass to infinity at a finite time:
+
+    >>> import uqmbd
+    >>> from uqmbd.laws import length
+    >>> from uqmbd_springs import NonlinearSpringDamper
+    >>> mechanism = uqmbd.Mechanism("runaway", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=1, velocity=1)
+    >>> push = mechanism.add(NonlinearSpringDamper("push", mechanism.ground, mass, 0, 0, law=-10 * length**3))
+    >>> mechanism.output("x", mass.position[0], units="m")
+    >>> try:
+    ...     uqmbd.simulate(mechanism, [0, 5])
+    ... except uqmbd.IntegrationError as error:
+    ...     print(str(error)[:45])
+    mechanism 'runaway': the integration stopped
+    """
 
 
 class RedundantConstraintWarning(UserWarning):
-    """Some constraint equations depend on others; they are named, and dropped."""
+    """Some constraint equations depend on others; they are named, and dropped.
+
+    Examples
+    --------
+    Two wires hold a bead where one would:
+
+    >>> import warnings
+    >>> import uqmbd
+    >>> from uqmbd_joints import Distance
+    >>> mechanism = uqmbd.Mechanism("two wires", uqmbd.Translational())
+    >>> bead = mechanism.body("bead", mass=1, position=(1, 0))
+    >>> for name in ("wire", "other wire"):
+    ...     wire = mechanism.add(Distance(name, mechanism.ground, bead, (0, 0), (0, 0), length=1))
+    >>> mechanism.output("x", bead.position[0], units="m")
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     motion = uqmbd.simulate(mechanism, [0, 1])
+    >>> [warning.category.__name__ for warning in seen]
+    ['RedundantConstraintWarning']
+    >>> uqmbd.check(mechanism).redundant
+    ('other wire: length',)
+    """
 
 
 class StudyWarning(UserWarning):
-    """Something that may be meant, and often is not; it is stored in the results as well (attribute ``warnings``)."""
+    """Something that may be meant, and often is not; it is stored in the results as well (attribute ``warnings``).
+
+    Examples
+    --------
+    What may be meant ends a script that makes errors of these warnings, as that of units:
+
+    >>> import warnings
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", uqmbd.StudyWarning)
+    ...     try:
+    ...         mechanism.output("height", stone.position[0], units="kg")
+    ...     except uqmbd.StudyWarning as warning:
+    ...         print(type(warning).__name__)
+    UnitsWarning
+    """
 
 
 class UnitsWarning(StudyWarning):
-    """Units are spelt in another way than here, or do not fit what they are of (``docs/how-to/units.md``)."""
+    """Units are spelt in another way than here, or do not fit what they are of (``docs/how-to/units.md``).
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     mechanism.output("height", stone.position[0], units="kg")
+    ...     wrong = uqmbd.check(mechanism).units
+    >>> [warning.category.__name__ for warning in seen], wrong[0][:63]
+    (['UnitsWarning'], "output 'height': stone.x is in m, and its units are to be kg; l")
+    """
 
 
 class UnusedInputWarning(UserWarning):
-    """A random variable enters nothing."""
+    """A random variable enters nothing.
+
+    Examples
+    --------
+    An input of a parameter that no term holds moves nothing:
+
+    >>> import warnings
+    >>> import chaospy
+    >>> import uqmbd
+    >>> class Label(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     number = uqmbd.Parameter("1", "enters nothing")
+    ...     def terms(self, p):
+    ...         yield uqmbd.Potential(0 * p.body.position[0])
+    >>> number = uqmbd.RandomVariable("number", chaospy.Uniform(0, 1))
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> label = mechanism.add(Label("label", stone, number=number))
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     motion = uqmbd.simulate(mechanism, [0, 1])
+    >>> [warning.category.__name__ for warning in seen]
+    []
+
+    The mass of what falls freely changes nothing:
+
+    >>> import warnings
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg"))
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     result = uqmbd.Study("fall", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> [warning.category.__name__ for warning in seen]
+    ['UnusedInputWarning']
+    """
 
 
 class MethodFailedWarning(UserWarning):
-    """A method of a study gave no results; those of the others are there."""
+    """A method of a study gave no results; those of the others are there.
+
+    Examples
+    --------
+    Two methods run, of which one cannot do what it is asked for:
+
+    >>> import warnings
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> methods = [MonteCarlo(samples=10, seed=1), Collocation(order=1, alignment="phase", clock="height")]
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     result = uqmbd.Study("fall", mechanism, [0, 1], methods).run()
+    >>> [warning.category.__name__ for warning in seen], list(result.children)
+    (['MethodFailedWarning'], ['monte-carlo', 'comparison'])
+    """
 
 
 class PluginWarning(UserWarning):
-    """A plugin could not be used; the program goes on without it."""
+    """A plugin could not be used; the program goes on without it.
+
+    Examples
+    --------
+    A program that must not go on without a plugin makes an error of it:
+
+    >>> import warnings
+    >>> import uqmbd
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", uqmbd.PluginWarning)
+    ...     print(uqmbd.propagator("monte-carlo").__name__)
+    MonteCarlo
+    """

@@ -87,6 +87,20 @@ class Body(NamedFrame):
     Made by `Mechanism.body`.  Its properties (`position`, `velocity`, `acceleration`, `rotation`, `quaternion`,
     `angle`, `angular_velocity`, `angular_acceleration`, `point(local)`, `point_velocity(local)`) are SymPy
     expressions for outputs.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+    >>> arm = mechanism.body("arm", mass=2, inertia=0.5, angle=sympy.pi / 2, angular_velocity=3)
+    >>> arm.mass, arm.inertia, list(arm.com)
+    (2, 0.500000000000000, [0, 0])
+    >>> mechanism.output("tip", arm.point((1, 0))[1], units="m")
+    >>> mechanism.output("speed", arm.point_velocity((1, 0))[0], units="m/s")
+    >>> motion = uqmbd.simulate(mechanism, [0, 1])
+    >>> round(float(motion["tip"][0]), 6), round(float(motion["speed"][0]), 6)
+    (1.0, -3.0)
     """
 
     def __init__(self, name: str, space: Space, inertia: BodyTerms, pose: Pose) -> None:

@@ -49,6 +49,13 @@ class ImportedJoint:
     limits : tuple of float, or None
         Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  They are told by the output
         ``NAME.margin``, and hold nothing.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> hinge = uqmbd.ImportedJoint("elbow", "hinge", "upper", "lower", None, None, None, (0.0,), (-1.5, 1.5))
+    >>> hinge.units, hinge.limits, hinge.margin is None
+    ('rad', (-1.5, 1.5), True)
     """
 
     name: str
@@ -87,6 +94,13 @@ class Omission:
         Which ones.
     why : str
         Why it was left out, or what became of it.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> meshes = uqmbd.Omission("meshes", ("hand.stl", "arm.stl"), "nothing is drawn from them")
+    >>> meshes.count, meshes.listed
+    (2, 'hand.stl, arm.stl')
     """
 
     what: str
@@ -190,6 +204,13 @@ class ImportedMechanism(Mechanism):
         are expressions for outputs, like those of a body.
     not_taken : Omissions
         What the file says and the mechanism does not, or otherwise; `print` it.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> robot = uqmbd.ImportedMechanism("robot", uqmbd.Spatial(), source="robot.urdf", read_by="MuJoCo")
+    >>> robot.source, dict(robot.joints), len(robot.not_taken)
+    ('robot.urdf', {}, 0)
     """
 
     def __init__(self, name: str, space: Space, source: str = "", read_by: str = "") -> None:
@@ -234,6 +255,14 @@ def from_urdf(
     Notes
     -----
     A link without ``<inertial>`` has no mass, as URDF defines it; nothing is inferred from its shape.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.from_urdf("no_such_robot.urdf")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: from_urdf: no_such_robot.urdf: there is no such file; expected the path of a URDF file.
     """
     return _read("urdf", path, floating=floating, fuse=fuse, outputs=outputs)
 
@@ -268,6 +297,14 @@ def from_mjcf(
     ------
     uqmbd.StudyError
         If MuJoCo is not installed, or the file cannot be read or used.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.from_mjcf("no_such_model.xml")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of a MJCF file.
     """
     return _read("mjcf", path, keyframe=keyframe, fuse=fuse, outputs=outputs)
 

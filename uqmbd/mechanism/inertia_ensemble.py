@@ -121,6 +121,17 @@ class MassProperties:
         Coordinates of the centre of mass in the frame in which its mean was given, m.
     inertia : sympy.Expr or tuple of sympy.Expr
         About the centre of mass, parallel to that frame, kg m^2: one number in the plane, six entries in space.
+
+    Examples
+    --------
+    As `uqmbd.random_body_inertia` gives them; without a dispersion they are the mean:
+
+    >>> import uqmbd
+    >>> disc = uqmbd.MassProperties(mass=2.0, centre=(0.1, 0.0), inertia=0.5)
+    >>> mechanism = uqmbd.Mechanism("disc", uqmbd.Planar())
+    >>> body = mechanism.body("disc", mass=disc.mass, inertia=disc.inertia, com=disc.centre)
+    >>> body.mass, list(body.com)
+    (2.00000000000000, [0.100000000000000, 0.0])
     """
 
     mass: sympy.Expr

@@ -25,6 +25,15 @@ class Output:
         Length of a turn of an angle, else 0.
     over : str
         Name of the output over which it is drawn, too; empty: over time alone.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> [(output.name, output.units) for output in mechanism.outputs.values()]
+    [('height', 'm')]
     """
 
     name: str

@@ -49,6 +49,16 @@ class Requirement:
     open : {-1, 0, 1}
         Where a first time, or an event, in it does not happen, the margin is above (1) or below (-1) that at the end of
         the motion.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.require("in reach", stone.position[0] > -10, "it stays above the ground")
+    >>> (one,) = mechanism.requirements.values()
+    >>> one.name, one.words, one.over_time
+    ('in reach', 'it stays above the ground', True)
     """
 
     name: str

@@ -109,6 +109,22 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
     xarray.DataTree
         With the child ``scalars``.  Without outputs over time its ``statistics`` are empty: they have times, but no
         outputs.
+
+    Examples
+    --------
+    A method that found the mean of an output over time, and of one without a time:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset, with_scalars
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> over_time = node(["height"], [0.0, 1.0], [[0.0, 3.0]])
+    >>> timeless = node(["highest"], [0.0], [[3.5]])
+    >>> both = with_scalars(over_time, timeless, "mine", labels(["height"], [], [0.0, 1.0]))
+    >>> both["statistics/mean"].dims, both["scalars/statistics/mean"].dims, both["scalars/statistics/mean"].item()
+    (('output', 'time'), ('output',), 3.5)
     """
     datasets: dict[str, xr.Dataset] = {}
     if node is None:
@@ -148,6 +164,21 @@ def joined_outputs(
         Outputs without statistics, and why: the attribute ``refused``.
     names : sequence of str
         Outputs in order.
+
+    Examples
+    --------
+    Two outputs, each computed by itself; the second does not happen in a tenth of the realisations:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import joined_outputs, labels, propagator_node, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> nodes = [node(["highest"], [0.0], [[3.5]]), node(["first"], [0.0], [[0.7]])]
+    >>> joined = joined_outputs(nodes, "mine", [0.0, 0.1], [0.03, 0.15], {}, ["highest", "first"])
+    >>> joined["statistics/mean"].values.ravel().tolist(), joined["statistics/censored"].values.tolist()
+    ([3.5, 0.7], [0.0, 0.1])
     """
     main = next(
         (node for node in nodes if not refused.keys() & set(_statistics(node)["output"].values.tolist())), nodes[0]
@@ -232,6 +263,23 @@ def with_requirements(
     -------
     xarray.DataTree
         With the child ``requirements``.  Without outputs its ``statistics`` are empty.
+
+    Examples
+    --------
+    A study of one requirement and nothing else, of which one in 50 realisations violates it:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import Violations, labels, propagator_node, statistics_dataset, with_requirements
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> margins = np.where(np.arange(50) < 1, -1.0, 1.0)[:, None, None] * np.ones((1, 1, 2))
+    >>> answers = Violations.dataset(["clear"], [Violations.of(margins, np.zeros(50, dtype=bool))], [0.0, 1.0])
+    >>> found = node(["clear"], [0.0, 1.0], [[0.3, 0.2]])
+    >>> whole = with_requirements(None, found, "mine", labels(["none"], [], [0.0, 1.0]), answers)
+    >>> whole["requirements/violation_probability"].values.tolist(), sorted(whole.children)
+    ([0.02], ['requirements', 'statistics'])
     """
     datasets = {"/": xr.Dataset(attrs={**found.attrs, "label": label})}
     if node is None:
@@ -339,6 +387,22 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
     """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
 
     Statistics of the others are those of other realisations in each method, and nothing to be compared.
+
+    Examples
+    --------
+    The second output does not happen in a tenth of the realisations:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import happening, joined_outputs, labels, propagator_node, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> nodes = [node(["highest"], [0.0], [[3.5]]), node(["first"], [0.0], [[0.7]])]
+    >>> joined = joined_outputs(nodes, "mine", [0.0, 0.1], [0.03, 0.15], {}, ["highest", "first"])
+    >>> compared, left_out = happening(dict(mine=joined))
+    >>> compared["mine"]["statistics/output"].values.tolist(), left_out
+    (['highest'], ['first'])
     """
     left_out: list[str] = []
     for node in nodes.values():

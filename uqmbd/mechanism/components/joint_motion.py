@@ -139,6 +139,26 @@ class JointDisplacement:
         m, in coordinates of the component's bodies and random variables.
     speed : str
         Name of its rate.
+
+    Examples
+    --------
+    A slider along an axis of the ground:
+
+    >>> import uqmbd
+    >>> class Rail(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Translational,)
+    ...     def motion(self):
+    ...         return {"displacement": uqmbd.JointDisplacement(self.attached["body"].position[0])}
+    ...     def terms(self, p):
+    ...         yield uqmbd.Constraint(p.body.position[1])
+    >>> mechanism = uqmbd.Mechanism("slide", uqmbd.Translational())
+    >>> mass = mechanism.body("mass", mass=1, velocity=(2, 0))
+    >>> rail = mechanism.add(Rail("rail", mass))
+    >>> mechanism.output("way", rail.displacement, units="m")
+    >>> mechanism.output("speed", rail.speed, units="m/s")
+    >>> motion = uqmbd.simulate(mechanism, [0, 1.5])
+    >>> round(float(motion["way"][-1]), 6), round(float(motion["speed"][-1]), 6)
+    (3.0, 2.0)
     """
 
     expression: Any

@@ -41,6 +41,23 @@ class Local:
 
     Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
     (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> class Drag(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     rate = uqmbd.Parameter("N s/m", "drag rate")
+    ...     def terms(self, p):
+    ...         assert isinstance(p, uqmbd.Local)
+    ...         speed = p.let("speed", p.body.velocity[0])  # a named quantity, computed once
+    ...         yield uqmbd.VirtualWork(-p.rate * speed, speed)
+    >>> mechanism = uqmbd.Mechanism("slide", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, velocity=1)
+    >>> drag = mechanism.add(Drag("drag", mass, rate=1))
+    >>> mechanism.output("speed", mass.velocity[0], units="m/s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["speed"][-1]), 4)  # exp(-1)
+    0.3679
     """
 
     def __init__(

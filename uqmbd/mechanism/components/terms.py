@@ -183,6 +183,25 @@ class Auxiliary:
         In coordinates, velocities, states and time.
     initial : expression
         Its value at the start, in coordinates.
+
+    Examples
+    --------
+    A force that comes with a delay has a state of its own; it drives a mass to the speed ``t - 1 + exp(-t)``:
+
+    >>> import uqmbd
+    >>> class Delayed(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     delay = uqmbd.Parameter("s", "time constant")
+    ...     def terms(self, p):
+    ...         force = p.state("force")
+    ...         yield uqmbd.Auxiliary(force, (1 - force) / p.delay, initial=0)
+    ...         yield uqmbd.VirtualWork(force, p.body.velocity[0])
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    >>> cart = mechanism.body("cart", mass=1)
+    >>> motor = mechanism.add(Delayed("motor", cart, delay=1))
+    >>> mechanism.output("speed", cart.velocity[0], units="m/s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["speed"][-1]), 4)  # exp(-1)
+    0.3679
     """
 
     state: sympy.Symbol
@@ -196,6 +215,27 @@ class Upright:
 
     The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
     when one of them points the other way.
+
+    Examples
+    --------
+    A bead on a circle may start at the right or at the left; it is to be the right:
+
+    >>> import uqmbd
+    >>> class Ring(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Translational,)
+    ...     radius = uqmbd.Parameter("m", "radius of the ring")
+    ...     def terms(self, p):
+    ...         yield uqmbd.Constraint(p.body.position.dot(p.body.position) - p.radius**2)
+    ...         yield uqmbd.Upright(p.body.position[0], "side")
+    >>> mechanism = uqmbd.Mechanism("bead", uqmbd.Translational())
+    >>> bead = mechanism.body("bead", mass=1, position=(-1, 0))
+    >>> ring = mechanism.add(Ring("ring", bead, radius=1))
+    >>> mechanism.output("x", bead.position[0], units="m")
+    >>> try:
+    ...     uqmbd.simulate(mechanism, [0, 1])
+    ... except uqmbd.AssemblyError as error:
+    ...     print(str(error)[:97])
+    mechanism 'bead' cannot be assembled: ring: side was assembled in its mirror image, half a turn o
     """
 
     cosine: Any
@@ -217,6 +257,23 @@ class Impact:
         Relative velocity along the surface, m/s, linear in the velocities; may be left out without friction.
     friction : expression
         Coefficient of friction, of the impulses and of the forces where bodies stay in contact.
+
+    Examples
+    --------
+    A ball that falls 1 m on a floor leaves it with half of its speed, and rises to a quarter of the height:
+
+    >>> import uqmbd
+    >>> class Floor(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     def terms(self, p):
+    ...         gap = p.let("gap", p.body.position[0])
+    ...         yield uqmbd.Event(gap, uqmbd.Impact(p.rate_of(gap), restitution=0.5))
+    >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-2))
+    >>> ball = mechanism.body("ball", mass=1, position=1)
+    >>> floor = mechanism.add(Floor("floor", ball))
+    >>> mechanism.output("height", ball.position[0], units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1, 1.5])["height"][-1]), 4)
+    0.25
     """
 
     speed: Any
@@ -276,6 +333,26 @@ class Separation:
     reach : expression
         Depth, m, beyond which the bodies overlap by much, such as a radius; 0: a tenth of the mechanism's size, which
         is the most in any case.
+
+    Examples
+    --------
+    A wall that overlaps a ball at the start is told, and changes nothing:
+
+    >>> import warnings
+    >>> import uqmbd
+    >>> class Wall(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     def terms(self, p):
+    ...         yield uqmbd.Separation(p.body.position[0], reach=0.01)
+    >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Line())
+    >>> ball = mechanism.body("ball", mass=1, position=-0.5)
+    >>> wall = mechanism.add(Wall("wall", ball))
+    >>> mechanism.output("x", ball.position[0], units="m")
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     motion = uqmbd.simulate(mechanism, [0, 1])
+    >>> [str(warning.message)[:29] for warning in seen]
+    ["Wall 'wall' starts 0.5 m deep"]
     """
 
     gap: Any

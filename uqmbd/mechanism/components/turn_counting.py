@@ -32,6 +32,24 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
     tuple of two expressions
         Quadratic in the coordinates; known up to their common sign, and of length one where the axis is the only one
         that the bodies turn about.
+
+    Examples
+    --------
+    A body that moves and does not turn, relative to how it was drawn:
+
+    >>> import uqmbd
+    >>> class Held(uqmbd.Component):
+    ...     spaces = (uqmbd.Planar,)
+    ...     def terms(self, p):
+    ...         drawn = self.drawn_quaternion("body_i", "body_j")
+    ...         cosine, sine = uqmbd.half_angle(p, p.body_i, p.body_j, drawn, ())
+    ...         yield uqmbd.Constraint(sine, "held")
+    ...         yield uqmbd.Upright(cosine)
+    >>> mechanism = uqmbd.Mechanism("pin", uqmbd.Planar())
+    >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=0.4)
+    >>> held = mechanism.add(Held("held", mechanism.ground, arm))
+    >>> uqmbd.check(mechanism).mobility  # it moves and does not turn
+    2
     """
     r = relative_quaternion(body_i.attitude(drawn), body_j.quaternion)
     return r[0], r[1] if p.space.dimension == 2 else sympy.Matrix(r[1:]).dot(sympy.Matrix(list(axis_j)))

@@ -102,6 +102,28 @@ def law_at(
         As for `law_values`.
     by : sympy.Symbol, optional
         The derivative by this symbol instead of the law itself.
+
+    Examples
+    --------
+    A spring whose law the user writes in the length:
+
+    >>> import sympy
+    >>> import uqmbd
+    >>> from uqmbd.laws import law_at, law_values, length
+    >>> class Spring(uqmbd.Component):
+    ...     bodies, spaces = ("body",), (uqmbd.Line,)
+    ...     law = uqmbd.Parameter("N", "force by its length", kind="option")
+    ...     def prepare(self):
+    ...         return law_values(self.law, length)
+    ...     def terms(self, p):
+    ...         pull = law_at(p, self.law, {length: p.body.position[0]})
+    ...         yield uqmbd.VirtualWork(pull, p.body.velocity[0])
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=1)
+    >>> spring = mechanism.add(Spring("spring", mass, law=-(sympy.pi**2) * length))
+    >>> mechanism.output("x", mass.position[0], units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["x"][-1]), 4)  # cos(pi)
+    -1.0
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StudyWarning)  # `prepare` warned

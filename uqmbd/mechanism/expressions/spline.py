@@ -34,6 +34,17 @@ class Spline(OwnFunction):
 
     Its value is the spline through the first values of the table, plus that of each term times the spline through the
     values that belong to it.  A call puts another argument in the place of its own.
+
+    Examples
+    --------
+    A call of `uqmbd.spline` makes a function; with a symbol it is an expression that can be differentiated:
+
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.laws import length
+    >>> cubic = uqmbd.spline(np.linspace(0, 1, 5), np.linspace(0, 1, 5) ** 3)(length)
+    >>> round(float(cubic.subs(length, 0.3)), 6), round(float(cubic.diff(length).subs(length, 0.3)), 6)
+    (0.027, 0.27)
     """
 
     is_real = True

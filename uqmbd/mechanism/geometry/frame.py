@@ -154,7 +154,17 @@ class Frame:
 
 
 class NamedFrame(Frame):
-    """Frame of a body of a mechanism, or of its ground."""
+    """Frame of a body of a mechanism, or of its ground.
+
+    Examples
+    --------
+    The ground is one, and what a file fixes to a body:
+
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("empty", uqmbd.Planar())
+    >>> isinstance(mechanism.ground, uqmbd.NamedFrame), mechanism.ground.name, mechanism.ground.point((1, 2)).T
+    (True, 'ground', Matrix([[1, 2]]))
+    """
 
     name: str
 

@@ -57,6 +57,29 @@ class AlignedChaos(SampledSurrogate):
     verification_weights : array, shape (V,), optional
         What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
         each element counts by its probability.
+
+    Examples
+    --------
+    What rises until an event at 1 s, or a little later where the speed is high, and then stands still at 2:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> rising, still = 2 * AlignedElement.points(3), np.full(3, 2.0)
+    >>> values = np.zeros((2, 2, 1, 3))
+    >>> values[0, :, 0] = rising, still
+    >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+    >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+    >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels([("x", "m")], [("speed", "m/s")], [0.5, 1.5]))
+    >>> chaos.evaluate([[2.0]]).ravel().round(6).tolist()  # at the mean speed
+    [1.0, 2.0]
+    >>> chaos.edges([[2.0]]).round(6).tolist()
+    [[0.0, 1.0, 2.0]]
     """
 
     elements: tuple[AlignedElement, ...]

@@ -32,6 +32,21 @@ def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | P
     ------
     StudyError
         If it is no such dataset.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import chaos_from_dataset
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> chaos = chaos_from_dataset(tree["collocation/chaos"].to_dataset())
+    >>> chaos.mean.round(6).tolist(), chaos.std.round(6).tolist()  # of 3 t and 0.2 t
+    ([[0.0, 3.0]], [[0.0, 0.2]])
     """
     kind = PiecewiseChaos if "element" in dataset.dims else PolynomialChaos
     return kind.from_dataset(dataset)
@@ -46,7 +61,23 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
 
 
 def stored_as(chaos: Part) -> str:
-    """Return the name of the dataset that a surrogate is stored in."""
+    """Return the name of the dataset that a surrogate is stored in.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import stored_as, surrogate
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> name = stored_as(surrogate(tree["collocation"]))
+    >>> name, name in tree["collocation"].children
+    ('chaos', True)
+    """
     if isinstance(chaos, QuasiPeriodicChaos):
         return "quasi_periodic"
     return "aligned" if isinstance(chaos, AlignedChaos) else "chaos"
@@ -70,6 +101,23 @@ class ComposedChaos(Surrogate):
         Degrees of the terms of the part that has most.
     verification_germs, verification_response, verification_weights : array or None
         Those of the parts, where these have the same.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> def part(name, mean):
+    ...     axes = labels([name], [("speed", "m/s")], [0.0])
+    ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, axes)
+    >>> chaos = ComposedChaos(dict(a=part("x", 1.0), b=part("y", 2.0)), ("y", "x"))
+    >>> chaos.mean.ravel().tolist(), chaos.std.ravel().tolist()
+    ([2.0, 1.0], [0.5, 0.5])
     """
 
     parts: Mapping[str, Part]

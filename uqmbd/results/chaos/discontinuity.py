@@ -50,6 +50,15 @@ class Discontinuity:
         Decades that the remaining standard deviation falls with each order there.
     order : int
         Of the chaos.
+
+    Examples
+    --------
+    >>> from uqmbd.results.chaos import Discontinuity
+    >>> step = Discontinuity("height", "speed", since=0.5, worst=1.0, error=0.2, rate=0.05, order=6)
+    >>> step.clear
+    True
+    >>> print(step.words().partition(":")[0])
+    height looks discontinuous, or has a kink, in speed from t = 0.5 s on
     """
 
     output: str

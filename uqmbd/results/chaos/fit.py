@@ -79,6 +79,15 @@ class LeastSquares:
         mean; infinite where a sample cannot be left out (as many terms as samples), 0 where the samples agree.
     condition : float
         Condition number of the basis at the samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import least_squares
+    >>> x = np.linspace(-1, 1, 9)
+    >>> found = least_squares(1 + 2 * x, np.stack([np.ones(9), x], axis=1))
+    >>> found.coefficients.round(6).tolist(), bool(found.leave_one_out < 1e-12), found.condition < 2
+    ([1.0, 2.0], True, True)
     """
 
     coefficients: Array
@@ -165,6 +174,16 @@ class NodeRegression:
         In the units of the outputs.
     multi_index : array of int, shape (P, d)
         The terms that the nodes determine.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import regress_on_nodes
+    >>> x = np.array([-0.8, 0.0, 0.8])
+    >>> psi = np.stack([np.ones(3), x, x**2 - 0.5], axis=1)
+    >>> found = regress_on_nodes(1 + 2 * x, psi, np.array([[0], [1], [2]]))
+    >>> found.coefficients.round(6).tolist(), found.multi_index.ravel().tolist()
+    ([1.0, 2.0, 0.0], [0, 1, 2])
     """
 
     coefficients: Array

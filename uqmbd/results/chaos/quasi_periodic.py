@@ -54,6 +54,30 @@ class QuasiPeriodicChaos(SampledSurrogate):
     verification_weights : array, shape (V,), optional
         What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
         each element counts by its probability.
+
+    Examples
+    --------
+    ``cos(w t)`` with a frequency of 2 rad/s at the mean of the input:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> element = QuasiPeriodicElement(
+    ...     uqmbd.GermBox.whole(space),
+    ...     frequencies=np.array([[2.0], [0.1]]),
+    ...     constants=np.zeros((2, 1)),
+    ...     drifts=np.zeros((2, 1)),
+    ...     waves=np.array([[[1.0 + 0j]], [[0j]]]),
+    ... )
+    >>> axes = labels([("x", "m")], [("speed", "m/s")], [0.0, np.pi])
+    >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
+    >>> chaos.evaluate([[2.0]]).ravel().round(6).tolist(), chaos.frequencies([[2.0]]).ravel().round(6).tolist()
+    ([1.0, 1.0], [2.0])
     """
 
     elements: tuple[QuasiPeriodicElement, ...]

@@ -31,6 +31,26 @@ class QuasiPeriodicElement:
         Coefficients of what is constant, and of mean rates (1/s), in the units of the outputs.
     waves : array of complex, shape (P, O, H)
         Coefficients of the harmonics: a - i b for a cos + b sin.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import QuasiPeriodicElement
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> element = QuasiPeriodicElement(
+    ...     uqmbd.GermBox.whole(space),
+    ...     frequencies=np.array([[2.0], [0.1]]),
+    ...     constants=np.zeros((2, 1)),
+    ...     drifts=np.zeros((2, 1)),
+    ...     waves=np.array([[[1.0 + 0j]], [[0j]]]),
+    ... )
+    >>> element.frequencies[0].tolist(), element.waves.shape  # cos(2 t) at the mean; terms, outputs, harmonics
+    ([2.0], (2, 1, 1))
     """
 
     box: GermBox

@@ -102,6 +102,20 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
     """Return what the surrogates of a method's outputs are stored in, each with the name of its kind.
 
     By the names of the parts that a composed one has; else there is one, without a name, or none.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import surrogate_parts
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> [(name, kind) for name, (kind, node) in surrogate_parts(tree["collocation"]).items()]
+    [('', 'chaos')]
     """
     if kind := _kind(node):
         return {"": (kind, node.children[kind])}

@@ -30,6 +30,15 @@ class IntegrationShare:
         The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
     reason : str
         Why it is not known, or empty.
+
+    Examples
+    --------
+    >>> from uqmbd.results import IntegrationShare
+    >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
+    >>> one.of_what
+    'of the spread'
+    >>> one.words()
+    '0.0010 % of the spread'
     """
 
     output: str
@@ -93,7 +102,23 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
 
 
 def worst_integration_share(statistics: xr.Dataset) -> IntegrationShare | None:
-    """Return the largest of the errors of the time integration, each over its own scale; None: not stated."""
+    """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import worst_integration_share
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1)]).run()
+    >>> worst = worst_integration_share(tree["monte-carlo/statistics"].to_dataset())
+    >>> worst.output, worst.varies, worst.share < 1e-3
+    ('height', True, True)
+    """
     found = integration_shares(statistics)
     known = [one for one in found if np.isfinite(one.share)]
     return max(known, key=lambda one: one.share) if known else (found[0] if found else None)

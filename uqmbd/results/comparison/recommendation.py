@@ -41,6 +41,23 @@ def overall(comparison: xr.Dataset, method: str) -> tuple[str, str, str]:
         From :func:`uqmbd.results.compare`.
     method : str
         A label.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import overall
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> methods = [Collocation(order=1), MonteCarlo(samples=40, seed=2)]
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], methods).run()
+    >>> kind, words, outputs = overall(tree["comparison"].to_dataset(), "monte-carlo")
+    >>> kind
+    'too few samples'
     """
     row = comparison.sel({"method": method})
     kinds = [str(kind) for kind in row["verdict_kind"].values]

@@ -41,6 +41,20 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     list of str, length O
         ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which on it
         is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import own_statements
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> own_statements(tree["collocation"])
+    ['stated error of the surrogate below 0.0001 % of the standard deviation (at 1 s)']
     """
     found = own_error(node, rtol_of(node), dependence=False) if own is None else own
     statistics = node.children["statistics"].to_dataset()
@@ -78,6 +92,20 @@ def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tupl
     dict of (str, str) to str
         By label and output, those without a time included: the verdict of the comparison, which for a single method,
         and in results of earlier versions, is what the method states itself.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import propagator_nodes, statements
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> statements(tree, propagator_nodes(tree))
+    {('collocation', 'height'): 'stated error of the surrogate below 0.0001 % of the standard deviation (at 1 s)'}
     """
     found: dict[tuple[str, str], str] = {}
     data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()

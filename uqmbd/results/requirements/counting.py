@@ -30,6 +30,19 @@ class Violations:
         Realisations that have violated a requirement by a time; the last event of several is that of any of them.
     total, failed : int
         Realisations, and those of them that failed: neither safe nor unsafe.
+
+    Examples
+    --------
+    Four realisations of a requirement at two times; the third violates it at the second, and the last failed:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import Violations
+    >>> running = np.array([[[1.0, 1.0]], [[2.0, 0.5]], [[1.0, -1.0]], [[np.nan, np.nan]]])
+    >>> found = Violations.of(running, np.array([False, False, False, True]))
+    >>> found.by_time.tolist(), found.total, found.failed
+    ([[0, 1]], 4, 1)
+    >>> found.share.round(3).tolist(), (found + found).total
+    ([[0.0, 0.333]], 8)
     """
 
     by_time: Index

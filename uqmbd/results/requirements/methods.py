@@ -37,6 +37,22 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     xarray.Dataset
         From samples of the surrogate, where it has one; else from its realisations; else every probability is NaN, and
         every interval that from 0 to 1.
+
+    Examples
+    --------
+    A method that knows means of a margin alone says nothing of its probability:
+
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, propagator_node, requirements_of, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> from uqmbd import Requirement
+    >>> clear = Requirement("clear", "it stays clear", "gap > 0", over_time=True)
+    >>> found = requirements_of(node(["clear"], [0.0, 1.0], [[0.3, 0.2]]), [clear], np.array([False]))
+    >>> found["violation_probability"].values.tolist(), found["interval"].values.tolist()
+    ([nan], [[0.0, 1.0]])
     """
     times = node.children["statistics"].to_dataset()["time"].values
     if surrogate_parts(node):

@@ -28,6 +28,16 @@ class Answer:
         Of being violated, and its 95 % interval.
     how : str
         Where they come from.
+
+    Examples
+    --------
+    >>> from uqmbd.results import Answer
+    >>> some = Answer("monte-carlo", "clear", "it stays clear", "gap > 0", 0.02, 0.01, 0.04, "of 500 samples")
+    >>> more = Answer("collocation", "clear", "it stays clear", "gap > 0", 0.10, 0.09, 0.11, "of its surrogate")
+    >>> some.apart(more), some.meaning
+    (True, 'it stays clear')
+    >>> some.words
+    '2.0 % (1.0 % to 4.0 %)'
     """
 
     method: str
@@ -98,6 +108,23 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
     -------
     list of str
         A sentence for each requirement, without ``any``.
+
+    Examples
+    --------
+    Two methods of 1000 realisations each, of which 20 and 80 violate a requirement:
+
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from uqmbd.results import Violations, unmet
+    >>> def node(violated):
+    ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
+    ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))
+    ...     return xr.DataTree.from_dict(dict(requirements=Violations.dataset(["clear"], [counted], [0.0])))
+    >>> nodes = dict(few=node(20), many=node(80))
+    >>> unmet(nodes, probability=0.2)
+    []
+    >>> print(unmet(nodes, probability=0.05)[0].partition(':')[0])
+    requirement 'clear' is not met
     """
     said = []
     for name, found in answers(nodes).items():
@@ -128,6 +155,22 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
         ``violation_probability``, ``violation_lower`` and ``violation_upper (method, requirement)``, NaN for methods
         without, and ``violation_verdict``: ``reference``, ``agrees``, ``differs`` (the intervals have nothing in
         common), or empty.
+
+    Examples
+    --------
+    Two methods of 1000 realisations each, of which 20 and 80 violate a requirement:
+
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from uqmbd.results import Violations, compare_requirements
+    >>> def node(violated):
+    ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
+    ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))
+    ...     return xr.DataTree.from_dict(dict(requirements=Violations.dataset(["clear"], [counted], [0.0])))
+    >>> nodes = dict(few=node(20), many=node(80))
+    >>> found = compare_requirements(nodes, reference="few").sel(requirement="clear")
+    >>> found["violation_probability"].values.tolist(), found["violation_verdict"].values.tolist()
+    ([0.02, 0.08], ['reference', 'differs'])
     """
     found = answers(nodes)
     if not found:
@@ -149,7 +192,23 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 
 
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
-    """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair."""
+    """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair.
+
+    Examples
+    --------
+    Two methods of 1000 realisations each, of which 20 and 80 violate a requirement:
+
+    >>> import numpy as np
+    >>> import xarray as xr
+    >>> from uqmbd.results import Violations, differing
+    >>> def node(violated):
+    ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
+    ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))
+    ...     return xr.DataTree.from_dict(dict(requirements=Violations.dataset(["clear"], [counted], [0.0])))
+    >>> nodes = dict(few=node(20), many=node(80))
+    >>> differing(nodes)
+    ["few and many contradict each other on 'clear': 2.0 % (1.2 % to 3.1 %) and 8.0 % (6.4 % to 9.9 %)"]
+    """
     said = []
     for name, found in answers(comparable(nodes)).items():
         labels = list(found)

@@ -23,6 +23,13 @@ class OutputInfo:
     """An output: its name as the user wrote it, its units (empty: none stated), and how long a turn is in these.
 
     `turn` is 0 unless the output is an angle; its values are unwrapped then.
+
+    Examples
+    --------
+    >>> import math
+    >>> from uqmbd.results import OutputInfo
+    >>> OutputInfo("angle", "rad", turn=2 * math.pi).turn > OutputInfo("height", "m").turn
+    True
     """
 
     name: str
@@ -32,7 +39,14 @@ class OutputInfo:
 
 @dataclass(frozen=True)
 class InputInfo:
-    """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``."""
+    """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``.
+
+    Examples
+    --------
+    >>> from uqmbd.results import InputInfo
+    >>> InputInfo("length", "m", "Normal(mu=0.15, sigma=0.003)").units
+    'm'
+    """
 
     name: str
     units: str = ""
@@ -52,6 +66,15 @@ class Labels:
     inputs : tuple of InputInfo
     times : numpy.ndarray or None
         Increasing, shape (T,), in seconds; None for outputs without a time.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels
+    >>> axes = labels([("height", "m")], [("speed", "m/s")], [0.0, 0.5, 1.0])
+    >>> axes.dims, axes.shape, axes.turns.tolist()
+    (('output', 'time'), (1, 3), [0.0])
+    >>> labels([("height", "m")], [("speed", "m/s")], None).dims  # without a time
+    ('output',)
     """
 
     outputs: tuple[OutputInfo, ...]

@@ -113,7 +113,20 @@ def propagator_node(
 def join_nodes(
     nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
 ) -> xr.DataTree:
-    """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`."""
+    """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import join_nodes, labels, propagator_node, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> tree = join_nodes([node(["height"], [0.0], [[3.0]])], study="throw", mechanism="stone")
+    >>> list(tree.children), tree.attrs["study"]
+    (['mine'], 'throw')
+    """
     created = datetime.now(UTC).isoformat(timespec="seconds")
     root: dict[str, Any] = {
         "Conventions": f"uqmbd-{SCHEMA_VERSION}",
@@ -180,7 +193,19 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Return the datasets of a node by their path within it; its own is that of ``/``."""
+    """Return the datasets of a node by their path within it; its own is that of ``/``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, node_parts, propagator_node, statistics_dataset
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> sorted(node_parts(node(["height"], [0.0], [[3.0]])))
+    ['/', 'statistics']
+    """
     return {
         path if (path := part.relative_to(node)) != "." else "/": part.to_dataset(inherit=False)
         for part in node.subtree

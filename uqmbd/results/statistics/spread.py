@@ -76,6 +76,17 @@ def varies(node: xr.DataTree, output: str) -> bool:
         A propagator's node.
     output : str
         Its name.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset, varies
+    >>> def node(outputs, times, values):
+    ...     axes = labels(outputs, [], times)
+    ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
+    ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> varies(node(["height"], [0.0, 1.0], [[0.0, 3.0]]), "height")  # its standard deviation is zero
+    False
     """
     statistics = node.children["statistics"].to_dataset()
     return bool(varying(statistics, rtol_of(node))[[str(n) for n in statistics["output"].values].index(output)])

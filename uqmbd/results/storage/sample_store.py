@@ -59,6 +59,14 @@ class SampleChunk:
         NaN where a realisation failed.
     good : array of bool, shape (K,)
         Which succeeded, with outputs that are all finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import SampleChunk
+    >>> chunk = SampleChunk(first=100, response=np.zeros((50, 2, 11)), good=np.ones(50, dtype=bool))
+    >>> chunk.first + len(chunk.response)  # where the next one begins
+    150
     """
 
     first: int
@@ -68,7 +76,20 @@ class SampleChunk:
 
 @dataclass(frozen=True, eq=False)
 class SampleStoreChunks:
-    """The chunks of a store, in order; they can be gone through again and again, and one is held at a time."""
+    """The chunks of a store, in order; they can be gone through again and again, and one is held at a time.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from uqmbd.results import SampleStore, labels, sample_dataset
+    >>> samples = sample_dataset(np.ones((5, 1, 2)), np.zeros((5, 1)), labels(["x"], ["k"], [0.0, 1.0]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     chunks = SampleStore.write(Path(folder) / "a-samples.zarr", samples, size=2).chunks()
+    ...     print(len(chunks), [len(chunk.response) for chunk in chunks], chunks[2].first)
+    3 [2, 2, 1] 4
+    """
 
     store: SampleStore
     columns: tuple[int, ...] | None = None
