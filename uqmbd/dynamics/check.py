@@ -47,6 +47,15 @@ class Check:
         What each samples and commands, in words.
     units : tuple of str
         What is wrong with units, a sentence each.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("free", uqmbd.Planar())
+    >>> body = mechanism.body("body", mass=1, inertia=1)
+    >>> found = uqmbd.check(mechanism)
+    >>> found.mobility, found.redundant, found.bodies
+    (3, (), ('body',))
     """
 
     bodies: tuple[str, ...]

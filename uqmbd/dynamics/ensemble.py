@@ -33,6 +33,26 @@ class Ensemble:
         Inputs of each realisation, in the order of ``model.inputs``.
     start : Start, optional
         Initial states, if they are known already.
+
+    Examples
+    --------
+    Two wheels that turn at 6 and at 7 rad/s:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> ensemble = problem.ensemble(np.array([[6.0], [7.0]]))
+    >>> len(ensemble), ensemble.start.ok.tolist()
+    (2, [True, True])
+    >>> ensemble.energies(np.array([0.0]), ensemble.start.state[:, None])[:, 0, 0].round(6).tolist()  # kinetic, J
+    [18.0, 24.5]
     """
 
     def __init__(self, model: Model, values: Array, *, start: Start | None = None) -> None:

@@ -35,6 +35,27 @@ class Progress(Protocol):
 
     An object with further methods is told more: ``expect(totals)``, the labels of all methods before the first begins,
     with their numbers of realisations (`AtMost`, or None: not known); and ``fail(label)``, that a method has failed.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> class Told:
+    ...     def start(self, label, total):
+    ...         print(label, "begins", total)
+    ...     def advance(self, label, count=1):
+    ...         pass
+    ...     def finish(self, label):
+    ...         print(label, "ends")
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> study = uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1)])
+    >>> result = study.run(progress=Told())
+    monte-carlo begins 20
+    monte-carlo ends
     """
 
     def start(self, label: str, total: int) -> None:

@@ -84,6 +84,26 @@ class Problem:
         Given where the outputs are some of those without a time only.
     answers_requirements : bool
         Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> problem.label, problem.labels.shape, problem.timeless
+    ('collocation', (1, 5), False)
+    >>> space = problem.germ_space()
+    >>> rule = uqmbd.gauss_tensor(space, 2)
+    >>> response = problem.realise(space.to_inputs(rule.nodes)).response
+    >>> round(float(rule.weights @ response[:, 0, -1]), 4)  # mean angle after 2 s: 13 rad
+    13.0
     """
 
     study: str

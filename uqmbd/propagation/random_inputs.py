@@ -16,6 +16,13 @@ def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
         Of the mechanism.
     mechanism : str
         Its name.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> print(uqmbd.nothing_random(mechanism.inputs, mechanism.name))
+    nothing in mechanism 'stone' is random; declare a uqmbd.RandomVariable, or use uqmbd.simulate
     """
     if len(inputs):
         return None

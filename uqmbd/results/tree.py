@@ -3,6 +3,8 @@
 Outputs without a time are the child ``scalars`` of a propagator's node.  It has the form of the node itself, without
 the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or ``scalars/chaos``, and attributes that say how
 these numbers came about.
+
+Length: every function is public, and has an example.
 """
 
 from __future__ import annotations

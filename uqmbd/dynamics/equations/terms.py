@@ -37,6 +37,15 @@ class MechanismTerms:
         Zero, linear in the velocities; in the order of an ensemble's equations between velocities alone.
     velocity_equations : tuple of str
         Their names.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+    >>> stone = mechanism.body("stone", mass=2)
+    >>> terms = uqmbd.mechanism_terms(mechanism)
+    >>> terms.kinetic, terms.potential
+    ((stone.x'**2,), (19.62*stone.x,))
     """
 
     coordinates: tuple[sympy.Symbol, ...]

@@ -34,6 +34,25 @@ class Leg(NamedTuple):
         Longest step, s.
     jumps : bool
         Whether something may jump at the end.
+
+    Examples
+    --------
+    Nothing acts on a wheel at moments of its own, so that one leg reaches the last time:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> ensemble = problem.ensemble(np.array([[6.0], [7.0]]))
+    >>> (leg,) = ensemble.pace(np.array([0.0, 2.0]))
+    >>> leg.end, leg.longest
+    (2.0, inf)
     """
 
     end: float

@@ -41,6 +41,14 @@ class Counters:
         Realisations whose motion is that of the explicit integrator, and of IDA.
     seconds : float
         Wall time.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> first = uqmbd.Counters(steps=40, accelerations=300, by_dop853=8)
+    >>> second = uqmbd.Counters(steps=60, by_dop853=4, seconds=0.1)
+    >>> (first + second).steps, (first + second).by_dop853
+    (100, 12)
     """
 
     residuals: int = 0
@@ -87,6 +95,18 @@ class Trajectories:
         The motion between the output times, where it was asked for.
     rtol : float
         Relative tolerance of the integration, where the path was asked for.
+
+    Examples
+    --------
+    What an integrator returns: here of one realisation that stands still, and of one that failed:
+
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> states = np.zeros((2, 3, 2))
+    >>> states[1, 1:] = np.nan
+    >>> found = uqmbd.Trajectories(np.array([0.0, 0.5, 1.0]), states, ("", "the step became too small at t = 0.4 s"))
+    >>> [not message for message in found.messages], found.counters.steps
+    ([True, False], 0)
     """
 
     times: Array
@@ -148,6 +168,16 @@ class Segment:
     states : callable
         From times (T,) within it to states (T, 2 coordinate + state): at its ends right after and right before the
         events.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> def fall(times):  # height and speed of what falls from 1 m, with a gravity of 2 m/s^2
+    ...     return np.stack([1 - times**2, -2 * times], axis=1)
+    >>> segment = uqmbd.Segment(0.0, 1.0, "floor: impact", fall)
+    >>> segment.states(np.array([segment.end])).tolist()
+    [[0.0, -2.0]]
     """
 
     begin: float
@@ -166,6 +196,19 @@ class SegmentedMotion:
         One after the other.
     message : str
         Why it ended early, or empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> def fall(times):
+    ...     return np.stack([1 - times**2, -2 * times], axis=1)
+    >>> def rise(times):
+    ...     return np.stack([2 * (times - 1) - (times - 1) ** 2, 2 - 2 * (times - 1)], axis=1)
+    >>> first, second = uqmbd.Segment(0.0, 1.0, "floor: impact", fall), uqmbd.Segment(1.0, 2.0, "", rise)
+    >>> motion = uqmbd.SegmentedMotion((first, second))
+    >>> [segment.label for segment in motion.segments], motion.message
+    (['floor: impact', ''], '')
     """
 
     segments: tuple[Segment, ...]

@@ -44,6 +44,30 @@ class ProjectedEnsemble(Projection):
     ------
     uqmbd.AssemblyError
         If a node cannot be assembled: the expansion would be one of something that does not exist.
+
+    Examples
+    --------
+    The mean of a speed and its spread stay what they are where nothing acts on a cart:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_galerkin import Galerkin
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    >>> cart = mechanism.body("cart", mass=1, velocity=speed)
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1, 2], [Galerkin(order=3)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> space = problem.germ_space()
+    >>> rule = uqmbd.gauss_tensor(space, 5)
+    >>> psi = space.evaluate(rule.nodes, space.basis(3))
+    >>> projected = uqmbd.ProjectedEnsemble(problem.ensemble(space.to_inputs(rule.nodes)), psi, rule.weights)
+    >>> found = projected.integrate(np.array([0.0, 2.0]))
+    >>> found.coefficients.shape
+    (4, 2, 2)
+    >>> found.coefficients[:2, 1, -1].round(4).tolist()  # 6.5, and 0.5 over the root of 3
+    [6.5, 0.2887]
     """
 
     def integrate(

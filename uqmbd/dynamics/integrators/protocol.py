@@ -55,6 +55,34 @@ class Integrator(Protocol):
     ----------
     name : str
         By which studies choose it.
+
+    Examples
+    --------
+    Euler's method, which a plugin gives by `uqmbd_integrators`; here it is called by hand:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_galerkin import Galerkin
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    >>> cart = mechanism.body("cart", mass=1, velocity=speed)
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1, 2], [Galerkin(order=3)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> class Euler:
+    ...     name = "euler"
+    ...     def integrate(self, ensemble, times, rtol):
+    ...         state, states = ensemble.start.state, []
+    ...         for time, step in zip(times, np.diff(times, append=times[-1])):
+    ...             states.append(state)
+    ...             state = state + step * ensemble.rates(time, state)
+    ...         return uqmbd.Trajectories(times, np.stack(states, axis=1), tuple(ensemble.start.messages))
+    >>> integrator: uqmbd.Integrator = Euler()
+    >>> ensemble = problem.ensemble(np.array([[6.0], [7.0]]))
+    >>> found = integrator.integrate(ensemble, problem.times, 1e-6)
+    >>> ensemble.outputs(problem.times, found.states)[:, 0, -1].tolist()  # after 2 s, m
+    [12.0, 14.0]
     """
 
     name: ClassVar[str]

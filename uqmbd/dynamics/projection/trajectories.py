@@ -31,6 +31,14 @@ class ProjectedTrajectories:
         ``dop853``, ``ida``, or ``none`` where nothing moves.
     counters : dict
         What it cost.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> found = uqmbd.ProjectedTrajectories(np.array([0.0, 1.0]), np.zeros((2, 2, 2)), "", "dop853", dict(steps=3))
+    >>> found.coefficients.shape, found.counters["steps"]
+    ((2, 2, 2), 3)
     """
 
     times: Array

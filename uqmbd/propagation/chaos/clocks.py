@@ -5,6 +5,8 @@ References
 X. Wan and G. E. Karniadakis, Computer Methods in Applied Mechanics and Engineering 195 (2006) 5582-5596 (long-term
 behaviour of chaoses).
 D. M. Luchtenburg, S. L. Brunton and C. W. Rowley, Journal of Computational Physics 274 (2014) 783-802.
+
+Length: what is public has examples, which need a mechanism each.
 """
 
 from __future__ import annotations
@@ -72,6 +74,19 @@ class Clock:
         phase is that of value and rate.
     start : float
         Phase near which realisations start, rad: which of the phases that differ by whole turns is meant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> times = np.linspace(0, 2, 21)
+    >>> turning = np.array([6.0, 7.0])[:, None, None] * times  # two realisations of one angle, rad
+    >>> found = uqmbd.Dense(times, turning, error=0.0)
+    >>> clock = uqmbd.Clock("angle", row=0, turn=2 * np.pi)
+    >>> clock.words
+    "the angle 'angle'"
+    >>> clock.phases(found).at(1.0).round(6).tolist()
+    [6.0, 7.0]
     """
 
     name: str
@@ -130,6 +145,19 @@ class Phases:
         rad.
     swings : tuple, length K
         Of oscillations, none of what does not swing; empty: of angles.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> times = np.linspace(0, 2, 21)
+    >>> phases = uqmbd.Phases(times, np.array([6.0, 7.0])[:, None] * times)
+    >>> phases.running(2.0).tolist()
+    [True, True]
+    >>> phases.reaching(21.0).round(6).tolist()  # s
+    [3.5, 3.0]
+    >>> phases.passed(0, np.array([3.0, 6.0])).round(6).tolist()  # of the first realisation
+    [0.5, 1.0]
     """
 
     times: Array
@@ -221,7 +249,16 @@ class Phases:
 
 
 def watched_angles(mechanism: Any) -> Mapping[str, Any]:
-    """Return the angles of all bodies and joints that have one, by the names of these, as expressions."""
+    """Return the angles of all bodies and joints that have one, by the names of these, as expressions.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1)
+    >>> uqmbd.watched_angles(mechanism)
+    {'angle_of_wheel': wheel.angle}
+    """
     found: dict[str, Any] = {}
     for part in (*mechanism.bodies.values(), *mechanism.components.values()):
         angle = getattr(part, "angle", None)
@@ -252,6 +289,23 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     ------
     uqmbd.StudyError
         If there is nothing of the wanted name.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> found, told = uqmbd.dense(problem.watching(), np.array([[6.0], [7.0]]), end=2.0)
+    >>> clock, why = uqmbd.choose_clock(problem, found, 2.0, None)
+    >>> clock.name, why
+    ('angle', '')
     """
     known = _candidates(problem)
     asked = known if wanted is None else [require_clock(problem, wanted)]
@@ -287,6 +341,23 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     ------
     uqmbd.StudyError
         If there is nothing of the wanted name.
+
+    Examples
+    --------
+    A wheel that turns by 6.5 rad/s at the mean of its speed:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> print(uqmbd.clock_at_means(problem))
+    the clock is the angle 'angle' at the means of the inputs, 2.07 turns until the last output time
     """
     end = float(problem.times[-1])
     found, told = dense(problem.watching(), problem.inputs.means[None], end, 2 * len(problem.times))
@@ -343,6 +414,24 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
     ------
     uqmbd.StudyError
         If all outputs are without a time.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("most", uqmbd.maximum(wheel.angle), units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> try:
+    ...     uqmbd.require_outputs_over_time(problem, "alignment='phase'")
+    ... except uqmbd.StudyError as error:
+    ...     print(str(error)[:57])
+    collocation: alignment='phase' is about outputs over time
     """
     if not problem.model.outputs.names:
         raise StudyError(
@@ -358,6 +447,26 @@ def require_clock(problem: Problem, wanted: str) -> Clock:
     ------
     uqmbd.StudyError
         If there is nothing of that name.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> uqmbd.require_clock(problem, "angle").words
+    "the angle 'angle'"
+    >>> try:
+    ...     uqmbd.require_clock(problem, "height")
+    ... except uqmbd.StudyError as error:
+    ...     print(str(error)[:33])
+    collocation: clock is 'height'; e
     """
     known = {clock.name: clock for clock in reversed(_candidates(problem))}
     if wanted not in known:

@@ -59,6 +59,17 @@ class Dense:
         Outputs at other times that were asked for, computed and not interpolated.
     integrations : int
         How often each realisation was integrated, at more times again.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> times = np.linspace(0, 2, 41)
+    >>> found = uqmbd.Dense(times, np.sin(times)[None, None, :], error=1e-6)
+    >>> found.spline(0)([0.5, 1.5]).round(4).ravel().tolist()  # sin(0.5), sin(1.5)
+    [0.4794, 0.9975]
+    >>> len(found.of([0]).values)
+    1
     """
 
     times: Array
@@ -106,6 +117,22 @@ def dense(
         With the estimated error, where it is not small too: outputs that have kinks are resolved to 0.1 % at best.
     uqmbd.Realisations
         As they were computed.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> found, told = uqmbd.dense(problem, np.array([[6.0], [7.0]]), end=2.0)
+    >>> found.spline(1)(0.3).round(4).tolist(), bool(told.good.all())  # 7 rad/s for 0.3 s
+    ([2.1], True)
     """
     rows = problem.labels.shape[0]
     least = max(least, FIRST)

@@ -34,6 +34,14 @@ class Doubt:
         Number of all times.
     largest : float
         Largest error over time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> late = uqmbd.Doubt("height", row=0, limit=0.01, begin=1.5, above=3, times=10, largest=0.04)
+    >>> print(late.words())
+    'height' from t = 1.5 s on (error up to 0.04, above 0.01 at 3 of 10 times)
     """
 
     output: str
@@ -65,6 +73,17 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
         Of the errors.
     loud : array of bool, shape (O,)
         Outputs that vary, see `varying`; the others are left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import labels
+    >>> axes = labels(["height", "speed"], [], [0.0, 1.0, 2.0])
+    >>> errors = np.array([[0.001, 0.02, 0.04], [0.001, 0.002, 0.003]])
+    >>> (one,) = uqmbd.doubts(axes, errors, limit=0.01, loud=np.array([True, True]))
+    >>> one.output, one.begin, one.above, one.largest
+    ('height', 1.0, 2, 0.04)
     """
     assert labels.times is not None
     found = []
@@ -79,6 +98,26 @@ def errors_over_largest(chaos: Surrogate) -> Array:
     """Return the stated errors (O, T) over the largest standard deviation over time of each output.
 
     Where all realisations come to nearly the same, as at nodal points, a chaos need not follow what little is left.
+
+    Examples
+    --------
+    The chaos has ``0.3 psi`` at 2 s, where verification realisations have ``0.4 psi``:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import PolynomialChaos, labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> axes = labels([("height", "m")], [("speed", "m/s")], [1.0, 2.0])
+    >>> germs = np.array([[-1.0], [1.0]])
+    >>> seen = np.array([[[-0.2, -0.4]], [[0.2, 0.4]]])
+    >>> known = dict(verification_germs=germs, verification_response=seen)
+    >>> chaos = PolynomialChaos([[[0.0, 0.0]], [[0.2, 0.3]]], [[0], [1]], space, axes, **known)
+    >>> uqmbd.errors_over_largest(chaos).round(4).tolist()
+    [[0.0, 0.3333]]
     """
     largest = chaos.std.max(axis=-1, keepdims=True)
     relative = reference_spread(chaos.std) / np.where(largest > 0, largest, 1.0)
@@ -95,6 +134,21 @@ def varying(chaos: Surrogate, rtol: float) -> Mask:
     rtol : float
         Relative tolerance of the integration. The error of 100 steps, and that of outputs with the same units, which
         may be terms of this one, are worth no word.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import PolynomialChaos, labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> axes = labels([("height", "m"), ("mass", "kg")], [("speed", "m/s")], [0.0, 1.0])
+    >>> chaos = PolynomialChaos([[[0.0, 3.0], [1.0, 1.0]], [[0.0, 0.2], [0.0, 0.0]]], [[0], [1]], space, axes)
+    >>> uqmbd.varying(chaos, rtol=1e-6).tolist()
+    [True, False]
     """
     outputs = chaos.labels.outputs
     size = np.abs(chaos.mean).max(axis=1)

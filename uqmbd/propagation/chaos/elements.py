@@ -1,4 +1,7 @@
-"""Which elements of the germ space to split: the rule that all methods of multi-element chaos share."""
+"""Which elements of the germ space to split: the rule that all methods of multi-element chaos share.
+
+Length: what is public has examples, which need a mechanism each.
+"""
 
 from __future__ import annotations
 
@@ -112,6 +115,29 @@ class ElementRefinement(Generic[Joined]):
         Elements that were computed, replaced ones too.
     kept : tuple of int
         Which of them, in the order of computation, are the elements.
+
+    Examples
+    --------
+    As `uqmbd.refine_elements` gives it:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import PolynomialChaos, labels, project
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(-1, 1), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
+    >>> def chaos_in(box):
+    ...     rule, terms = uqmbd.gauss_tensor(box.local, 4), box.local.basis(2)
+    ...     size = np.abs(box.local.to_inputs(rule.nodes))[:, :, None]
+    ...     psi = box.local.evaluate(rule.nodes, terms)
+    ...     return PolynomialChaos(project(size, psi, rule.weights), terms, box.local, axes)
+    >>> def compute(boxes):
+    ...     return [chaos_in(box) for box in boxes]
+    >>> refined = uqmbd.refine_elements(space, compute, uqmbd.ElementLimits(2), label="mine")
+    >>> refined.computed, refined.kept, refined.steps["split_at"].values.round(6).tolist()
+    (3, (1, 2), [0.0])
     """
 
     chaos: Joined
@@ -212,6 +238,29 @@ def refine_elements(
     References
     ----------
     X. Wan and G. E. Karniadakis, Journal of Computational Physics 209 (2005) 617-642.
+
+    Examples
+    --------
+    The size of a speed has a kink at zero, where the germ space is split:
+
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import PolynomialChaos, labels, project
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(-1, 1), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
+    >>> def chaos_in(box):
+    ...     rule, terms = uqmbd.gauss_tensor(box.local, 4), box.local.basis(2)
+    ...     size = np.abs(box.local.to_inputs(rule.nodes))[:, :, None]
+    ...     psi = box.local.evaluate(rule.nodes, terms)
+    ...     return PolynomialChaos(project(size, psi, rule.weights), terms, box.local, axes)
+    >>> def compute(boxes):
+    ...     return [chaos_in(box) for box in boxes]
+    >>> refined = uqmbd.refine_elements(space, compute, uqmbd.ElementLimits(2), label="mine")
+    >>> refined.computed, refined.chaos.evaluate([[-0.4], [0.7]]).ravel().round(6).tolist()
+    (3, [0.4, 0.7])
     """
     whole = GermBox.whole(space)
     parts = [_Part(whole, compute([whole])[0], 0)]

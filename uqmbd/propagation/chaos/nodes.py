@@ -33,6 +33,14 @@ class NodeFit:
         Nodes that were left out because they failed.
     warning : str
         What is to be said of them, or empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> fit = uqmbd.NodeFit(np.array([[[3.0]], [[0.2]]]), np.array([[0], [1]]))
+    >>> len(fit.coefficients), fit.failed, fit.how
+    (2, 0, '')
     """
 
     coefficients: Array
@@ -70,6 +78,24 @@ def fit_nodes(
     ------
     uqmbd.IntegrationError
         If too few are left.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> rule = uqmbd.gauss_tensor(space, 3)
+    >>> terms = space.basis(1)
+    >>> psi = space.evaluate(rule.nodes, terms)
+    >>> response = (3 + 0.2 * rule.nodes)[:, :, None]  # of one output at one time
+    >>> good = np.ones(3, dtype=bool)
+    >>> fit = uqmbd.fit_nodes("mine", response, good, "", psi, terms, rule.weights)
+    >>> fit.coefficients.ravel().round(6).tolist(), fit.failed
+    ([3.0, 0.2], 0)
     """
     count, terms, left = len(good), len(multi_index), int(np.count_nonzero(good))
     failed = count - left

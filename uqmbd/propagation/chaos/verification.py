@@ -109,6 +109,24 @@ class Verification:
         The most frequent reason of failure, or empty.
     lost : float
         Share of the probability at which realisations fail, by the weights of those that did.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.results import labels
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> points = uqmbd.VerificationPoints.drawn(space, 4, seed=0, stream=1)
+    >>> response = (3 + 0.2 * points.germs)[:, :, None]
+    >>> verified = uqmbd.Verification(space, points, response, asked=4)
+    >>> axes = labels(["height"], ["speed"], [1.0])
+    >>> chaos = verified.chaos(np.array([[[3.0]], [[0.2]]]), np.array([[0], [1]]), axes)
+    >>> len(verified), verified.failures, float(chaos.verification_error().max().round(9))
+    (4, 0, 0.0)
     """
 
     space: GermSpace

@@ -43,6 +43,15 @@ class History:
         Segments that begin before the last output time.
     final : bool
         No further event happens for long after the last output time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> edges = np.array([0.0, 0.45, 1.0])
+    >>> fall = uqmbd.History(("floor: impact", ""), edges, response=np.zeros((2, 1, 3)), inside=2)
+    >>> np.diff(fall.edges).round(2).tolist(), fall.final
+    ([0.45, 0.55], False)
     """
 
     labels: tuple[str, ...]

@@ -32,6 +32,23 @@ class Margins:
         Solver counters, summed.
     wall_time : float
         s.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> mechanism.require("slow", wheel.angle < 13, "it does not turn by more than 13 rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> margins = problem.margins(np.array([[6.0], [7.0]]))
+    >>> margins.values.round(4).tolist(), margins.failed.tolist()  # rad
+    ([[1.0], [-1.0]], [False, False])
     """
 
     values: Array

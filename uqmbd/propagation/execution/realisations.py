@@ -41,6 +41,24 @@ class Realisations:
     margins : MarginValues, optional
         Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) of the whole motion, below
         zero where the requirement is violated, and `failed` (K,), where the mechanism has some.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> found = problem.realise(np.array([[6.0], [7.0]]))
+    >>> found.response[:, 0, -1].round(4).tolist(), found.good.tolist(), found.failures  # after 2 s, rad
+    ([12.0, 14.0], [True, True], 0)
+    >>> found[:1].values.tolist()
+    [[6.0]]
     """
 
     values: Array

@@ -53,6 +53,24 @@ class Reduced:
         Solver counters, summed.
     wall_time : float
         s.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> def largest(part, first):
+    ...     return dict(largest=part.response.max(axis=-1))
+    >>> (part,) = problem.reduce(np.array([[6.0], [7.0]]), largest)
+    >>> part.first, part.result["largest"].round(4).tolist(), part.good.tolist()
+    (0, [[12.0], [14.0]], [True, True])
     """
 
     first: int

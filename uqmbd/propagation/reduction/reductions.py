@@ -140,6 +140,26 @@ class Reductions:
     function, arguments : callable, tuple
     keep : int
         Of how many realisations the responses are handed over.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6, 7), units="rad/s")
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=speed)
+    >>> mechanism.output("angle", wheel.angle, units="rad")
+    >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
+    >>> problem = study.problem(study.propagators[0])
+    >>> def largest(part, first):
+    ...     return dict(largest=part.response.max(axis=-1))
+    >>> found = problem.reduce(np.array([[6.0], [7.0]]), largest)
+    >>> [part.result["largest"].round(4).tolist() for part in found]
+    [[[12.0], [14.0]]]
+    >>> found.store is None  # the run has no folder
+    True
     """
 
     def __init__(self, work: Work, values: Array, function: Reduction, arguments: tuple[Any, ...], keep: int) -> None:

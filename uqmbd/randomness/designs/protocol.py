@@ -32,6 +32,22 @@ class SamplingDesign(Protocol):
     ----------
     name : str
         By which methods choose it.
+
+    Examples
+    --------
+    Points that are evenly spread by irrational steps, which a plugin gives by `uqmbd_designs`:
+
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> class Kronecker:
+    ...     name = "kronecker"
+    ...     extendable = True
+    ...     def points(self, dimension, numbers, seed):
+    ...         steps = np.sqrt([2.0, 3.0, 5.0])[:dimension]
+    ...         return (np.arange(numbers.start, numbers.stop)[:, None] * steps + 0.5) % 1
+    >>> design: uqmbd.SamplingDesign = Kronecker()
+    >>> design.points(2, range(0, 3), 0).round(3).tolist()
+    [[0.5, 0.5], [0.914, 0.232], [0.328, 0.964]]
     """
 
     name: ClassVar[str]

@@ -32,6 +32,16 @@ class Design:
         What it declares.
     base : int
         What it declares; 1: points of any number are balanced.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> design = uqmbd.sampling_design("sobol")
+    >>> design.name, design.base, design.extendable
+    ('sobol', 2, True)
+    >>> points = design.points(dimension=1, count=8, seed=1)
+    >>> sorted((points[:, 0] * 8).astype(int).tolist())  # one in each eighth
+    [0, 1, 2, 3, 4, 5, 6, 7]
     """
 
     made: SamplingDesign

@@ -84,6 +84,20 @@ def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
     ------
     uqmbd.StudyError
         If a count cannot be used, or there would be more than a memory holds.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> rule = uqmbd.gauss_tensor(space, 3)
+    >>> rule.nodes.ravel().round(6).tolist(), rule.weights.round(6).tolist()
+    ([-1.732051, 0.0, 1.732051], [0.166667, 0.666667, 0.166667])
+    >>> round(float(rule.weights @ rule.nodes[:, 0] ** 4), 9)  # the fourth moment of the standard normal
+    3.0
     """
     numbers = _each(space, counts, "gauss_tensor: counts")
     for germ, count in zip(space.germs, numbers, strict=True):

@@ -36,6 +36,13 @@ class Toleranced:
         The tolerance as a drawing states it, e.g. ``"30 +0.02/0"``.
     units : str
         Units of all sizes, empty where they are not stated.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> stated = uqmbd.stated_tolerance(uqmbd.tolerance(30, 0.02, 0.0))
+    >>> str(stated), round(stated.mean, 6), round(stated.sigma, 6)
+    ('30 +0.02/0, Cpk 1.33', 30.01, 0.002506)
     """
 
     nominal: float
