@@ -20,10 +20,17 @@ from uqmbd.report.figures.density import Densities, densities
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of, sampling_errors
 from uqmbd.report.figures.distributions import FAILED_INPUTS, histograms, input_densities, inputs, output_densities
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
-from uqmbd.report.figures.error_cost import error_cost
+from uqmbd.report.figures.error_cost import MARKS, error_cost, errors_of, own_error
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
-from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failure_reasons, failure_words
-from uqmbd.report.figures.over_output import is_function, over_output
+from uqmbd.report.figures.failures import (
+    ENOUGH,
+    Reason,
+    failed_inputs,
+    failure_inputs,
+    failure_reasons,
+    failure_words,
+)
+from uqmbd.report.figures.over_output import Paths, bands_over, is_function, over_output, paths_over
 from uqmbd.report.figures.over_time import band_edges, bands, std_over_time, time_history_histogram
 from uqmbd.report.figures.requirements import changing_with_time, violated_by
 from uqmbd.report.figures.sample_convergence import ESTIMATED, Settling, convergence, design_of, settling
@@ -52,6 +59,13 @@ from uqmbd.report.figures.surrogates import (
 from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
 
 __all__ = [
+    "paths_over",
+    "own_error",
+    "failed_inputs",
+    "errors_of",
+    "bands_over",
+    "Paths",
+    "MARKS",
     "Band",
     "Curve",
     "Densities",

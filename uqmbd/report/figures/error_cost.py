@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,13 +10,85 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import arrange, axes_grid, log_axis, shortened, style
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["error_cost"]
+__all__ = ["MARKS", "Spent", "error_cost", "errors_of", "own_error"]
 
-_MARKERS = "osD^vP"
+MARKS = {"disc": "o", "square": "s", "diamond": "D", "up": "^", "down": "v", "plus": "P"}
+"""Shapes of points, one a method, by the letters that Matplotlib has for them: no two look alike without colour."""
+
+SMALLEST = 1e-16
+"""Errors that are rounding, and have no place on a logarithmic axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spent:
+    """Errors of a method at its levels, and what these cost.
+
+    Attributes
+    ----------
+    method : str
+    quantity : {"mean", "std"}
+    errors : array, shape (L,)
+        Relative; NaN: not known, or too small to be drawn.
+    realisations, wall_time : array, shape (L,)
+        NaN where they are not known, or zero.
+    levels : tuple of str
+        What the levels are called.
+    """
+
+    method: str
+    quantity: str
+    errors: Array
+    realisations: Array
+    wall_time: Array
+    levels: tuple[str, ...]
+
+    def along(self, cost: str) -> tuple[Array, Array, tuple[str, ...]]:
+        """Return costs that are known, increasing, with their errors and levels; ``cost``: the name of an attribute."""
+        spent: Array = getattr(self, cost)
+        used = np.flatnonzero(np.isfinite(self.errors) & np.isfinite(spent))
+        order = used[np.argsort(spent[used], kind="stable")]
+        return spent[order], self.errors[order], tuple(self.levels[k] for k in order)
+
+
+def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
+    """Return the errors of mean and standard deviation of each method, and what they cost.
+
+    Raises
+    ------
+    StudyError
+        If there is no such output, or no error above zero.
+    """
+    names = [str(name) for name in convergence["output"].values]
+    if output not in names:
+        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
+    data = convergence.isel(output=names.index(output))
+    found = []
+    for m, label in enumerate(str(v) for v in data["method"].values):
+        costs = [np.asarray(data[cost].values[m], dtype=float) for cost in ("realisations", "wall_time")]
+        told = data["level_name"].values[m] if "level_name" in data else range(1, len(costs[0]) + 1)
+        levels = tuple(str(text) for text in told)
+        for name in ("mean", "std"):
+            errors = np.asarray(data[f"{name}_error_l2"].values[m], dtype=float)
+            shown = np.where(errors > SMALLEST, errors, np.nan)
+            found.append(Spent(label, name, shown, *(np.where(one > 0, one, np.nan) for one in costs), levels))
+    if not any(len(one.along(cost)[0]) for one in found for cost in ("realisations", "wall_time")):
+        raise StudyError(f"There is no error of {output!r} above zero to draw.")
+    return found
+
+
+_LOOKS: dict[str, tuple[Any, str]] = {"mean": ("-", ""), "std": ((0, (4, 2)), "white")}
+"""How lines of a quantity are drawn, and what points are filled with: nothing is their own colour."""
+
+
+def own_error(convergence: xr.Dataset, output: str, quantity: str) -> float:
+    """Return the error that the reference states of itself; 0 where it states none."""
+    place = [str(name) for name in convergence["output"].values].index(output)
+    return float(np.nan_to_num(convergence[f"reference_{quantity}_error"].values[place]))
 
 
 def error_cost(convergence: xr.Dataset, output: str) -> Figure:
@@ -53,45 +126,38 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     """
     from matplotlib.lines import Line2D
 
-    names = [str(name) for name in convergence["output"].values]
-    if output not in names:
-        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
-    data = convergence.isel(output=names.index(output))
+    found = errors_of(convergence, output)
     figure, grid = axes_grid(2, 2.2)
     handles: dict[str, Any] = {}
     known: Any = None
     seen: list[float] = []
     ranges: list[list[float]] = [[], []]
-    for m, label in enumerate(str(v) for v in data["method"].values):
-        colour, _ = style(m)
-        for name, line, fill in (("mean", "-", colour), ("std", (0, (4, 2)), "white")):
-            errors = data[f"{name}_error_l2"].values[m]
-            looks: dict[str, Any] = {"color": colour, "ls": line, "lw": 1.5, "marker": _MARKERS[m % 6], "ms": 5}
-            for axes, cost, reach in zip(grid, ("realisations", "wall_time"), ranges, strict=True):
-                spent = np.asarray(data[cost].values[m], dtype=float)
-                used = np.isfinite(errors) & (errors > 1e-16) & np.isfinite(spent) & (spent > 0)
-                order = np.argsort(spent[used], kind="stable")
-                (drawn,) = axes.plot(spent[used][order], errors[used][order], mfc=fill, clip_on=False, **looks)
-                reach += spent[used].tolist()
-                seen += errors[used].tolist()
-            if name == "mean":
-                handles[label] = drawn
-    if not seen or not ranges[1]:
-        raise StudyError(f"There is no error of {output!r} above zero to draw.")
+    letters = list(MARKS.values())
+    for m, one in enumerate(found):
+        colour, _ = style(m // 2)
+        line, fill = _LOOKS[one.quantity]
+        looks: dict[str, Any] = {"color": colour, "ls": line, "lw": 1.5, "marker": letters[m // 2 % 6], "ms": 5}
+        for axes, cost, reach in zip(grid, ("realisations", "wall_time"), ranges, strict=True):
+            spent, errors, _ = one.along(cost)
+            (drawn,) = axes.plot(spent, errors, mfc=fill or colour, clip_on=False, **looks)
+            reach += spent.tolist()
+            seen += errors.tolist()
+        if one.quantity == "mean":
+            handles[one.method] = drawn
     for axes, reach, label in zip(grid, ranges, ("realisations", "wall time [s]"), strict=True):
         log_axis(axes, "x", min(reach), max(reach))
         log_axis(axes, "y", min(seen), max(seen))
         axes.set_xlim(*_beyond(*axes.get_xlim()))
         axes.set_ylim(*_beyond(*axes.get_ylim()))
         low, high = axes.get_ylim()
-        for name, line in (("mean", "-"), ("std", (0, (4, 2)))):
-            own = float(np.nan_to_num(data[f"reference_{name}_error"]))
+        for name, (line, _) in _LOOKS.items():
+            own = own_error(convergence, output, name)
             if low < own < high:
                 known = axes.axhline(own, color="0.55", ls=line, lw=1.0)
         axes.set_xlabel(label)
         axes.grid(color="0.9", lw=0.7)
-    for what, line, fill in (("mean", "-", "0.3"), ("standard deviation", (0, (4, 2)), "white")):
-        handles[what] = Line2D([], [], color="0.3", ls=line, lw=1.5, marker="o", ms=5, mfc=fill)
+    for what, (line, fill) in zip(("mean", "standard deviation"), _LOOKS.values(), strict=True):
+        handles[what] = Line2D([], [], color="0.3", ls=line, lw=1.5, marker="o", ms=5, mfc=fill or "0.3")
     if known is not None:
         handles["error of the reference"] = known
     reference = shortened(f"reference: {convergence.attrs.get('reference', '')}").replace("$", r"\$")

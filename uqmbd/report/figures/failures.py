@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Reason", "Separation", "failure_inputs", "failure_reasons", "separating_inputs"]
+__all__ = ["FailedInputs", "Reason", "Separation", "failed_inputs", "failure_inputs", "failure_reasons", "separating_inputs"]
 
 _MOST_POINTS = 1500
 ENOUGH = 3
@@ -220,6 +220,62 @@ def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
     return names, units
 
 
+@dataclass(frozen=True, eq=False)
+class FailedInputs:
+    """The one or two inputs that tell best which samples failed for one reason.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of these inputs: one, or two.
+    drawn : array, shape (S, 1) or (S, 2)
+        Of all samples.
+    fine, failed : array of int
+        Samples that are shown, of many every second, or third, ...
+    count_fine, count_failed : int
+        How many there are.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    drawn: NDArray[np.float64]
+    fine: NDArray[np.intp]
+    failed: NDArray[np.intp]
+    count_fine: int
+    count_failed: int
+
+    def places(self, which: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where samples are drawn: heights of a single input are spread evenly, and mean nothing."""
+        x = self.drawn[which, 0]
+        # by the golden ratio points do not hide each other
+        return x, self.drawn[which, 1] if len(self.names) > 1 else (which * 0.6180339887) % 1
+
+
+def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
+    """Return what `failure_inputs` draws.
+
+    Raises
+    ------
+    StudyError
+        If there are no such failures, or no inputs.
+    """
+    samples = _runs(node)
+    names, units = _input_labels(samples)
+    if isinstance(reason, int):
+        reasons = failure_reasons(node)
+        if not 0 <= reason < len(reasons):
+            raise StudyError(f"{label_of(node)!r} has {len(reasons)} reasons of failures; number {reason} is none.")
+        reason = reasons[reason]
+    if not names:
+        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
+    fine = np.flatnonzero(samples["status"].values == Status.OK)
+    best = [s.index for s in separating_inputs(node, reason)[:2]]
+    shown = [which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which for which in (fine, reason.samples)]
+    drawn = np.asarray(samples["inputs"].values[:, best], dtype=float)
+    labels = tuple(names[k] for k in best), tuple(units[k] for k in best)
+    return FailedInputs(*labels, drawn, *shown, len(fine), len(reason.samples))
+
+
 def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:
     """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
 
@@ -254,40 +310,27 @@ def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None =
     >>> axes.get_xlabel(), axes.get_ylabel()
     ('b [kg]', 'a [m]')
     """
-    samples = _runs(node)
-    names, units = _input_labels(samples)
-    if isinstance(reason, int):
-        reasons = failure_reasons(node)
-        if not 0 <= reason < len(reasons):
-            raise StudyError(f"{label_of(node)!r} has {len(reasons)} reasons of failures; number {reason} is none.")
-        reason = reasons[reason]
-    if not names:
-        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
-    fine = np.flatnonzero(samples["status"].values == Status.OK)
-    drawn = samples["inputs"].values
-    best = [s.index for s in separating_inputs(node, reason)[:2]]
-    figure, axes = single_axes(2.6 if len(best) > 1 else 2.2, ax)
+    found = failed_inputs(node, reason)
+    names, units = found.names, found.units
+    figure, axes = single_axes(2.6 if len(names) > 1 else 2.2, ax)
     axes.grid(visible=False)
     few_ticks(axes)
     handles: dict[str, Any] = {}
-    for which, name, colour, size, order in (
-        (fine, "succeeded", "0.72", 2.4, 2.0),
-        (reason.samples, "failed", FAILED, 4.0, 3.0),
+    for which, name, count, colour, size, order in (
+        (found.fine, "succeeded", found.count_fine, "0.72", 2.4, 2.0),
+        (found.failed, "failed", found.count_failed, FAILED, 4.0, 3.0),
     ):
-        shown = which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which
-        x = drawn[shown, best[0]]
-        # A strip: heights without a meaning, spread evenly by the golden ratio, so that points do not hide each other.
-        y = drawn[shown, best[1]] if len(best) > 1 else (shown * 0.6180339887) % 1
+        x, y = found.places(which)
         (points,) = axes.plot(x, y, "o", color=colour, ms=size, mew=0, zorder=order)
         if len(which):
-            handles[f"{name} ({len(which)})"] = points
-    axes.set_xlabel(wrapped(with_units(names[best[0]], units[best[0]]), 60))
-    if len(best) > 1:
-        axes.set_ylabel(wrapped(with_units(names[best[1]], units[best[1]]), 26))
+            handles[f"{name} ({count})"] = points
+    axes.set_xlabel(wrapped(with_units(names[0], units[0]), 60))
+    if len(names) > 1:
+        axes.set_ylabel(wrapped(with_units(names[1], units[1]), 26))
     else:
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
-    for k, direction in zip(best, "xy", strict=False):
-        widen_if_constant(axes, direction, float(drawn[:, k].min()), float(drawn[:, k].max()))
+    for column, direction in zip(found.drawn.T, "xy", strict=False):
+        widen_if_constant(axes, direction, float(column.min()), float(column.max()))
     finish_single(figure, axes, ax, handles)
     return figure

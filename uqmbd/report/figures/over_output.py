@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["is_function", "over_output"]
+__all__ = ["Over", "Paths", "bands_over", "is_function", "over_output", "paths_over"]
 
 Array = NDArray[np.float64]
 
@@ -47,12 +48,66 @@ CURVES = 60
 class Paths(NamedTuple):
     """Realisations of two outputs along one another: of the other one (x) and of the one that is drawn (y).
 
-    Both have the shape (realisation, time); where a method has none, those of the means, of one row.
+    Both have the shape (realisation, time); where a method has none, those of the means, of one row. Times are those at
+    which both outputs are known.
     """
 
     x: Array
     y: Array
     sampled: bool
+    times: Array
+
+    @property
+    def means(self) -> tuple[Array, Array]:
+        """Means of both outputs at each time."""
+        return self.x.mean(axis=0), self.y.mean(axis=0)
+
+    @property
+    def single(self) -> tuple[Array, Array]:
+        """Realisations that are drawn as lines."""
+        shown = CURVES if self.sampled else 0
+        return self.x[:shown], self.y[:shown]
+
+
+@dataclass(frozen=True, eq=False)
+class Over:
+    """An output over another one: units of both, realisations of each method, and whether bands are drawn of these."""
+
+    units: str
+    over_units: str
+    paths: dict[str, Paths]
+    banded: bool
+
+
+def paths_over(results: Results, output: str, over: str) -> Over:
+    """Return what `over_output` draws.
+
+    Raises
+    ------
+    StudyError
+        If no such output exists, or both are the same.
+    """
+    if output == over:
+        raise StudyError(f"Output {output!r} is to be drawn over itself; give another output as over=.")
+    nodes = nodes_of(results)
+    paths = {label: _paths(node, output, over) for label, node in nodes.items()}
+    first = next(iter(nodes.values())).children["statistics"]
+    units, over_units = (str(of_output(first, name)["output_units"].item()) for name in (output, over))
+    return Over(units, over_units, paths, all(_is_function(path) for path in paths.values()))
+
+
+def bands_over(path: Paths, places: Array | None = None) -> tuple[Array, Array, Array]:
+    """Return values of the other output, the mean there, and the ends of the bands of 95 % and 50 %, shape (4, P).
+
+    The ends are the lower and the upper one of the wide band, then of the narrow one. Where no place is given, there
+    are 200 of those that all realisations pass; elsewhere values are NaN.
+    """
+    x, y = (path.x, path.y) if path.x[0, -1] > path.x[0, 0] else (path.x[:, ::-1], path.y[:, ::-1])
+    low, high = float(x[:, 0].max()), float(x[:, -1].min())
+    at = np.linspace(low, high, PLACES) if places is None else places
+    values = np.array([np.interp(at, *one) for one in zip(x, y, strict=True)])
+    values[:, (at < low) | (at > high)] = np.nan
+    return at, values.mean(axis=0), np.quantile(values, [0.025, 0.975, 0.25, 0.75], axis=0)
 
 
 def over_output(results: Results, output: str, over: str, *, ax: Axes | None = None) -> Figure:
@@ -95,29 +150,22 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
     >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
     ('x [m]', 'y [m]')
     """
-    nodes = nodes_of(results)
-    if output == over:
-        raise StudyError(f"Output {output!r} is to be drawn over itself; give another output as over=.")
+    found = paths_over(results, output, over)
     figure, axes = single_axes(3.6, ax)
     handles: dict[str, Any] = {}
-    paths = {label: _paths(node, output, over) for label, node in nodes.items()}
-    banded = all(_is_function(path) for path in paths.values())
     y_ends, x_ends = [np.inf, -np.inf], [np.inf, -np.inf]
-    for k, (label, path) in enumerate(paths.items()):
-        units = [
-            str(of_output(nodes[label].children["statistics"], name)["output_units"].item()) for name in (over, output)
-        ]
-        name = "" if len(nodes) == 1 else f"{label}: "
-        draw = _draw_bands if banded else _draw_lines
-        drawn = draw(axes, path, k, len(nodes), name, handles)
+    for k, (label, path) in enumerate(found.paths.items()):
+        name = "" if len(found.paths) == 1 else f"{label}: "
+        draw = _draw_bands if found.banded else _draw_lines
+        drawn = draw(axes, path, k, len(found.paths), name, handles)
         for ends, values in zip((x_ends, y_ends), drawn, strict=True):
             ends[:] = min(ends[0], float(values.min())), max(ends[1], float(values.max()))
-        axes.set_xlabel(wrapped(with_units(over, units[0]), 60))
-        axes.set_ylabel(wrapped(with_units(output, units[1]), 34))
+    axes.set_xlabel(wrapped(with_units(over, found.over_units), 60))
+    axes.set_ylabel(wrapped(with_units(output, found.units), 34))
     low, high = x_ends
     if constant(low, high):
         low, high = surroundings(low, high, 0.5)
-    margin = 0.0 if banded else 0.03 * (high - low)
+    margin = 0.0 if found.banded else 0.03 * (high - low)
     axes.set_xlim(low - margin, high + margin)
     widen_if_constant(axes, "y", *y_ends)
     finish_single(figure, axes, ax, handles)
@@ -149,7 +197,8 @@ def _paths(node: xr.DataTree, output: str, over: str) -> Paths:
     known = np.isfinite(x).all(axis=0) & np.isfinite(y).all(axis=0)
     if not known.any():
         raise StudyError(f"Outputs {output!r} and {over!r} have no values at the same time; there is nothing to draw.")
-    return Paths(x[:, known], y[:, known], sampled)
+    times = np.asarray(statistics["time"].values, dtype=float)
+    return Paths(x[:, known], y[:, known], sampled, times[known])
 
 
 def _is_function(path: Paths) -> bool:
@@ -163,12 +212,8 @@ def _draw_bands(
     axes: Axes, path: Paths, k: int, methods: int, name: str, handles: dict[str, Any]
 ) -> tuple[Array, Array]:
     """Draw mean and bands at each value of the other output."""
-    x, y = (path.x, path.y) if path.x[0, -1] > path.x[0, 0] else (path.x[:, ::-1], path.y[:, ::-1])
-    places = np.linspace(x.min(axis=1).max(), x.max(axis=1).min(), PLACES)
-    values = np.array([np.interp(places, *one) for one in zip(x, y, strict=True)])
     (colour, line), width = style(k), line_width(k, methods)
-    mean = values.mean(axis=0)
-    low, inner_low, inner_high, high = np.quantile(values, [0.025, 0.25, 0.75, 0.975], axis=0)
+    places, mean, (low, high, inner_low, inner_high) = bands_over(path)
     if path.sampled and k == 0:
         outer = axes.fill_between(places, low, high, color=colour, alpha=0.16, lw=0)
         inner = axes.fill_between(places, inner_low, inner_high, color=colour, alpha=0.30, lw=0)
@@ -188,10 +233,10 @@ def _draw_lines(
 ) -> tuple[Array, Array]:
     """Draw realisations of the first method as lines, and the means of both outputs at each time."""
     (colour, line), width = style(k), line_width(k, methods)
-    shown = min(CURVES, len(path.x)) if path.sampled and k == 0 else 0
-    x, y = path.x.mean(axis=0), path.y.mean(axis=0)
-    if shown:
-        thin = axes.plot(path.x[:shown].T, path.y[:shown].T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
+    x, y = path.means
+    many_x, many_y = path.single if k == 0 else (x[:0], y[:0])
+    if len(many_x):
+        thin = axes.plot(many_x.T, many_y.T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
         handles[f"{name}single realisations"] = thin[0]
     (handles[f"{name}mean at each time"],) = axes.plot(x, y, color=colour, ls=line, lw=width)
-    return np.append(path.x[:shown].ravel(), x), np.append(path.y[:shown].ravel(), y)
+    return np.append(many_x, x), np.append(many_y, y)

@@ -8,6 +8,7 @@ from uqmbd.report.live.convergence_charts import decay_data, errors_data, orders
 from uqmbd.report.live.curve_chart import chart_html
 from uqmbd.report.live.distribution_charts import densities_data, inputs_data
 from uqmbd.report.live.explorer_data import explorer_data
+from uqmbd.report.live.mark_charts import error_cost_data, failures_data, over_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
 from uqmbd.report.live.player_data import player_data
@@ -26,16 +27,19 @@ __all__ = [
     "decay_data",
     "densities_data",
     "difference_data",
+    "error_cost_data",
     "errors_data",
     "indices_data",
     "inputs_data",
     "explorer_data",
+    "failures_data",
     "joined_modules",
     "json_script",
     "live_method",
     "live_poses",
     "live_surrogate",
     "orders_data",
+    "over_data",
     "packed",
     "packed_poses",
     "packed_surrogate",

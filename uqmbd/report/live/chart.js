@@ -3,7 +3,8 @@
 import { takeChosen } from "./chart_chosen.js";
 import { csvText, headsOf, placeAt, rowsAt, sentenceAt } from "./chart_model.js";
 import { drawChart, svgText } from "./chart_paper.js";
-import { chartOptions, seriesData } from "./chart_options.js";
+import { chartOptions, seenIn, seriesData } from "./chart_options.js";
+import { markLook, markPath, nearestMark } from "./chart_plane.js";
 import { button, element } from "./dom.js";
 import { fileName, pictureOf, saveBlob } from "./exports.js";
 import { onInputs, pageInputs } from "./inputs_bus.js";
@@ -26,8 +27,17 @@ function lineSample(method) {
   set(svg, { width: 34, height: 10, "aria-hidden": "true" });
   const dash = method.dash.map((length) => length * method.width).join(" ");
   set(line, { x1: 0, x2: 34, y1: 5, y2: 5, "stroke-width": method.width, "stroke-dasharray": dash || "none" });
-  svg.append(line);
-  const paint = () => line.setAttribute("stroke", method.colours[palette().dark ? 1 : 0]);
+  const mark = document.createElementNS(space, "path");
+  if (method.shape) set(mark, { d: markPath(method.shape, 17, 5, Math.min((method.size ?? 7) / 2, 4)) });
+  if (method.joined || !method.shape) svg.append(line);
+  svg.append(mark);
+  const paint = () => {
+    const { dark, paper } = palette();
+    const colour = method.colours[dark ? 1 : 0];
+    line.setAttribute("stroke", colour);
+    const look = markLook(method, colour, paper);
+    set(mark, { fill: look.fill, stroke: look.stroke, "stroke-width": look.width });
+  };
   paint();
   onTheme(paint);
   return svg;
@@ -43,7 +53,8 @@ export function makeChart(figure, model) {
   const files = [model.output, model.title].filter(Boolean).join(" ");
   const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small");
-  const whole = [model.time[0], model.time[model.time.length - 1]];
+  const { plane } = model;
+  const whole = plane ? plane.right : [model.time[0], model.time[model.time.length - 1]];
   if (small && linked) proposeTime(model.time[model.start]);
   let index = !linked || pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
 
@@ -59,7 +70,7 @@ export function makeChart(figure, model) {
       plot.batch(() => {
         let first = 1;
         for (const other of model.methods.slice(0, k)) first += other.lines.length;
-        method.lines.forEach((_, j) => plot.setSeries(first + j, { show: method.shown }));
+        if (!plane) method.lines.forEach((_, j) => plot.setSeries(first + j, { show: method.shown }));
       });
       plot.redraw(false);
       refresh();
@@ -94,7 +105,7 @@ export function makeChart(figure, model) {
     "aria-valuemax": model.at[model.at.length - 1],
     title: `Drag to zoom in, double-click for all. Keys: ← → move the ${linked ? "time" : "cursor"}, + − zoom, 0 shows all. Ctrl and the wheel zoom, too.`,
   });
-  const all = button(linked ? "Show all times" : "Show all", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
+  const all = button(linked && !plane ? "Show all times" : "Show all", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
   all.hidden = true;
   const tools = element(
     "div",
@@ -104,15 +115,11 @@ export function makeChart(figure, model) {
     button("−", "Zoom out", () => zoomBy(2)),
     button("CSV", `Save the numbers of this chart (${model.time.length} ${linked ? "times" : "places"})`, () =>
       saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(files, "csv"))),
-    button("PNG", "Save what this chart shows as a picture", async () => {
-      const { min, max } = plot.scales.x;
-      (await pictureOf(model, [min, max])).toBlob((blob) => saveBlob(blob, fileName(files, "png")));
-    }),
-    button("SVG", "Save what this chart shows as a drawing", () => {
-      const { min, max } = plot.scales.x;
-      drawChart(model, [min, max], (drawing) =>
-        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(files, "svg")));
-    }),
+    button("PNG", "Save what this chart shows as a picture", async () =>
+      (await pictureOf(model, seenIn(plot))).toBlob((blob) => saveBlob(blob, fileName(files, "png")))),
+    button("SVG", "Save what this chart shows as a drawing", () =>
+      drawChart(model, seenIn(plot), (drawing) =>
+        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(files, "svg")))),
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
   const holder = element("div", { class: "chart", role: "group", "aria-label": described }, ...(small ? [reading, space, all] : [space, tools, reading]));
@@ -139,20 +146,27 @@ export function makeChart(figure, model) {
     setCursor: [
       (u) => {
         if (told || u.cursor.idx == null || u.cursor.left < 0) return;
-        index = u.cursor.idx;
+        index = plane ? nearestMark(model, [u.cursor.left, u.cursor.top], markAt, index) : u.cursor.idx;
+        if (plane) place();
         refresh();
         announce(model.time[index]);
       },
     ],
-    setScale: [(u, key) => key === "x" && zoomed(u)],
+    setScale: [(u, key) => (key === "x" || plane) && zoomed(u)],
+    ...(plane ? { draw: [...options.hooks.draw, () => place()] } : {}),
     ready: [() => place()],
   };
+  const markAt = (x, y) => [plot.valToPos(x, "x"), plot.valToPos(y, "y")];
   const plot = new uPlot(options, seriesData(model), space);
   plot.root.setAttribute("aria-hidden", "true");
+  // in a plane the cursor is a ring about the mark of each method
+  const rings = plane ? model.methods.map(() => element("div", { class: "ring" })) : [];
+  plot.over.append(...rings);
 
   function zoomed(u) {
     const { min, max } = u.scales.x;
-    all.hidden = min <= whole[0] && max >= whole[1];
+    const { y } = u.scales;
+    all.hidden = min <= whole[0] && max >= whole[1] && (!plane || (y.min <= plane.up[0] && y.max >= plane.up[1]));
   }
 
   function refresh() {
@@ -173,8 +187,21 @@ export function makeChart(figure, model) {
     if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
   }
 
+  function placeRings() {
+    const { x, y } = plot.scales;
+    model.methods.forEach((method, k) => {
+      const [across, up] = [method.positions[index], method.lines[0].values[index]];
+      const inside = (value, { min, max }) => value !== null && value >= min && value <= max;
+      rings[k].hidden = !(method.shown && !method.quiet && inside(across, x) && inside(up, y));
+      if (rings[k].hidden) return;
+      const colour = method.colours[palette().dark ? 1 : 0];
+      Object.assign(rings[k].style, { left: `${plot.valToPos(across, "x")}px`, top: `${plot.valToPos(up, "y")}px`, borderColor: colour });
+    });
+  }
+
   /** Put the cursor at the time of the page. */
   function place() {
+    if (plane) return placeRings();
     const { min, max } = plot.scales.x;
     const time = model.time[index];
     const inside = time >= min && time <= max;
@@ -187,24 +214,43 @@ export function makeChart(figure, model) {
     index = Math.min(Math.max(to, 0), model.time.length - 1);
     const { min, max } = plot.scales.x;
     const time = model.time[index];
-    if (time < min) zoom(time, time + max - min);
-    else if (time > max) zoom(time - max + min, time);
+    if (!plane && time < min) zoom(time, time + max - min);
+    else if (!plane && time > max) zoom(time - max + min, time);
     place();
+    if (plane && !all.hidden && rings.every((ring) => ring.hidden)) zoom(...whole);
     refresh();
     announce(time);
   }
 
   function zoom(low, high) {
-    const smallest = (4 * (whole[1] - whole[0])) / model.time.length;
+    const smallest = (whole[1] - whole[0]) / (plane ? 1000 : model.time.length / 4);
     const width = Math.min(Math.max(high - low, smallest), whole[1] - whole[0]);
     const from = Math.min(Math.max((low + high - width) / 2, whole[0]), whole[1] - width);
     plot.setScale("x", { min: from, max: from + width });
   }
 
-  function zoomBy(factor, about = model.time[index]) {
+  function zoomBy(factor, about = plane ? null : model.time[index]) {
     const { min, max } = plot.scales.x;
+    if (plane) return zoomPlane(factor, about);
     const centre = about >= min && about <= max ? about : (min + max) / 2;
     zoom(centre - (centre - min) * factor, centre + (max - centre) * factor);
+  }
+
+  /** Zoom along both axes, about a place or about the ring that is seen. */
+  function zoomPlane(factor, about) {
+    const ring = rings.find((one) => !one.hidden);
+    const { width, height } = plot.over.getBoundingClientRect();
+    const left = about !== null ? plot.valToPos(about, "x") : ring ? parseFloat(ring.style.left) : width / 2;
+    const top = ring ? parseFloat(ring.style.top) : height / 2;
+    const value = (pixel, key) => plot.posToVal(pixel, key);
+    const x = [value(left * (1 - factor), "x"), value(left + (width - left) * factor, "x")];
+    const y = [value(top + (height - top) * factor, "y"), value(top * (1 - factor), "y")];
+    const within = ([low, high], [least, most]) => ({ min: Math.max(low, least), max: Math.min(high, most) });
+    if (x[1] - x[0] < (whole[1] - whole[0]) / 1000) return;
+    plot.batch(() => {
+      plot.setScale("x", within(x, whole));
+      plot.setScale("y", within(y, plane.up));
+    });
   }
 
   const step = (event) => (event.shiftKey ? 10 : 1);
@@ -242,6 +288,11 @@ export function makeChart(figure, model) {
 
   // one finger moves the time, two zoom; up and down scrolls the page (touch-action of the style)
   const fingers = new Map();
+  const indexAt = (event) => {
+    if (!plane) return nearestIndex(model.time, timeAt(event));
+    const { left, top } = plot.over.getBoundingClientRect();
+    return nearestMark(model, [event.clientX - left, event.clientY - top], markAt, index);
+  };
   const reach = () => {
     const places = [...fingers.values()].map(timeAt);
     return [Math.min(...places), Math.max(...places)];
@@ -251,7 +302,7 @@ export function makeChart(figure, model) {
     if (!fingers.has(event.pointerId)) return;
     const before = reach();
     fingers.set(event.pointerId, event);
-    if (fingers.size === 1) return move(nearestIndex(model.time, timeAt(event)));
+    if (fingers.size === 1) return move(indexAt(event));
     const after = reach();
     if (fingers.size > 2 || after[1] - after[0] <= 0) return;
     const { min, max } = plot.scales.x;
@@ -297,8 +348,7 @@ export function makeChart(figure, model) {
   const paper = element("div", { class: "paper", role: "img", "aria-label": described });
   holder.after(paper);
   papers.push(() => {
-    const { min, max } = plot.scales.x;
-    drawChart(model, [min ?? whole[0], max ?? whole[1]], (drawing) => paper.replaceChildren(drawing));
+    drawChart(model, seenIn(plot), (drawing) => paper.replaceChildren(drawing));
   });
   if (model.follows && pageInputs()) follow(pageInputs());
   else refresh();

@@ -2,16 +2,10 @@
 
 import { unpackArray } from "./arrays.js";
 import { chosenLine } from "./chart_chosen.js";
-import { alike, formatError, formatQuantity, withUnits } from "./numbers.js";
+import { planeColumns, planeHeads, planeOf, planeRows, planeSentence } from "./chart_plane.js";
+import { alike, formatError, formatQuantity, rounding, withUnits } from "./numbers.js";
 
 const numbersOf = (packed) => Array.from(unpackArray(packed).values, (v) => (Number.isNaN(v) ? null : v));
-
-/** How to round the sums of numbers and distances that have seven digits: to a hundredth of the last one. */
-function rounding(distances) {
-  const largest = distances.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0);
-  const decimals = largest > 0 ? 9 - Math.floor(Math.log10(largest)) : 100;
-  return decimals >= 0 && decimals < 100 ? (v) => Number(v.toFixed(decimals)) : (v) => v;
-}
 
 function linesOf(lines) {
   const exact = numbersOf(lines[0].values);
@@ -30,7 +24,8 @@ const OVER_TIME = { name: "time", units: "s", told: "s", linked: true };
 
 /**
  * Unpack the data of a chart. `time` are the places along its horizontal axis, which is the time of the page unless the
- * data say what it is (`across`); `at` is what is told of them: on a logarithmic axis places are logarithms.
+ * data say what it is (`across`); `at` is what is told of them: on a logarithmic axis places are logarithms. In a chart
+ * in a plane (`plane`) the horizontal axis is another one, and `time` are the places of the cursor along its lines.
  */
 export function chartModel(data) {
   const methods = data.methods.map((method) => ({
@@ -46,7 +41,8 @@ export function chartModel(data) {
   const at = numbersOf(data.time);
   // an axis whose ends are given shows its limits
   const limited = data.up ? { limits: data.limits ?? [], beyond: [] } : limitsOf(methods, data.limits ?? []);
-  return { ...data, ...limited, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
+  const plane = data.plane ? { plane: planeOf(data, methods) } : {};
+  return { ...data, ...plane, ...limited, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
 }
 
 /** Where an index is, in words, with as many digits as the axis needs. */
@@ -78,7 +74,9 @@ const namesOf = (names) => {
 };
 
 /** Heads of the table of values: what the line is, what is told besides, and the outer band, where there is one. */
-export function headsOf({ methods }) {
+export function headsOf(model) {
+  if (model.plane) return planeHeads(model);
+  const { methods } = model;
   const bands = methods.flatMap((method) => method.bands.slice(0, 1).map((band) => band.name));
   return [
     namesOf(methods.map((method) => method.lines[0].name)) ?? "value",
@@ -99,6 +97,7 @@ const fixed = (v, decimals) => (v === null ? "–" : v.toFixed(decimals).replace
 
 /** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
+  if (model.plane) return planeRows(model, index);
   const names = toldOf(model.methods);
   const { decimals } = model;
   const told = names.map((name) =>
@@ -130,6 +129,8 @@ export function rowsAt(model, index) {
 
 /** The same as a sentence, of the methods that are shown. */
 export function sentenceAt(model, index) {
+  const where = model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index);
+  if (model.plane) return `${where}: ${planeSentence(model, index)}`;
   const names = toldOf(model.methods);
   const unit = model.units === "" ? "" : ` ${model.units}`;
   const parts = rowsAt(model, index).flatMap(([value, ...others], k) => {
@@ -141,17 +142,19 @@ export function sentenceAt(model, index) {
   });
   const { values, shown, label } = model.chosen;
   if (values && shown) parts.push(`${label[0].toUpperCase()}${label.slice(1)}: ${formatQuantity(values[index], model.units, model.methods[0].columns[0].values[index])}`);
-  return `${model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index)}: ${parts.join(". ")}`;
+  return `${where}: ${parts.join(". ")}`;
 }
 
 /** A cell of the head; no program takes it for a formula. */
 const cell = (head) => quoted(/^[=+@\t\r-]/.test(head) ? `'${head}` : head);
+const inCell = (value) => (typeof value === "number" ? String(value) : cell(value));
 const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
 
 /** All of the data as CSV: a row for each place along the axis. */
 export function csvText(model) {
   const columns = [[withUnits(model.across.name, model.across.units), model.at]];
-  for (const { label, lines, columns: told } of model.methods) {
+  if (model.plane) columns.push(...planeColumns(model));
+  for (const { label, lines, columns: told } of model.plane ? [] : model.methods) {
     for (const { name, values } of [lines[0], ...told, ...lines.slice(1)]) {
       const what = model.output.startsWith(name) ? model.output : `${name} of ${model.output}`;
       columns.push([withUnits(`${what} by ${label}`, model.units), values]);
@@ -159,6 +162,6 @@ export function csvText(model) {
   }
   const { values, label } = model.chosen;
   if (values) columns.push([withUnits(`${model.output} ${label}`, model.units), values]);
-  const rows = model.time.map((_, k) => columns.map(([, values]) => (values[k] === null ? "" : String(values[k]))).join(","));
+  const rows = model.time.map((_, k) => columns.map(([, values]) => (values[k] === null ? "" : inCell(values[k]))).join(","));
   return [columns.map(([name]) => cell(name)).join(","), ...rows, ""].join("\r\n");
 }

@@ -1,5 +1,6 @@
 // What uPlot draws: series, bands and axes of a chart's model.
 
+import { planeLayers } from "./chart_plane.js";
 import { axisPower, decadeTicks, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
@@ -9,12 +10,24 @@ const INNER = "4d";
 const colourOf = (method, palette) => method.colours[palette.dark ? 1 : 0];
 
 /** The data of all series, as uPlot wants them. */
-export const seriesData = (model) => [
+export const seriesData = (model) => (model.plane ? planeSeries(model.plane) : [
   model.time,
   ...model.methods.flatMap((m) => m.lines.map((line) => line.values)),
   ...(model.limits ?? []).map(({ value }) => model.time.map(() => value)),
   model.chosen.values ?? model.time.map(() => null),
-];
+]);
+
+// of a chart in a plane it draws the axes only
+const planeSeries = ({ right }) => [right, [null, null]];
+
+/** What a plot shows: ends of both axes; null before it is drawn for the first time. */
+export const seenIn = ({ scales: { x, y } }) => ({ x: x.min == null ? null : x, y: y.min == null ? null : y });
+
+/** Show the same in another plot; the vertical axis is that of a plane, or finds its ends. */
+export function showIn(plot, model, { x, y }) {
+  if (x) plot.setScale("x", { min: x.min, max: x.max });
+  if (y && model.plane) plot.setScale("y", { min: y.min, max: y.max });
+}
 
 /** Ends of the vertical axis with some room; what does not vary gets an axis about it. */
 export function verticalRange(low, high) {
@@ -33,7 +46,8 @@ function upRange(up, low, high) {
 }
 
 /** What is only told of the horizontal axis, and how it is divided. */
-function acrossAxis({ across }, width, scale) {
+function acrossAxis(model, width, scale) {
+  const across = model.plane ?? model.across;
   const power = (u) => (across.linked || across.log || across.whole ? 0 : axisPower(u.scales.x.min, u.scales.x.max));
   const axis = {
     label: (u) => shortName(withUnits(across.name, across.units), (width - 90) / (7.5 * scale)) + powerLabel(power(u)),
@@ -45,6 +59,36 @@ function acrossAxis({ across }, width, scale) {
     axis.values = (_, ticks) => ticks.map((tick) => powerText(10 ** tick));
   }
   return axis;
+}
+
+/** Draw lines and marks of a chart in a plane. */
+function drawPlane(u, model, palette, scale) {
+  const { ctx, bbox } = u;
+  const ratio = uPlot.pxRatio;
+  const x = (value) => u.valToPos(value, "x", true);
+  const y = (value) => u.valToPos(value, "y", true);
+  const inside = (left, top) => left >= bbox.left - 1 && left <= bbox.left + bbox.width + 1 && top >= bbox.top - 1 && top <= bbox.top + bbox.height + 1;
+  const colours = palette();
+  const looks = { x, y, inside, colourOf: (method) => colourOf(method, colours), palette: colours, scale: scale * ratio };
+  for (const { d, stroke, fill, width, dash, opacity, clipped } of planeLayers(model.methods.filter(({ shown }) => shown), looks)) {
+    const path = new Path2D(d);
+    ctx.save();
+    if (clipped) {
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+    }
+    ctx.globalAlpha = opacity ?? 1;
+    ctx.setLineDash(dash ?? []);
+    ctx.lineJoin = "round";
+    Object.assign(ctx, { lineWidth: width, strokeStyle: stroke });
+    if (fill) {
+      ctx.fillStyle = fill;
+      ctx.fill(path);
+    }
+    ctx.stroke(path);
+    ctx.restore();
+  }
 }
 
 /** Draw what marks places of methods, such as where a limit is passed. */
@@ -75,7 +119,8 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
   const series = [{}];
   const bands = [];
   const first = () => model.methods.find((method) => method.shown);
-  for (const method of model.methods) {
+  if (model.plane) series.push({ points: { show: false } });
+  for (const method of model.plane ? [] : model.methods) {
     const start = series.length;
     method.lines.forEach((_, k) => {
       const outer = method.bands.length > 0 && [method.bands[0].low, method.bands[0].high].includes(k);
@@ -108,13 +153,9 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     series.push({ stroke: () => (reference ? palette().soft : palette().limit), ...look });
   }
   // the last one: what the surrogate says at the chosen inputs
-  series.push({
-    stroke: () => colourOf(model.chosen, palette()),
-    width: model.chosen.width * scale,
-    points: { show: false },
-    show: model.chosen.shown,
-  });
-  const upName = withUnits(model.axis ?? model.output, model.units);
+  const chosen = { width: model.chosen.width * scale, points: { show: false }, show: model.chosen.shown };
+  if (!model.plane) series.push({ stroke: () => colourOf(model.chosen, palette()), ...chosen });
+  const upName = model.up?.hidden ? "" : withUnits(model.axis ?? model.output, model.units);
   const { letters, most } = fitted(upName, (height - 60) / scale);
   const font = `${12 * scale}px ${FONT}`;
   const axis = {
@@ -134,8 +175,8 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     bands,
     padding: [10 * scale, 20 * scale, 0, 0],
     legend: { show: false },
-    scales: { x: { time: false }, y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => upRange(model.up, low, high) } },
-    hooks: { draw: [(u) => drawMarks(u, model, palette, scale)] },
+    scales: { x: { time: false }, y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, low, high) } },
+    hooks: { draw: [(u) => (model.plane ? drawPlane : drawMarks)(u, model, palette, scale)] },
     axes: [
       {
         ...axis,
@@ -155,6 +196,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         space: 34 * scale,
         size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
         values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
+        ...(model.up?.hidden ? { values: (_, ticks) => ticks.map(() => ""), grid: { show: false }, ticks: { show: false } } : {}),
         ...(model.up?.log
           ? {
               splits: (_, __, low, high) => decadeTicks(low, high, Math.min(height / (34 * scale), 6), false),
@@ -165,9 +207,10 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
       },
     ],
     cursor: {
+      x: !model.plane,
       y: false,
-      drag: { x: true, y: false },
-      points: { size: 7 * scale, show: meanPoint(model, scale) },
+      drag: { x: true, y: Boolean(model.plane) },
+      points: model.plane ? { show: false } : { size: 7 * scale, show: meanPoint(model, scale) },
       // the place stays when the pointer leaves, so that one can read, and other charts stay there, too
       bind: { mouseleave: () => null },
     },
@@ -203,4 +246,11 @@ export function shortName(name, most) {
   if (letters.length <= most) return name;
   const half = Math.max(Math.floor(most / 2) - 1, 3);
   return `${letters.slice(0, half).join("")} … ${letters.slice(-half).join("")}`;
+}
+
+/** What the signs of a method mean, with at most so many letters of its name: inner bands are seen of the first one. */
+export function namesOfSigns({ label, lines, bands, strands }, first, most) {
+  const others = [...(first ? bands : bands.slice(0, 1)), ...(strands ? [strands] : [])].map(({ name }) => name);
+  const signs = [lines[0].name, ...others].filter(Boolean).join(", ");
+  return `${shortName(label, most)}${signs && ": "}${signs}`;
 }

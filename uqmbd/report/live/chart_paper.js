@@ -1,7 +1,8 @@
 // A chart as a drawing (SVG), for paper and as a file. Own code: uPlot draws on a canvas, whose pixels blur on paper.
 
 import { shownOf } from "./chart_model.js";
-import { chartOptions, seriesData, shortName } from "./chart_options.js";
+import { chartOptions, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
+import { markLook, markPath, planeLayers } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
 
 const PAPER = { width: 660, height: 290 };
@@ -18,11 +19,11 @@ function shape(kind, attributes, text) {
   return made;
 }
 
-/** Call `done(svg)` with what a chart shows between two times; in a microtask, when uPlot has chosen the axes. */
-export function drawChart(model, [low, high], done) {
+/** Call `done(svg)` with the part of a chart that is seen; in a microtask, when uPlot has chosen the axes. */
+export function drawChart(model, seen, done) {
   const size = model.title ? PART : PAPER;
   const plot = new uPlot(chartOptions(model, size, () => LIGHT), seriesData(model));
-  plot.setScale("x", { min: low, max: high });
+  showIn(plot, model, seen);
   queueMicrotask(() => {
     done(drawingOf(model, plot, size));
     plot.destroy();
@@ -74,7 +75,13 @@ function drawingOf(model, plot, size) {
     });
     return text;
   };
-  shown.forEach((method, k) => {
+  const inside = (left, down) => left >= box.left - 1 && left <= box.left + box.width + 1 && down >= top - 1 && down <= top + box.height + 1;
+  const marks = shape("g", {});
+  for (const one of model.plane ? planeLayers(shown, { x, y, inside, colourOf: ({ colours }) => colours[0], palette: LIGHT, scale: 1 }) : []) {
+    const look = { stroke: one.stroke, "stroke-width": one.width, "stroke-dasharray": one.dash?.join(" ") || "none", opacity: one.opacity ?? 1 };
+    (one.clipped ? lines : marks).append(shape("path", { d: one.d, fill: one.fill ?? "none", ...look }));
+  }
+  (model.plane ? [] : shown).forEach((method, k) => {
     const [colour] = method.colours;
     method.bands.forEach(({ low, high }, depth) => {
       const ends = [method.lines[low].values, method.lines[high].values];
@@ -109,14 +116,17 @@ function drawingOf(model, plot, size) {
       : { stroke: LIGHT.limit, "stroke-width": 1.6, "stroke-dasharray": "2 3" };
     lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, ...look }));
   }
-  svg.append(lines);
+  svg.append(lines, marks);
 
   shown.forEach((method, k) => {
     const row = ROW * (k + titled + 0.6);
     const look = { stroke: method.colours[0], "stroke-width": method.width, "stroke-dasharray": dashOf(method) };
-    svg.append(shape("path", { d: `M12 ${row}h36`, ...look }));
-    const bands = (k === 0 ? method.bands : method.bands.slice(0, 1)).map((band) => band.name);
-    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, [`${shortName(method.label, titled ? 34 : 50)}: ${method.lines[0].name}`, ...bands].join(", ")));
+    if (method.joined || !method.shape) svg.append(shape("path", { d: `M12 ${row}h36`, fill: "none", ...look }));
+    if (method.shape) {
+      const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper);
+      svg.append(shape("path", { d: markPath(method.shape, 30, row, (method.size ?? 7) / 2), fill, stroke, "stroke-width": width }));
+    }
+    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, namesOfSigns(method, k === 0, titled ? 34 : 50)));
   });
   return svg;
 }

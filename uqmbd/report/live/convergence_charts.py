@@ -28,7 +28,7 @@ from uqmbd.report.live.chart_data import curve_data, curves_data
 from uqmbd.report.live.packing import packed
 from uqmbd.typing import Array
 
-__all__ = ["decay_data", "errors_data", "orders_data", "settling_data"]
+__all__ = ["decay_data", "errors_data", "orders_data", "percent_axis", "settling_data"]
 
 INK = ("#1b1f24", "#e6e9ed")
 PALE = ("#8a8f96", "#7d868f")
@@ -41,7 +41,7 @@ SMALLEST = 1e-16
 _LIMIT = {"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}
 
 
-def _logarithmic(ends: tuple[float, float]) -> dict[str, Any]:
+def percent_axis(ends: tuple[float, float]) -> dict[str, Any]:
     """Return the vertical axis, in per cent, that shows two values and the full decades about them."""
     first, last = decades(*(100 * end for end in ends))
     return {"log": True, "low": float(f"1e{first}"), "high": float(f"1e{last}")}
@@ -75,7 +75,7 @@ def errors_data(results: Results) -> dict[str, Any] | None:
     worst = np.fmax.reduce([np.asarray(curve.values)[chosen] for curve in curves])
     return data | {
         "digits": 2,
-        "up": _logarithmic(found.ends),
+        "up": percent_axis(found.ends),
         "limits": [_LIMIT],
         "start": int(np.nan_to_num(worst, nan=-1.0).argmax()),
     }
@@ -167,7 +167,7 @@ def decay_data(results: Results, output: str) -> dict[str, Any] | None:
                 "start": count - 1,
                 "across": {"name": across, "units": "", "told": "", "before": f"{word} ", "whole": True},
                 "methods": methods,
-                "up": _logarithmic(found.ends),
+                "up": percent_axis(found.ends),
                 "limits": [_LIMIT],
             }
         )
@@ -221,7 +221,7 @@ def orders_data(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, Any]
                 "across": {"name": word, "units": "", "whole": True}
                 | ({"told": word, "log": True} if counts == "realisations" else {"told": "", "before": f"{word} "}),
                 "methods": methods,
-                "up": _logarithmic(ends),
+                "up": percent_axis(ends),
             }
         )
     return {"choose": "Orders or realisations", "seen": 0, "views": views}

@@ -1,7 +1,8 @@
 // A chart as a file: its data as CSV, what it shows as PNG.
 
 import { shownOf } from "./chart_model.js";
-import { chartOptions, seriesData, shortName } from "./chart_options.js";
+import { chartOptions, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
+import { markLook, markPath } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
 
 const PICTURE = { width: 1600, height: 760, scale: 2 };
@@ -29,10 +30,20 @@ export function saveBlob(blob, name) {
   setTimeout(() => URL.revokeObjectURL(address), 10_000);
 }
 
+/** Draw the mark of a method before its name. */
+function drawSample(pen, method, x, y, scale) {
+  const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper, scale);
+  const path = new Path2D(markPath(method.shape, x, y, ((method.size ?? 7) / 2) * scale));
+  pen.setLineDash([]);
+  Object.assign(pen, { fillStyle: fill, strokeStyle: stroke, lineWidth: width });
+  pen.fill(path);
+  pen.stroke(path);
+}
+
 /** Draw what a chart shows, with the names of its methods, on a canvas: always in the colours of paper. */
-export async function pictureOf(model, [low, high]) {
+export async function pictureOf(model, seen) {
   const chart = new uPlot(chartOptions(model, PICTURE, () => LIGHT), seriesData(model));
-  chart.setScale("x", { min: low, max: high });
+  showIn(chart, model, seen);
   await new Promise((done) => setTimeout(done, 0));
   const drawn = chart.ctx.canvas;
   const shown = shownOf(model);
@@ -58,10 +69,10 @@ export async function pictureOf(model, [low, high]) {
     pen.beginPath();
     pen.moveTo(30 * ratio, y);
     pen.lineTo(120 * ratio, y);
-    pen.stroke();
+    if (method.joined || !method.shape) pen.stroke();
+    if (method.shape) drawSample(pen, method, 75 * ratio, y, 2 * ratio);
     pen.fillStyle = LIGHT.ink;
-    const bands = k === 0 ? method.bands : method.bands.slice(0, 1);
-    pen.fillText(`${shortName(method.label, 60)}: ${[method.lines[0], ...bands].map((one) => one.name).join(", ")}`, 140 * ratio, y);
+    pen.fillText(namesOfSigns(method, k === 0, 60), 140 * ratio, y);
   });
   pen.drawImage(drawn, 0, line * (shown.length + titled + 0.5));
   chart.destroy();

@@ -131,3 +131,10 @@ export function plainNumber(value, spread = 0) {
   const digits = spread > 0 && value !== 0 ? Math.ceil(Math.log10(Math.abs(value) / spread)) + 3 : 0;
   return String(Number(value.toPrecision(Math.min(Math.max(digits, 4), 14))));
 }
+
+/** How to round the sums of numbers and distances that have seven digits: to a hundredth of the last one. */
+export function rounding(distances) {
+  const largest = distances.reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0);
+  const decimals = largest > 0 ? 9 - Math.floor(Math.log10(largest)) : 100;
+  return decimals >= 0 && decimals < 100 ? (v) => Number(v.toFixed(decimals)) : (v) => v;
+}
