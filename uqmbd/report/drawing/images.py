@@ -90,6 +90,10 @@ def still_image(
         return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
+NOTHING_TO_DRAW = "Not drawn, as there are not two values that a line could join: "
+"""What stands in place of a chart without data, before its caption."""
+
+
 def charted(
     draw: Callable[[], Figure],
     alt: str,
@@ -97,24 +101,23 @@ def charted(
     name: str,
     chart: str | Callable[[], str | None] | None,
 ) -> dict[str, Any]:
-    """Return a figure that the page draws as a chart: it is drawn here only if it is written to a file.
+    """Return a chart of the page; where it has no data, or these cannot be made, a note stands.
 
     Parameters
     ----------
-    draw, alt, caption, name
+    draw : callable
+        Makes the figure that is written to a file, if that is asked for.
+    alt, caption, name
         As of `image`.
     chart : str, callable or None
-        JSON, safe in HTML, or what makes it; None: there is no chart, and the figure is drawn. Where it cannot be made
-        the figure is drawn.
+        JSON, safe in HTML, or what makes it; None: there is nothing to draw.
     """
-    if callable(chart):
-        try:
-            chart = chart()
-        except Exception:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
-            chart = None
-    if chart is None:
-        return image(draw, alt, caption, name)
-    return {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name, "chart": chart, "draw": draw}
+    found = {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name, "draw": draw}
+    try:
+        made = chart() if callable(chart) else chart
+    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+        return found | {"problem": f"{type(error).__name__}: {error}"}
+    return found | ({"note": f"{NOTHING_TO_DRAW}{caption}"} if made is None else {"chart": made})
 
 
 def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
@@ -147,8 +150,10 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
 
 
 def image_html(found: Mapping[str, Any], chart: str = "") -> str:
-    """Return what `image` made as HTML; ``chart``: JSON, safe in HTML, of the chart that stands for it."""
+    """Return what `image` or `charted` made as HTML; ``chart``: JSON, safe in HTML, of the chart that stands for it."""
     text = {key: html.escape(found[key]) for key in ("source", "alt", "caption", "problem")}
+    if found.get("note"):
+        return f'<p class="note">{html.escape(found["note"])}</p>'
     if found["problem"]:
         told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
         return f'<p class="problem">{told}</p>'

@@ -69,13 +69,14 @@ def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
     data = convergence.isel(output=names.index(output))
     found = []
     for m, label in enumerate(str(v) for v in data["method"].values):
-        costs = [np.asarray(data[cost].values[m], dtype=float) for cost in ("realisations", "wall_time")]
-        told = data["level_name"].values[m] if "level_name" in data else range(1, len(costs[0]) + 1)
+        costs = {cost: np.asarray(data[cost].values[m], dtype=float) for cost in ("realisations", "wall_time")}
+        runs, seconds = (np.where(one > 0, one, np.nan) for one in costs.values())
+        told = data["level_name"].values[m] if "level_name" in data else range(1, len(runs) + 1)
         levels = tuple(str(text) for text in told)
         for name in ("mean", "std"):
             errors = np.asarray(data[f"{name}_error_l2"].values[m], dtype=float)
             shown = np.where(errors > SMALLEST, errors, np.nan)
-            found.append(Spent(label, name, shown, *(np.where(one > 0, one, np.nan) for one in costs), levels))
+            found.append(Spent(label, name, shown, runs, seconds, levels))
     if not any(len(one.along(cost)[0]) for one in found for cost in ("realisations", "wall_time")):
         raise StudyError(f"There is no error of {output!r} above zero to draw.")
     return found

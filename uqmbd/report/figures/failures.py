@@ -21,7 +21,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FailedInputs", "Reason", "Separation", "failed_inputs", "failure_inputs", "failure_reasons", "separating_inputs"]
+__all__ = [
+    "FailedInputs",
+    "Reason",
+    "Separation",
+    "failed_inputs",
+    "failure_inputs",
+    "failure_reasons",
+    "separating_inputs",
+]
 
 _MOST_POINTS = 1500
 ENOUGH = 3
@@ -246,9 +254,10 @@ class FailedInputs:
 
     def places(self, which: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return where samples are drawn: heights of a single input are spread evenly, and mean nothing."""
-        x = self.drawn[which, 0]
+        if len(self.names) > 1:
+            return self.drawn[which, 0], self.drawn[which, 1]
         # by the golden ratio points do not hide each other
-        return x, self.drawn[which, 1] if len(self.names) > 1 else (which * 0.6180339887) % 1
+        return self.drawn[which, 0], np.asarray((which * 0.6180339887) % 1, dtype=float)
 
 
 def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
@@ -270,10 +279,10 @@ def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
         raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
     fine = np.flatnonzero(samples["status"].values == Status.OK)
     best = [s.index for s in separating_inputs(node, reason)[:2]]
-    shown = [which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which for which in (fine, reason.samples)]
+    some, bad = (which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which for which in (fine, reason.samples))
     drawn = np.asarray(samples["inputs"].values[:, best], dtype=float)
-    labels = tuple(names[k] for k in best), tuple(units[k] for k in best)
-    return FailedInputs(*labels, drawn, *shown, len(fine), len(reason.samples))
+    of_best = tuple(names[k] for k in best), tuple(units[k] for k in best)
+    return FailedInputs(*of_best, drawn, some, bad, len(fine), len(reason.samples))
 
 
 def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:

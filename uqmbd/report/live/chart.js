@@ -170,7 +170,7 @@ export function makeChart(figure, model) {
   }
 
   function refresh() {
-    at.textContent = `At ${placeAt(model, index)}${model.units === "" ? "" : `, in ${model.units}`}`;
+    at.textContent = `At ${placeAt(model, index)}${model.units === "" || plane ? "" : `, in ${model.units}`}`;
     rowsAt(model, index).forEach((texts, k) => {
       const { row, cells } = rows[k];
       row.classList.toggle("hidden-method", !model.methods[k].shown);

@@ -14,7 +14,7 @@ from uqmbd.report.figures import Band, Curve, band_edges, of_output, thinned
 from uqmbd.report.live.packing import packed
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "bands_data", "curve_data", "curves_data"]
+__all__ = ["MOST_TIMES", "at_times", "bands_data", "curve_data", "curves_data"]
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
@@ -56,7 +56,7 @@ def bands_data(
     times = np.union1d(times, known[known > times[-1]][: max(most - len(times), 0)])
     if len(times) < 2:
         return None
-    spread = _at(first, times, first["std"].values)
+    spread = at_times(first, times, first["std"].values)
     return {
         "output": output,
         "units": typeset_units(str(first["output_units"].item())),
@@ -124,11 +124,11 @@ def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
 def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> dict[str, Any]:
     wide, narrow, wide_name = band_edges(data)
     bands = [
-        Band(name, *(_at(data, times, edge) for edge in edges))
+        Band(name, *(at_times(data, times, edge) for edge in edges))
         for name, edges in ((wide_name, wide), ("50 % of realisations", narrow))
         if edges is not None
     ]
-    mean, std = (_at(data, times, data[key].values) for key in ("mean", "std"))
+    mean, std = (at_times(data, times, data[key].values) for key in ("mean", "std"))
     return curve_data(k, count, Curve(label, mean, tuple(bands), "mean"), {"standard deviation": std})
 
 
@@ -157,7 +157,7 @@ def curve_data(
     }
 
 
-def _at(data: xr.Dataset, times: _Array, values: _Array) -> _Array:
+def at_times(data: xr.Dataset, times: _Array, values: _Array) -> _Array:
     """Return values at some of their own times; NaN where there are none."""
     own = data["time"].values
     place = np.clip(np.searchsorted(own, times), 0, len(own) - 1)

@@ -105,7 +105,7 @@ export function planeLayers(methods, { x, y, inside, colourOf, palette, scale })
     const colour = colourOf(method);
     if (method.strands) {
       const d = method.strands.x.map((one, k) => linePath(one, method.strands.y[k], x, y)).join("");
-      layers.push({ d, stroke: palette.soft, width: 0.7 * scale, opacity: 0.5, clipped: true });
+      layers.push({ d, stroke: palette.soft, width: 0.7 * scale, opacity: 0.35, clipped: true });
     }
     if (method.joined) {
       const dash = method.dash.map((length) => length * method.width * scale);
@@ -129,24 +129,27 @@ export function planeHeads(model) {
 const textNames = ({ methods }) => [...new Set(methods.flatMap(({ texts }) => (texts ?? []).map(({ name }) => name)))];
 const textAt = ({ texts }, name, index) => (texts ?? []).find((one) => one.name === name)?.values[index] || "–";
 
-function placeText({ plane }, value) {
-  if (!isNumeric(value)) return "–";
-  if (plane.whole) return formatNumber(value, 1);
-  return plane.log ? formatError(value) : formatNumber(value, (plane.right[1] - plane.right[0]) / 10);
-}
+/** Values of methods in words, with the digits that the ends of their axis need. */
+const alikeWithin = (values, [low, high]) => alike(values, (high - low) / 10, Math.max(Math.abs(low), Math.abs(high)));
 
-const valueText = (model, value) =>
-  !isNumeric(value) ? "–" : model.digits ? formatError(value) : alike([value], (model.plane.up[1] - model.plane.up[0]) / 10)[0];
+function placesText({ plane }, places) {
+  if (plane.whole) return places.map((v) => formatNumber(v, 1));
+  if (plane.log) return places.map((v) => formatError(v));
+  return alikeWithin(places, plane.right);
+}
 
 /** What stands beneath these heads for each method at an index. */
 export function planeRows(model, index) {
-  return model.methods.map((method) => {
-    const [{ values }] = method.lines;
-    const here = isNumeric(values[index]) && isNumeric(method.places[index]);
-    const value = model.up?.hidden ? [] : [here ? valueText(model, values[index]) : "–"];
-    const place = here && !method.quiet ? placeText(model, method.places[index]) : "–";
-    return [...value, place, ...textNames(model).map((name) => (here ? textAt(method, name, index) : "–"))];
-  });
+  const { methods, plane, up, digits } = model;
+  const here = methods.map(({ places, lines: [{ values }] }) => isNumeric(values[index]) && isNumeric(places[index]));
+  const values = methods.map(({ lines: [line] }, k) => (here[k] ? line.values[index] : null));
+  const told = digits ? values.map((v) => formatError(v)) : alikeWithin(values, plane.up);
+  const places = placesText(model, methods.map(({ places: own, quiet }, k) => (here[k] && !quiet ? own[index] : null)));
+  return methods.map((method, k) => [
+    ...(up?.hidden ? [] : [told[k]]),
+    places[k],
+    ...textNames(model).map((name) => (here[k] ? textAt(method, name, index) : "–")),
+  ]);
 }
 
 /** The same as words, of the methods that are shown and have a mark there. */

@@ -15,7 +15,7 @@ along which the cursor moves. ``plane`` says what the horizontal axis is. A meth
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -207,7 +207,9 @@ def error_cost_data(convergence: xr.Dataset, output: str) -> dict[str, Any]:
                 curve = Curve(f"the reference itself: {name}", np.full(count, own), (), "")
                 places = np.geomspace(spent.min(), spent.max(), count)
                 looks = {"colours": list(PALE), "dash": [4, 2] if quantity == "std" else [], "width": 1.0}
-                methods.append(curve_data(0, 1, curve) | looks | {"places": packed(places), "joined": True, "quiet": True})
+                methods.append(
+                    curve_data(0, 1, curve) | looks | {"places": packed(places), "joined": True, "quiet": True}
+                )
         views.append(
             {
                 "title": title,
@@ -245,7 +247,7 @@ def failures_data(node: Samples, reason: Reason) -> dict[str, Any]:
     shown = np.sort(np.concatenate([found.fine, found.failed]))
     methods = []
     for which, name, count, looks in (
-        (found.fine, "succeeded", found.count_fine, {"colours": list(PALE), "shape": "disc", "size": 3.5}),
+        (found.fine, "succeeded", found.count_fine, {"colours": list(PALE), "shape": "disc", "size": 4.5}),
         (found.failed, "failed", found.count_failed, {"colours": list(ROLES["limit"]), "shape": "cross", "size": 7}),
     ):
         if not len(which):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from uqmbd.errors import StudyError
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import image, still_image
 from uqmbd.report.overview.advice import advice
@@ -18,6 +20,7 @@ from uqmbd.results import answers, differing
 from uqmbd.wording import format_count
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 __all__ = ["ANSWERS"]
@@ -120,7 +123,7 @@ def _picture(result: StudyResult, name: str) -> Content | None:
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
         data = live.bands_data(holders, name, limits=limits)
         if data is None:
-            return image(draw, words, words, "first-screen")
+            return _at_one_time(holders, name)
         made = still_image(lambda: live.still_chart(data), words, words, "first-screen", draw)
         return made | {"chart": live.json_script(data)}
     if answers(result.nodes) and any(
@@ -135,3 +138,16 @@ def _picture(result: StudyResult, name: str) -> Content | None:
         words = "How the outputs without a time are distributed: the area under each density is 1."
         return image(lambda: figures.scalar_densities(result.nodes), words, words, "first-screen")
     return None
+
+
+def _at_one_time(holders: Mapping[str, xr.DataTree], name: str) -> Content | None:
+    """Return the drawing of an output's density, where there is one time only; None where there is nothing to draw."""
+    try:
+        data = live.densities_data(holders, name)["views"][0]
+    except StudyError:
+        return None
+    words = f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1."
+    made = still_image(
+        lambda: live.still_chart(data), words, words, "first-screen", lambda: figures.histograms(holders, name)
+    )
+    return made | {"chart": live.json_script(data)}

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted, image
+from uqmbd.report.drawing import charted
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
 from uqmbd.report.sections.about_results.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
@@ -115,7 +115,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     files: list[Content] = []
     deviation = (
         []
-        if not whole
+        if not whole or (spread := live.std_data(holders, name)) is None
         else [
             charted(
                 lambda: figures.std_over_time(holders, name),
@@ -123,7 +123,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
                 "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
                 "standard errors, where they are known.",
                 f"{name}-standard-deviation",
-                json_chart(live.std_data(holders, name)),
+                json_chart(spread),
             )
         ]
     )
@@ -190,7 +190,7 @@ def json_chart(data: Mapping[str, object] | None) -> str | None:
 
 
 def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
-    """Return how far methods agree: charts of means and of standard deviations, or where there are none a figure."""
+    """Return how far methods agree: charts of means and of standard deviations, if there are times."""
     reference = choose_reference(holders)
     made = []
     for statistic, words in (("mean", "mean"), ("std", "standard deviation")):
@@ -207,21 +207,26 @@ def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]
                 json_chart(data),
             )
         )
-    words = f"Difference of the mean and the standard deviation of {name} between methods, over time."
-    return made or [
-        image(lambda: figures.differences(holders, name, reference=reference), words, words, f"{name}-differences")
-    ]
+    return made
 
 
-def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> dict[str, str]:
+def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> Content:
+    functions = all(figures.is_function(node, name, over) for node in holders.values())
     caption = (
         f"How it goes with {over}: the mean, and the bands in which 50 % and 95 % of the realisations lie, at each of "
         "its values."
-        if all(figures.is_function(node, name, over) for node in holders.values())
-        else f"How it goes with {over}: each realisation is a curve that is run through in time."
+        if functions
+        else f"How it goes with {over}: the means of both at each time, and single realisations, which are run through "
+        "in time."
     )
     described = f"{name} over {over}."
-    return image(lambda: figures.over_output(holders, name, over), described, caption, f"{name}-over-{over}")
+    return charted(
+        lambda: figures.over_output(holders, name, over),
+        described,
+        caption,
+        f"{name}-over-{over}",
+        lambda: json_chart(live.over_data(holders, name, over)),
+    )
 
 
 def _densities(result: StudyResult, labels: Sequence[str], name: str) -> Content:

@@ -1,0 +1,163 @@
+"""Charts in a plane: outputs over one another, errors against cost, inputs of failures; as data, and in a browser."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqmbd import report, results
+from uqmbd.report.figures import failure_reasons
+from uqmbd.report.live import error_cost_data, failures_data, over_data, unpacked
+
+TIMES = np.linspace(0.0, 2.0, 301)
+
+
+def method_node(x, y, label="loops", times=TIMES, inputs=None, status=None):
+    """Return the node of a method whose samples are the rows of x and y."""
+    axes = results.labels([("x", "m"), ("y", "deg")], ["k <b>", "m"][: 1 if inputs is None else inputs.shape[1]], times)
+    drawn = np.ones((len(x), 1)) if inputs is None else inputs
+    messages = None if status is None else ["too stiff" if s else "" for s in status]
+    samples = results.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
+    statistics = results.statistics_of_samples(samples)
+    return results.propagator_node(
+        label, statistics, samples=samples, propagator="p", realisations=len(x), wall_time=0.0
+    )
+
+
+def loops(count=80, seed=0, label="loops", times=TIMES):
+    """Return ellipses of random size, which no function of x has."""
+    size = 100.0 + np.random.default_rng(seed).normal(0, 1e-2, (count, 2, 1))
+    return method_node(size[:, 0] * np.sin(4 * times), size[:, 1] * np.cos(4 * times), label, times)
+
+
+def values(method):
+    """Return the values of a method's line."""
+    return unpacked(method["lines"][0]["values"])
+
+
+def test_a_loop_is_drawn_by_the_means_at_each_time():
+    nodes = {"one": loops(label="one"), "short": loops(seed=1, label="short", times=TIMES[:200])}
+    data = over_data(nodes, "y", "x")
+    assert (data["units"], data["plane"]) == ("deg", {"name": "x", "units": "m"})
+    np.testing.assert_array_equal(unpacked(data["time"]), TIMES)
+    for label, method in zip(nodes, data["methods"], strict=True):
+        statistics = nodes[label]["statistics"].to_dataset()
+        for name, found in (("x", unpacked(method["places"])), ("y", values(method))):
+            known = statistics["mean"].sel(output=name).values
+            np.testing.assert_allclose(found[: len(known)], known, rtol=1e-12, atol=1e-12)
+            assert np.isnan(found[len(known) :]).all()
+
+
+def test_lines_between_the_points_of_a_realisation_are_not_seen_to_depart_from_it():
+    samples = loops()
+    strands = over_data({"one": samples}, "y", "x")["methods"][0]["strands"]
+    across, up = (unpacked(strands[k]) + strands["origin"][n] for n, k in enumerate(("across", "up")))
+    response = samples["samples"]["response"].values
+    assert across.shape == up.shape == (60, len(strands["at"])) and len(strands["at"]) < 100
+    for found, exact in ((across, response[:60, 0]), (up, response[:60, 1])):
+        np.testing.assert_allclose(found, exact[:, strands["at"]], atol=1e-4)
+        between = np.array([np.interp(TIMES, TIMES[strands["at"]], one) for one in found])
+        assert np.abs(between - exact).max() < np.ptp(exact) / 700
+
+
+def test_functions_of_another_output_have_the_bands_of_the_figure():
+    rng = np.random.default_rng(2)
+    x = rng.uniform(0.9, 1.1, (300, 1)) * TIMES
+    one = method_node(x, rng.uniform(1, 2, (300, 1)) * x)
+    data = over_data({"one": one}, "y", "x")
+    axes = report.over_output(one, "y", over="x").axes[0]
+    places, mean = axes.lines[0].get_data()
+    np.testing.assert_array_equal(unpacked(data["time"]), places)
+    np.testing.assert_array_equal(values(data["methods"][0]), mean)
+    assert data["across"] == {"name": "x", "units": "m", "told": "m"}
+    low, high = (unpacked(data["methods"][0]["lines"][k]["values"]) for k in (1, 2))
+    area = axes.collections[0].get_paths()[0].vertices[:, 1]
+    np.testing.assert_allclose([(mean + low).min(), (mean + high).max()], [area.min(), area.max()], rtol=1e-6)
+
+
+def test_one_time_has_no_line_over_another_output():
+    assert over_data({"one": loops(times=TIMES[:1])}, "y", "x") is None
+
+
+def convergence():
+    """Return errors of two methods at three levels, of which one is unknown and one is rounding."""
+    dims = ("method", "level", "output")
+    std = np.array([[1e-1, 1e-2, 1e-3], [0.3, 0.2, np.nan]])[..., None]
+    mean = np.array([[1e-2, 1e-4, 1e-17], [0.1, 0.05, np.nan]])[..., None]
+    return xr.Dataset(
+        {"mean_error_l2": (dims, mean), "std_error_l2": (dims, std), "realisations": (dims[:2], [[4, 9, 16], [90, 30, 0]]),
+         "wall_time": (dims[:2], [[0.1, 0.2, 0.4], [0.9, 0.3, np.nan]]),
+         "level_name": (dims[:2], [["order 1", "order 2", "order 3"], ["samples 90", "samples 30", ""]]),
+         "reference_mean_error": ("output", [1e-5]), "reference_std_error": ("output", [5e-3])},
+        coords={"method": ["chaos", "mc"], "output": ["x"]}, attrs={"reference": "finest"},
+    )  # fmt: skip
+
+
+def test_errors_are_those_of_the_dataset_in_the_order_of_their_cost():
+    by_runs, by_time = error_cost_data(convergence(), "x")["views"]
+    for view, cost in ((by_runs, "realisations"), (by_time, "wall_time")):
+        methods = {method["label"]: method for method in view["methods"]}
+        assert list(methods)[:4] == ["chaos: mean", "chaos: standard deviation", "mc: mean", "mc: standard deviation"]
+        np.testing.assert_allclose(values(methods["chaos: mean"]), [1, 0.01, np.nan])
+        np.testing.assert_allclose(values(methods["mc: standard deviation"]), [20, 30, np.nan])
+        found = convergence()[cost].values[1, [1, 0]]
+        np.testing.assert_allclose(unpacked(methods["mc: mean"]["places"])[:2], found)
+        assert methods["mc: mean"]["texts"] == [{"name": "level", "values": ["samples 30", "samples 90", ""]}]
+        assert view["up"]["low"] <= 0.01 and view["up"]["high"] >= 30
+    # told apart without colour: methods by the shape of their points, quantities by fill and dash
+    looks = [(m["shape"], m["hollow"], tuple(m["dash"])) for m in by_runs["methods"][:4]]
+    assert len(set(looks)) == 4 and looks[0][0] == looks[1][0] != looks[2][0]
+    own = [m for m in by_runs["methods"] if m.get("quiet")]
+    assert [m["label"] for m in own] == ["the reference itself: standard deviation"]
+    np.testing.assert_allclose(values(own[0]), 0.5)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_failed_samples_are_drawn_at_their_inputs(count):
+    drawn = np.random.default_rng(0).normal(size=(200, count))
+    status = np.where(drawn[:, 0] > 1, 2, 0)
+    one = method_node(np.ones((200, 1)), np.ones((200, 1)), times=[0.0], inputs=drawn, status=status)
+    data = failures_data(one, failure_reasons(one)[0])
+    fine, failed = data["methods"]
+    samples = unpacked(data["time"]).astype(int)
+    for method, expected in ((fine, status == 0), (failed, status != 0)):
+        places = unpacked(method["places"])
+        np.testing.assert_array_equal(samples[np.isfinite(places)], np.flatnonzero(expected))
+        np.testing.assert_array_equal(places[np.isfinite(places)], drawn[expected, 0])
+        if count == 2:
+            np.testing.assert_array_equal(values(method)[np.isfinite(places)], drawn[expected, 1])
+    assert (fine["label"], failed["label"]) == (f"succeeded ({sum(status == 0)})", f"failed ({sum(status != 0)})")
+    assert fine["shape"] != failed["shape"] and data["plane"]["name"] == "k <b>"
+    assert data.get("up", {}).get("hidden", False) == (count == 1)
+    assert status[samples[data["start"]]] == 2
+
+
+def test_marks_are_told_and_saved_with_both_values(node):
+    data = error_cost_data(convergence(), "x")["views"][0]
+    lines = (
+        "const model = chartModel(given);\n"
+        "answer = { heads: headsOf(model), rows: rowsAt(model, 1), said: sentenceAt(model, 1), csv: csvText(model),"
+        " nearest: nearestMark(model, [Math.log10(9), 1], (x, y) => [x, y], 0) };"
+    )
+    found = node(["chart_model.js", "colours.js"], lines, data)
+    assert found["heads"] == ["relative error [%]", "realisations", "level"]
+    assert found["rows"][:2] == [["0.010", "9", "order 2"], ["1.0", "9", "order 2"]]
+    assert "chaos: mean: relative error 0.010 %, realisations 9, order 2" in found["said"]
+    assert found["nearest"] == 1
+    rows = list(csv.reader(found["csv"].splitlines()))
+    assert rows[0][:4] == [
+        "level",
+        "realisations by chaos: mean",
+        "error of x by chaos: mean [%]",
+        "level of chaos: mean",
+    ]
+    assert rows[2][:4] == ["2", "9", "0.01", "order 2"] and len(rows) == 4
+
+
+def test_a_chart_of_nothing_known_has_axes(node):
+    data = over_data({"one": loops(count=2)}, "y", "x")
+    for method in data["methods"]:
+        method["places"] = {"kind": "float64", "shape": [0], "base64": ""}
+        del method["strands"]
+    assert node(["chart_model.js"], "answer = chartModel(given).plane.right;", data) == [0, 1]
