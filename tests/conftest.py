@@ -144,7 +144,7 @@ def project():
 @pytest.fixture
 def no_report(monkeypatch):
     """Let `uqmbd run` draw nothing, which takes longer than small studies."""
-    monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path, **_: path)
+    monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)
     monkeypatch.setattr("uqmbd.report.with_motion", lambda tree, study: (tree, ""))
 
 

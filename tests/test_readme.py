@@ -99,7 +99,7 @@ print(*[name for name in ("numpy", "sympy", "xarray", "matplotlib") if name in s
 def test_a_run_begins_without_what_it_may_not_need():
     """Statistics, splines and optimisation of SciPy, figures and files are loaded when they are used."""
     code = """
-import sys, uqmbd.cli.run, uqmbd.report
+import sys, uqmbd.cli.run.run, uqmbd.report
 late = "scipy.stats", "scipy.interpolate", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "dask", "IPython"
 print(*[name for name in late if name in sys.modules])
 """

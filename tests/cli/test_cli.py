@@ -22,9 +22,10 @@ from rich.console import Console
 import uqmbd
 import uqmbd.report
 from uqmbd import plugins, results
-from uqmbd.cli import progress, tables
-from uqmbd.cli.check import _equations, _show_apart
-from uqmbd.cli.settings import apply_settings, parse_value
+from uqmbd.cli import tables
+from uqmbd.cli.check.check import _equations, _show_apart
+from uqmbd.cli.run.settings import apply_settings, parse_value
+from uqmbd.cli.terminal import progress
 from uqmbd_joints import Revolute
 from uqmbd_springs import SpringDamper
 

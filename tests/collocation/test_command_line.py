@@ -31,7 +31,7 @@ def cli(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     # what a report shows is tested with the reports
-    monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path, **_: path)
+    monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)
 
     def run(command, *words, distribution="chaospy.Uniform(-1, 1)", function="a**2 + b", options="order=2"):
         text = STUDY.format(distribution=distribution, function=function, options=options)

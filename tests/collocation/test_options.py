@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.cli.settings import apply_settings
+from uqmbd.cli.run.settings import apply_settings
 from uqmbd_collocation import Collocation
 
 

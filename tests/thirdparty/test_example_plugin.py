@@ -95,11 +95,11 @@ import sys
 import warnings
 
 warnings.simplefilter("error", UserWarning)
-import uqmbd.cli.run
+import uqmbd.cli.run.run
 import uqmbd.plugins
 
 print(uqmbd.plugins.component("Magnet").__module__, "Revolute" in uqmbd.plugins.components())
-uqmbd.cli.run.write = lambda tree, path, **_: path  # whose figures take their time
+uqmbd.cli.run.run.write = lambda tree, path, **_: path  # whose figures take their time
 for words in (["check", sys.argv[1]], ["run", sys.argv[1], "--out", sys.argv[2]]):
     try:
         uqmbd.cli.main(words)

@@ -13,9 +13,8 @@ import typer
 
 from uqmbd.cli.commands import Commands
 from uqmbd.cli.completion import labels, studies
-from uqmbd.cli.failures import explained
 from uqmbd.cli.loading import loading
-from uqmbd.cli.progress import shown_progress
+from uqmbd.cli.terminal import explained, shown_progress
 from uqmbd.clusters import Workers, with_worker_options
 from uqmbd.errors import StudyError
 from uqmbd.new import PLUGIN_KINDS, new_plugin, new_study

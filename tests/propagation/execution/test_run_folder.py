@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from uqmbd.cli.run import run_study
+from uqmbd.cli.run.run import run_study
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.results import load
@@ -55,7 +55,7 @@ def script(
 
 def uqmbd_run(*arguments: object, limit: int | None = None) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own, without a report, perhaps with a limit on the size of its files."""
-    code = "import sys, uqmbd.cli.run; uqmbd.cli.run.write = lambda tree, path, **_: path; from uqmbd.cli import main; main(sys.argv[1:])"
+    code = "import sys, uqmbd.cli.run.run; uqmbd.cli.run.run.write = lambda tree, path, **_: path; from uqmbd.cli import main; main(sys.argv[1:])"
     if limit is not None:
         code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); " + code
     command = [sys.executable, "-c", code, "run", *map(str, arguments)]

@@ -183,7 +183,7 @@ def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     tree = results.study_tree(nodes, study="s", mechanism="m")
     path = results.save(tree, tmp_path / "results.nc")
     wide = Console(file=io.StringIO(), width=1000, highlight=False)
-    monkeypatch.setattr("uqmbd.cli.compare.console", lambda: wide)
+    monkeypatch.setattr("uqmbd.cli.compare.compare.console", lambda: wide)
     with contextlib.redirect_stdout(io.StringIO()):
         show_comparison([path])
     own = results.own_statements(tree["pce"])[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from uqmbd.cli.differences import what_differs
+from uqmbd.cli.compare.differences import what_differs
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.wording import typeset_units

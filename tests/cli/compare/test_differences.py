@@ -4,7 +4,7 @@ import chaospy
 import pytest
 
 import uqmbd
-from uqmbd.cli.differences import what_differs
+from uqmbd.cli.compare.differences import what_differs
 from uqmbd.results import InputInfo, labels, propagator_node, sample_dataset, save, statistics_dataset, study_tree
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo

@@ -40,7 +40,7 @@ def test_a_run_tells_and_leaves_with_the_status_of_its_requirements(command_line
     page = (tmp_path / "results" / "report.html").read_text()
     assert "below the ceiling, 1 m" in page and "to 2 requirements with 2 methods" in page
     assert page.index("below the ceiling, 1 m") < page.index("<img"), "on the first screen"
-    monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path, **_: path)  # once is enough
+    monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)  # once is enough
     status, out, err = command_line("run", "fall.py", "--out", "again", "--require", "0.4")
     assert status == 0 and "not met" not in err
     status, out, _ = command_line("check", "fall.py")

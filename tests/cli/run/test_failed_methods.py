@@ -66,7 +66,7 @@ def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp
 
 @pytest.mark.thorough
 def test_results_with_failed_methods_are_reported_and_compared(cli, tmp_path, monkeypatch):
-    monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path, **_: path)
+    monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)
     cli("run", "fall.py", "--out", "r")
     assert not (tmp_path / "r" / "report.html").exists()
     status, _, err = cli("report", "r")

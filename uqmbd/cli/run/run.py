@@ -13,13 +13,12 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.cli.budget import check_sizes, choices, missed, too_small_for
-from uqmbd.cli.failures import FAILED, UNMET
 from uqmbd.cli.loading import loading
-from uqmbd.cli.progress import Staged, shown_progress
 from uqmbd.cli.report import keep_motion, open_report, write
-from uqmbd.cli.settings import apply_settings, check_labels
+from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
+from uqmbd.cli.run.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
+from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_progress
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated

@@ -1,0 +1,7 @@
+"""`uqmbd run`: which methods run and how large they are, the run, and what is said of it."""
+
+from __future__ import annotations
+
+from uqmbd.cli.run.run import run_study
+
+__all__ = ["run_study"]

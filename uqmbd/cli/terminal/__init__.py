@@ -1,0 +1,8 @@
+"""What a command tells while it works, and how it ends: progress, warnings, errors, and the exit status."""
+
+from __future__ import annotations
+
+from uqmbd.cli.terminal.failures import FAILED, UNMET, explained
+from uqmbd.cli.terminal.progress import Staged, shown_progress
+
+__all__ = ["FAILED", "UNMET", "Staged", "explained", "shown_progress"]
