@@ -113,8 +113,8 @@ def test_equations_of_a_component_are_what_it_states(site):
 
 
 def test_objects_that_only_functions_return_are_told(pages):
-    text = pages["uqmbd.mechanism.body.Body"]
-    assert "uqmbd.mechanism.body.Body" in text and "`uqmbd.Mechanism.body`" in text and "`uqmbd.check`" in text
+    text = pages["uqmbd.mechanism.bodies.body.Body"]
+    assert "uqmbd.mechanism.bodies.body.Body" in text and "`uqmbd.Mechanism.body`" in text and "`uqmbd.check`" in text
 
 
 def test_every_command_and_hook_is_told(site, tmp_path):

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.body import Body, BodyTerms, Ground, StateSymbol
+from uqmbd.mechanism.bodies import (
+    Body,
+    BodyTerms,
+    Ground,
+    MassProperties,
+    StateSymbol,
+    is_tensor_of_body,
+    random_body_inertia,
+    random_inertia,
+)
 from uqmbd.mechanism.components import (
     BEGUN,
     AngleSymbol,
@@ -32,6 +41,7 @@ from uqmbd.mechanism.components import (
     told_by,
 )
 from uqmbd.mechanism.controller import Controller, HeldStates, HeldSymbol
+from uqmbd.mechanism.declared import Output, Requirement, StartCondition, mode_shape, time_derivative
 from uqmbd.mechanism.expressions import (
     LARGEST,
     LOOKED_UP,
@@ -101,14 +111,8 @@ from uqmbd.mechanism.imported import (
     from_mjcf,
     from_urdf,
 )
-from uqmbd.mechanism.inertia import is_tensor_of_body
-from uqmbd.mechanism.inertia_ensemble import MassProperties, random_body_inertia, random_inertia
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.mechanism.output import Output
-from uqmbd.mechanism.rates import mode_shape, time_derivative
-from uqmbd.mechanism.requirement import Requirement
 from uqmbd.mechanism.skeleton import skeleton
-from uqmbd.mechanism.start import StartCondition
 from uqmbd.mechanism.unit_findings import unit_findings
 
 __all__ = [

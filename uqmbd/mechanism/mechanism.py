@@ -7,19 +7,27 @@ from typing import Any, TypeVar
 
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, Ground
+from uqmbd.mechanism.bodies import Body, Ground
 from uqmbd.mechanism.components import Component, settle
 from uqmbd.mechanism.controller import Controller
+from uqmbd.mechanism.declared import (
+    Output,
+    Requirement,
+    StartCondition,
+    output_of,
+    require_bodies,
+    require_component,
+    require_free,
+    require_holonomic,
+    require_known,
+    require_measured,
+    requirement_of,
+    start_condition,
+)
 from uqmbd.mechanism.expressions import is_scalar, random_variables, shown
 from uqmbd.mechanism.geometry import Space
-from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.new_body import new_body
-from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.randomise import randomise
-from uqmbd.mechanism.recorded import output_of
-from uqmbd.mechanism.requirement import Requirement, requirement_of
-from uqmbd.mechanism.scope import require_bodies, require_component, require_free, require_known, require_measured
-from uqmbd.mechanism.start import StartCondition, start_condition
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import JointInput, RandomVariable
 from uqmbd.typing import Quantity, Vector

@@ -8,11 +8,10 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, BodyTerms, Pose
+from uqmbd.mechanism.bodies import Body, BodyTerms, Pose, inertia_entries, mass_number, orientation
 from uqmbd.mechanism.components import settle
+from uqmbd.mechanism.declared import Described, require_known
 from uqmbd.mechanism.expressions import check_dimensions, numbers, shown
-from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
-from uqmbd.mechanism.scope import Described, require_known
 from uqmbd.units import without_quantities
 
 __all__ = ["new_body"]

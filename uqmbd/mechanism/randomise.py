@@ -14,8 +14,8 @@ import sympy
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components import Component, range_text, settle, stated_in_bodies
+from uqmbd.mechanism.declared import Described
 from uqmbd.mechanism.expressions import shown
-from uqmbd.mechanism.scope import Described
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable, adopted, distribution_about, is_distribution, strays
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.bodies import Body, StateSymbol
 from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import t
 from uqmbd.mechanism.mechanism import Mechanism

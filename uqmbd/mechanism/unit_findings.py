@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from uqmbd.mechanism.declared import unseen_numbers
 from uqmbd.mechanism.expressions import findings, flatten
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.mechanism.scope import unseen_numbers
 from uqmbd.units import spelling
 
 __all__ = ["unit_findings"]

@@ -7,7 +7,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.bodies import Body, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol
 from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, At, Part, shape_of_mode, shown, t
 from uqmbd.names import checked

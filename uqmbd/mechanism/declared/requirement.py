@@ -8,6 +8,9 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.declared.output import Output
+from uqmbd.mechanism.declared.recorded import recorded
+from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import (
     EventTime,
     FirstTime,
@@ -21,9 +24,6 @@ from uqmbd.mechanism.expressions import (
     random_variables,
     shown,
 )
-from uqmbd.mechanism.output import Output
-from uqmbd.mechanism.recorded import recorded
-from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 from uqmbd.names import ANY, check_name
 
 __all__ = ["Requirement", "requirement_of"]

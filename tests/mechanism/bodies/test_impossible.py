@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.mechanism.inertia import is_tensor_of_body
+from uqmbd.mechanism.bodies.inertia import is_tensor_of_body
 from uqmbd_contact import ClearanceJoint, PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import DistanceDriver, PositionDriver
 from uqmbd_joints import Distance, Revolute, RevoluteSpherical

@@ -11,9 +11,9 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.bodies.inertia import inertia_entries, mass_number
 from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.mechanism.geometry import Planar, Spatial
-from uqmbd.mechanism.inertia import inertia_entries, mass_number
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import random_factor, random_root
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.bodies import Body, StateSymbol
 from uqmbd.mechanism.components import Component, Constraint, Local, Potential, flatten
 from uqmbd.mechanism.expressions import t
 from uqmbd.mechanism.geometry import Frame, Space

@@ -9,10 +9,10 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.declared.output import TURNS, Output
+from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import check_dimensions, check_scalar, flatten, is_scalar, numbers, shown
 from uqmbd.mechanism.geometry import Frame
-from uqmbd.mechanism.output import TURNS, Output
-from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 from uqmbd.names import check_name, check_units, did_you_mean
 
 __all__ = ["output_of", "recorded"]

@@ -8,12 +8,12 @@ from typing import Any, Literal, Protocol
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, Ground, StateSymbol
+from uqmbd.mechanism.bodies import Body, Ground, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol, unseen_in
 from uqmbd.mechanism.controller import Controller, HeldSymbol
+from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
-from uqmbd.mechanism.output import Output
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension
 

@@ -8,12 +8,12 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import StateSymbol
+from uqmbd.mechanism.bodies import StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
+from uqmbd.mechanism.declared.holonomic import RATES
+from uqmbd.mechanism.declared.recorded import recorded
+from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown, units_of
-from uqmbd.mechanism.holonomic import RATES
-from uqmbd.mechanism.recorded import recorded
-from uqmbd.mechanism.scope import Described, require_known, unseen_numbers
 from uqmbd.units import without_quantities
 
 __all__ = ["StartCondition", "start_condition"]

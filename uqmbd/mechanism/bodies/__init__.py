@@ -1,0 +1,22 @@
+"""Bodies and the ground, and their inertia: given, checked, or random."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.bodies.body import Body, BodyTerms, Ground, Pose, StateSymbol
+from uqmbd.mechanism.bodies.inertia import inertia_entries, is_tensor_of_body, mass_number, orientation
+from uqmbd.mechanism.bodies.inertia_ensemble import MassProperties, random_body_inertia, random_inertia
+
+__all__ = [
+    "Body",
+    "BodyTerms",
+    "Ground",
+    "MassProperties",
+    "Pose",
+    "StateSymbol",
+    "inertia_entries",
+    "is_tensor_of_body",
+    "mass_number",
+    "orientation",
+    "random_body_inertia",
+    "random_inertia",
+]
