@@ -119,7 +119,7 @@ class Unmade:
 @pytest.fixture
 def cli(command_line, monkeypatch):
     """Run the command line in an empty folder with fakes for what takes long."""
-    monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
+    monkeypatch.setattr("uqmbd.propagation.studies.script.Study", FakeStudy)
     monkeypatch.setattr(plugins.registry, "registered", lambda: plugins.load([]))
     monkeypatch.setattr(plugins.registry, "registered_commands", lambda: plugins.load([], group="uqmbd.commands"))
     monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])

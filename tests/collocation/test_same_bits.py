@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from uqmbd.errors import StudyWarning
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 from uqmbd_collocation import Collocation
 
 STUDY = """
@@ -35,7 +35,7 @@ KILLED = """
 import os, signal, sys
 from concurrent.futures import Executor, Future
 from pathlib import Path
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 
 class Deadly(Executor):
     left = int(sys.argv[3])

@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_drivers import RotationDriver

@@ -26,9 +26,6 @@ from uqmbd.propagation.chaos import (
     varying,
     watched_angles,
 )
-from uqmbd.propagation.deterministic import input_point, simulate
-from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
-from uqmbd.propagation.estimate import Estimate, Sizing, readable
 from uqmbd.propagation.execution import (
     History,
     Margins,
@@ -37,14 +34,13 @@ from uqmbd.propagation.execution import (
     pool,
     set_aside,
 )
+from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
 from uqmbd.propagation.observed_model import observed_model, stepped
-from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
-from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.reduction import Reduced, Reductions
-from uqmbd.propagation.script import load_study
-from uqmbd.propagation.study import Study
+from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
+from uqmbd.propagation.studies import Study, load_study
 
 __all__ = [
     "Bounds",

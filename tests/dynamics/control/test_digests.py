@@ -13,7 +13,7 @@ import pytest
 
 import uqmbd
 from uqmbd.dynamics.control.shipping import Shipped
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import PointForce

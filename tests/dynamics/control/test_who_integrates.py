@@ -11,7 +11,7 @@ import pytest
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 from uqmbd.testing import check_integrator
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact

@@ -112,7 +112,7 @@ def test_functions_of_numpy_name_those_of_sympy(make, word):
 
 @pytest.mark.parametrize("text", ["np.sin(2 * uqmbd.t)", "math.sin(uqmbd.t)"])
 def test_a_script_that_gives_an_expression_to_a_function_of_numbers_is_told_of_sympy(tmp_path, text):
-    from uqmbd.propagation.script import load_study
+    from uqmbd.propagation.studies.script import load_study
 
     script = tmp_path / "expression_study.py"
     script.write_text(f"import math\nimport numpy as np, uqmbd\nstudy = {text}\n")

@@ -17,7 +17,7 @@ import sympy
 import uqmbd
 from uqmbd.propagation.budget import Amount, Terms
 from uqmbd.propagation.execution import Crew
-from uqmbd.propagation.run_methods import run_methods
+from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin

@@ -18,7 +18,7 @@ import uqmbd
 from uqmbd.propagation.budget import Amount, Terms
 from uqmbd.propagation.budget.sized import Sized
 from uqmbd.propagation.execution import Crew
-from uqmbd.propagation.run_methods import run_methods
+from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import SampleStore
 from uqmbd_montecarlo import MonteCarlo
 

@@ -37,7 +37,7 @@ RUNNER = """
 import sys
 from pathlib import Path
 
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 from uqmbd.results import save
 
 if __name__ == "__main__":

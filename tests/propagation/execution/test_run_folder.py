@@ -93,7 +93,7 @@ def test_second_run_into_a_folder_is_refused_until_the_first_ends_however(
 
 @pytest.mark.thorough
 def test_study_in_python_is_refused_as_well(tmp_path: Path, holder: subprocess.Popen[str]) -> None:
-    from uqmbd.propagation.script import load_study
+    from uqmbd.propagation.studies.script import load_study
 
     stale = tmp_path / "out" / "unfinished" / "method" / "chunk.npz"
     stale.parent.mkdir(parents=True)

@@ -21,10 +21,7 @@ from uqmbd.propagation.budget.reach import BudgetTooSmallError, out_of_reach
 from uqmbd.propagation.budget.sized import Left, Sized, Stage
 from uqmbd.propagation.budget.timing import first_problem
 from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger
-from uqmbd.propagation.obstacle import obstacle_of
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods import Propagator, Studied, obstacle_of, run_method
 from uqmbd.wording import format_duration, format_percent
 
 if TYPE_CHECKING:

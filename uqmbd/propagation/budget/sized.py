@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.propagation.estimate import Sizing
-from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.methods import Propagator, Sizing
 
 if TYPE_CHECKING:
     import xarray as xr

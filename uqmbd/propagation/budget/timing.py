@@ -12,10 +12,8 @@ import numpy as np
 
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation.budget.sized import TOGETHER
+from uqmbd.propagation.methods import Propagator, Studied, run_method
 from uqmbd.propagation.problem import Problem
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.studied import Studied
 
 __all__ = ["Timing", "first_problem", "timing_of"]
 

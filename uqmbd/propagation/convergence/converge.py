@@ -17,9 +17,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.convergence.reference import reference_node
 from uqmbd.propagation.execution import Crew
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods import Propagator, Studied, run_method
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.converge import check_convergence, converge
 from uqmbd.propagation.execution import FOLDER, Crew
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods import Studied
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,9 +10,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.progress import Progress
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods import Propagator, Studied, run_method
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -20,7 +20,7 @@ import uqmbd
 from uqmbd.results import load, propagator_nodes, save, validate
 from uqmbd_montecarlo import MonteCarlo
 
-from .conftest import oscillator
+from ..conftest import oscillator
 
 TIMES = np.linspace(0, 0.1, 3)
 GOOD = MonteCarlo(samples=4, seed=1, label="good")

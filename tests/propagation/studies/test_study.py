@@ -20,7 +20,7 @@ import uqmbd
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.replicates import uniform_samples
 
-from .conftest import fragile, oscillator
+from ..conftest import fragile, oscillator
 
 TIMES = np.linspace(0, 0.5, 6)
 

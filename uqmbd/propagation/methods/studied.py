@@ -10,8 +10,8 @@ from typing import Any, Protocol, Self
 from uqmbd.dynamics import Model
 from uqmbd.mechanism import Mechanism
 from uqmbd.progress import Progress
+from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.problem import Problem
-from uqmbd.propagation.propagator import Propagator
 from uqmbd.typing import Array
 
 __all__ = ["Studied"]

@@ -10,7 +10,7 @@ import textwrap
 import pytest
 
 import uqmbd
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation.studies.script import load_study
 
 
 class FakeStudy:
@@ -25,7 +25,7 @@ class FakeStudy:
 def fake_study(monkeypatch):
     """Take any `FakeStudy` for a study, and forget modules and folders of scripts after the test."""
     monkeypatch.setattr(uqmbd, "Study", FakeStudy, raising=False)
-    monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
+    monkeypatch.setattr("uqmbd.propagation.studies.script.Study", FakeStudy)
     monkeypatch.setattr(sys, "path", list(sys.path))
     before = set(sys.modules)
     yield

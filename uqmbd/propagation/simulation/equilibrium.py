@@ -9,8 +9,8 @@ import numpy as np
 
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
-from uqmbd.propagation.deterministic import input_point, variables_of
 from uqmbd.propagation.observed_model import observed_model
+from uqmbd.propagation.simulation.deterministic import input_point, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr

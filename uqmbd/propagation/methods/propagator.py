@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.estimate import Estimate, Sizing
+    from uqmbd.propagation.methods.estimate import Estimate, Sizing
     from uqmbd.propagation.problem import Problem
 
 __all__ = ["Propagator"]

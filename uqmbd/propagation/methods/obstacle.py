@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.estimate import readable
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods.estimate import readable
+from uqmbd.propagation.methods.propagator import Propagator
+from uqmbd.propagation.methods.studied import Studied
 
 __all__ = ["obstacle_of"]
 

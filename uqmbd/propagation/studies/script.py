@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.study import Study
+from uqmbd.propagation.studies.study import Study
 
 __all__ = ["load_study"]
 

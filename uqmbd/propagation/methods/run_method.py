@@ -22,8 +22,8 @@ from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
+from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.problem import Problem
-from uqmbd.propagation.propagator import Propagator
 from uqmbd.results import (
     InputInfo,
     Labels,

@@ -14,12 +14,8 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
-from uqmbd.propagation.estimate import Estimate
 from uqmbd.propagation.execution import Crew, study_digest, tell_resumed
-from uqmbd.propagation.obstacle import obstacle_of
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.studied import Studied
+from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -63,7 +63,7 @@ def test_arguments_that_cannot_be_used(swing, arguments, words):
 
 
 def test_mechanism_that_cannot_be_assembled_names_the_joint():
-    from .conftest import fragile
+    from ..conftest import fragile
 
     mechanism = fragile(highest=1.5)
     with pytest.raises(uqmbd.AssemblyError, match="left|right"):

@@ -21,6 +21,7 @@ from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.existence import existence_of
+from uqmbd.propagation.methods import Propagator, run_method
 from uqmbd.propagation.observed_model import (
     mechanism_attributes,
     notices_attribute,
@@ -39,9 +40,7 @@ from uqmbd.propagation.options import (
     check_still,
     check_times,
 )
-from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.run_method import run_method
-from uqmbd.propagation.run_methods import joined, run_methods
+from uqmbd.propagation.studies.run_methods import joined, run_methods
 
 if TYPE_CHECKING:
     import xarray as xr

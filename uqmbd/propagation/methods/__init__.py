@@ -1,0 +1,19 @@
+"""Methods: what one is, what it would take, what keeps it from a study, and how it runs."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.methods.estimate import Estimate, Sizing, readable
+from uqmbd.propagation.methods.obstacle import obstacle_of
+from uqmbd.propagation.methods.propagator import Propagator
+from uqmbd.propagation.methods.run_method import run_method
+from uqmbd.propagation.methods.studied import Studied
+
+__all__ = [
+    "Estimate",
+    "Propagator",
+    "Sizing",
+    "Studied",
+    "obstacle_of",
+    "readable",
+    "run_method",
+]

@@ -1,0 +1,11 @@
+"""Studies: a mechanism, times and methods; how they are read from scripts, and how their methods run."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.studies.script import load_study
+from uqmbd.propagation.studies.study import Study
+
+__all__ = [
+    "Study",
+    "load_study",
+]
