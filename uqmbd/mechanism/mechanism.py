@@ -8,17 +8,14 @@ from typing import Any, TypeVar
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground
-from uqmbd.mechanism.components import Component, settle
+from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.controller import Controller
 from uqmbd.mechanism.declared import (
     Output,
     Requirement,
     StartCondition,
     output_of,
-    require_bodies,
-    require_component,
     require_free,
-    require_holonomic,
     require_known,
     require_measured,
     requirement_of,
@@ -27,6 +24,7 @@ from uqmbd.mechanism.declared import (
 from uqmbd.mechanism.expressions import is_scalar, random_variables, shown
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.new_body import new_body
+from uqmbd.mechanism.new_component import new_component
 from uqmbd.mechanism.randomise import randomise
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import JointInput, RandomVariable
@@ -164,21 +162,7 @@ class Mechanism:
         if isinstance(given, Controller):
             self._control(given)
             return component
-        part = require_component(self, given)
-        for body in part.attached.values():
-            getattr(body, "drafts", {}).pop(part.name, None)
-        where = f"{type(part).__name__} {part.name!r}"
-        if self.components.get(part.name) is part:
-            raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")
-        require_free(self, part.name, where)
-        left_out = [role for role in part.grounded if part.attached[role] is None]
-        part.attached.update(dict.fromkeys(left_out, self.ground))
-        require_bodies(self, where, part)
-        for key, value in settle(where, part, self.space).items():
-            declared = part.parameters().get(key)
-            if declared is None or declared.kind != "option":
-                require_known(self, f"{where}: {key}", value, "law")
-        require_holonomic(where, part, self.space)
+        part = new_component(self, given)
         self.components[part.name] = part
         return component
 

@@ -9,8 +9,6 @@ from uqmbd.mechanism.declared.recorded import output_of
 from uqmbd.mechanism.declared.requirement import Requirement, requirement_of
 from uqmbd.mechanism.declared.scope import (
     Described,
-    require_bodies,
-    require_component,
     require_free,
     require_known,
     require_measured,
@@ -25,8 +23,6 @@ __all__ = [
     "StartCondition",
     "mode_shape",
     "output_of",
-    "require_bodies",
-    "require_component",
     "require_free",
     "require_holonomic",
     "require_known",

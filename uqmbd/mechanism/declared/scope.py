@@ -12,7 +12,7 @@ from uqmbd.mechanism.bodies import Body, Ground, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol, unseen_in
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
-from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
+from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension
@@ -20,8 +20,6 @@ from uqmbd.units import Dimension
 __all__ = [
     "Described",
     "Scope",
-    "require_bodies",
-    "require_component",
     "require_free",
     "require_known",
     "require_measured",
@@ -109,27 +107,6 @@ def unseen_numbers(mechanism: Described) -> Callable[[], set[Dimension]]:
     return unseen_in([*(body.terms for body in mechanism.bodies.values()), *mechanism.components.values()])
 
 
-def require_component(mechanism: Described, given: Any) -> Component:
-    """Return what is to be added; raise unless it is a component that makes sense in the space of a mechanism."""
-    if isinstance(given, type) and issubclass(given, Component):
-        raise StudyError(
-            f"mechanism {mechanism.name!r}: add() was given the class {given.__name__}; "
-            f"give it an object, made as {given.__name__}{given.signature()}."
-        )
-    if not isinstance(given, Component):
-        raise StudyError(
-            f"mechanism {mechanism.name!r}: add() was given {shown(given)}; "
-            "expected a component such as a joint, a spring or a force."
-        )
-    if not isinstance(mechanism.space, given.spaces):
-        fitting = ", ".join(space.__name__ for space in given.spaces)
-        raise StudyError(
-            f"{type(given).__name__} {given.name!r}: it makes no sense in {type(mechanism.space).__name__} space, "
-            f"which mechanism {mechanism.name!r} is in; it works in: {fitting}."
-        )
-    return given
-
-
 def require_free(mechanism: Described, name: str, where: str) -> None:
     """Raise where bodies and components have a name already."""
     if name == "ground":
@@ -147,37 +124,6 @@ def require_measured(mechanism: Described, controller: Controller) -> None:
     for k, entry in enumerate(controller.measured):
         if not isinstance(entry, str):
             require_known(mechanism, f"{controller.where}: measured[{k}]", entry, "output")
-
-
-def require_bodies(mechanism: Described, where: str, component: Component) -> None:
-    """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
-    known = f"The bodies of {mechanism.name!r} are: {', '.join(['ground', *mechanism.bodies])}."
-    roles: dict[str, str] = {}
-    for role, body in component.attached.items():
-        if isinstance(body, Ground) and body is not mechanism.ground:
-            raise StudyError(
-                f"{where}: {role} is the ground of another mechanism; use the ground of {mechanism.name!r}."
-            )
-        if isinstance(body, Body) and mechanism.bodies.get(body.name) is not body:
-            raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
-        if not isinstance(body, (Body, Ground)):
-            raise StudyError(
-                f"{where}: {role} is {shown(body)}, which is no body; "
-                f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
-            )
-        if isinstance(body, Body) and body.name in roles:
-            raise StudyError(
-                f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
-                "it can act between two different bodies, or a body and the ground."
-            )
-        roles[body.name] = role
-    if component.attached and all(body is mechanism.ground for body in component.attached.values()):
-        named = " and ".join(component.attached)
-        verb = "is" if len(component.attached) == 1 else "are"
-        raise StudyError(
-            f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
-            f"at least one must be a body. {known}"
-        )
 
 
 def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:

@@ -1,0 +1,97 @@
+"""A component that is to be added to a mechanism, checked and settled there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.bodies import Body, Ground
+from uqmbd.mechanism.components import Component, settle
+from uqmbd.mechanism.declared import Described, require_free, require_holonomic, require_known
+from uqmbd.mechanism.expressions import shown
+
+__all__ = ["new_component"]
+
+
+def new_component(mechanism: Described, given: Any) -> Component:
+    """Return what was given as a component that fits a mechanism, which is not added to it yet.
+
+    Parameters
+    ----------
+    mechanism : Described
+        Whose space and bodies it is for; roles that were left out are of its ground.
+    given : Component
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no component of this space, its name is taken, a body is unknown, or a value does not fit.
+    """
+    part = _require_component(mechanism, given)
+    for body in part.attached.values():
+        getattr(body, "drafts", {}).pop(part.name, None)
+    where = f"{type(part).__name__} {part.name!r}"
+    if mechanism.components.get(part.name) is part:
+        raise StudyError(f"{where}: it has been added to mechanism {mechanism.name!r} already.")
+    require_free(mechanism, part.name, where)
+    left_out = [role for role in part.grounded if part.attached[role] is None]
+    part.attached.update(dict.fromkeys(left_out, mechanism.ground))
+    _require_bodies(mechanism, where, part)
+    for key, value in settle(where, part, mechanism.space).items():
+        declared = part.parameters().get(key)
+        if declared is None or declared.kind != "option":
+            require_known(mechanism, f"{where}: {key}", value, "law")
+    require_holonomic(where, part, mechanism.space)
+    return part
+
+
+def _require_component(mechanism: Described, given: Any) -> Component:
+    """Return what is to be added; raise unless it is a component that makes sense in the space of a mechanism."""
+    if isinstance(given, type) and issubclass(given, Component):
+        raise StudyError(
+            f"mechanism {mechanism.name!r}: add() was given the class {given.__name__}; "
+            f"give it an object, made as {given.__name__}{given.signature()}."
+        )
+    if not isinstance(given, Component):
+        raise StudyError(
+            f"mechanism {mechanism.name!r}: add() was given {shown(given)}; "
+            "expected a component such as a joint, a spring or a force."
+        )
+    if not isinstance(mechanism.space, given.spaces):
+        fitting = ", ".join(space.__name__ for space in given.spaces)
+        raise StudyError(
+            f"{type(given).__name__} {given.name!r}: it makes no sense in {type(mechanism.space).__name__} space, "
+            f"which mechanism {mechanism.name!r} is in; it works in: {fitting}."
+        )
+    return given
+
+
+def _require_bodies(mechanism: Described, where: str, component: Component) -> None:
+    """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
+    known = f"The bodies of {mechanism.name!r} are: {', '.join(['ground', *mechanism.bodies])}."
+    roles: dict[str, str] = {}
+    for role, body in component.attached.items():
+        if isinstance(body, Ground) and body is not mechanism.ground:
+            raise StudyError(
+                f"{where}: {role} is the ground of another mechanism; use the ground of {mechanism.name!r}."
+            )
+        if isinstance(body, Body) and mechanism.bodies.get(body.name) is not body:
+            raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
+        if not isinstance(body, (Body, Ground)):
+            raise StudyError(
+                f"{where}: {role} is {shown(body)}, which is no body; "
+                f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
+            )
+        if isinstance(body, Body) and body.name in roles:
+            raise StudyError(
+                f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
+                "it can act between two different bodies, or a body and the ground."
+            )
+        roles[body.name] = role
+    if component.attached and all(body is mechanism.ground for body in component.attached.values()):
+        named = " and ".join(component.attached)
+        verb = "is" if len(component.attached) == 1 else "are"
+        raise StudyError(
+            f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
+            f"at least one must be a body. {known}"
+        )
