@@ -11,6 +11,7 @@ import xarray as xr
 import uqmbd
 from uqmbd import display, report, results
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, TemplateSection
+from uqmbd.report.sections.section import environment
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +60,29 @@ class Heavy(Weight):
 
 def drawn(weight: Weight) -> str:
     return f"<b>{type(weight).__name__}</b>"
+
+
+def test_compiled_templates_are_kept_and_read_again(monkeypatch, tmp_path) -> None:
+    """Warm, the same HTML without a compilation; what is damaged is compiled again."""
+    from jinja2 import Environment
+
+    monkeypatch.setenv("UQMBD_CACHE", str(tmp_path / "kept"))
+    compiled: list[str] = []
+    compile_one = Environment.compile
+    monkeypatch.setattr(
+        Environment, "compile", lambda *given, **named: (compiled.append(given[2]), compile_one(*given, **named))[1]
+    )
+
+    def page() -> str:
+        environment.cache_clear()
+        return environment().get_template("colours.css.j2").render()
+
+    try:
+        cold = page()
+        assert compiled == ["colours.css.j2"]
+        assert page() == cold and compiled == ["colours.css.j2"]
+        (kept,) = (tmp_path / "kept").iterdir()
+        kept.write_bytes(kept.read_bytes()[:-1])
+        assert page() == cold and compiled == ["colours.css.j2"] * 2
+    finally:
+        environment.cache_clear()

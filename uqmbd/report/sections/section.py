@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import xarray as xr
 
+from uqmbd.compiled import Store, cache_folder
 from uqmbd.report.drawing import DARK_STYLE
 from uqmbd.report.view import StudyResult
 
@@ -60,13 +63,24 @@ class TemplateSection:
         return environment().get_template(f"{self.name}.html.j2").render(content, several=result.several)
 
 
+_SETTINGS = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+"""Of this module, which sets how templates are compiled."""
+
+
 @functools.cache
 def environment() -> Environment:
-    """Return what reads the templates: all that is not marked as HTML is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    """Return what reads the templates: all that is not marked as HTML is escaped.
 
+    Compiled templates are kept beside the compiled kernels, with the same checks: to compile them takes 2 % of a short
+    run.  Jinja compares the digest of a template's source with that of what is kept.
+    """
+    from jinja2 import Environment, MemcachedBytecodeCache, PackageLoader, StrictUndefined
+    from jinja2 import __version__ as version
+
+    kept = MemcachedBytecodeCache(_Kept(), prefix=f"template-{version}-{_SETTINGS}-")
     made = Environment(
         loader=PackageLoader(__package__),
+        bytecode_cache=kept,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -74,3 +88,15 @@ def environment() -> Environment:
     )
     made.globals["still_on_dark"] = DARK_STYLE
     return made
+
+
+class _Kept:
+    """The store of what is compiled, as Jinja asks for it."""
+
+    def get(self, key: str) -> bytes:
+        """Return what was kept by a key of Jinja; empty, which it takes for none, if nothing was."""
+        return Store(cache_folder()).get(key) or b""
+
+    def set(self, key: str, value: bytes, timeout: int | None = None) -> None:  # noqa: ARG002 - as Jinja calls it
+        """Keep it."""
+        Store(cache_folder()).put(key, value)

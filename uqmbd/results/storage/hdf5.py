@@ -98,8 +98,9 @@ def _remembering() -> Any:
             self._known = known
 
         def __delitem__(self, name: str) -> None:
+            gone = f"{self.name.rstrip('/')}/{name}"
             super().__delitem__(name)
-            self._known.clear()  # whatever was at or below it
+            _forget(self._known, gone)
 
     class RememberingFile(h5py.File):  # type: ignore[misc]  # h5py has no types
         def __init__(self, handle: Any) -> None:
@@ -117,9 +118,15 @@ def _remembering() -> Any:
 
         def __delitem__(self, name: str) -> None:
             super().__delitem__(name)
-            self._known.clear()
+            _forget(self._known, f"/{name.strip('/')}")
 
     return RememberingFile
+
+
+def _forget(known: dict[str, Any], gone: str) -> None:
+    """Forget what is known by this path from the root, and by the paths below it."""
+    for name in [name for name in known if f"/{name.strip('/')}/".startswith(f"{gone}/")]:
+        del known[name]
 
 
 class NetcdfFile:
