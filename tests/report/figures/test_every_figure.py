@@ -176,9 +176,9 @@ def clashing_texts(figure: Figure) -> list[tuple[str, str]]:
 
 def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     """The first impact of a ball from a uniform height: its mean is known, and so are its ends."""
-    from uqmbd.report.figures.event_times import events_of
+    from uqmbd.report.figures.event_times import earliest_events
 
-    first, *others = events_of(tree["event-aligned"])
+    first, *others = earliest_events(tree["event-aligned"])
     low, high = (np.sqrt(2 * h / G) for h in (0.9, 1.1))
     mean = np.sqrt(2 / G) * (1.1**1.5 - 0.9**1.5) / (1.5 * 0.2)
     assert first.number == 1 and first.share == 1.0

@@ -16,12 +16,19 @@ from uqmbd.report.figures.decay import (
     stated_errors,
     verification,
 )
+from uqmbd.report.figures.density import Curve as DensityCurve
 from uqmbd.report.figures.density import Densities, densities
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of, sampling_errors
 from uqmbd.report.figures.distributions import FAILED_INPUTS, histograms, input_densities, inputs, output_densities
-from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
+from uqmbd.report.figures.elements import (
+    SplitElements,
+    elements_in_words,
+    has_elements,
+    split_elements,
+    split_pattern,
+)
 from uqmbd.report.figures.error_cost import MARKS, error_cost, errors_of, own_error
-from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
+from uqmbd.report.figures.event_times import earliest_events, event_times, events_in_words, has_events
 from uqmbd.report.figures.failures import (
     ENOUGH,
     Reason,
@@ -32,7 +39,7 @@ from uqmbd.report.figures.failures import (
 )
 from uqmbd.report.figures.over_output import Paths, bands_over, is_function, over_output, paths_over
 from uqmbd.report.figures.over_time import band_edges, bands, std_over_time, time_history_histogram
-from uqmbd.report.figures.requirements import changing_with_time, violated_by
+from uqmbd.report.figures.requirements import MOST_REQUIREMENTS, changing_with_time, violated_by
 from uqmbd.report.figures.sample_convergence import ESTIMATED, Settling, convergence, design_of, settling
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, of_output, runs_of, thinned
 from uqmbd.report.figures.sobol import (
@@ -56,7 +63,7 @@ from uqmbd.report.figures.surrogates import (
     surrogate_of,
     varies_over_time,
 )
-from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
+from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities, scalar_panels
 
 __all__ = [
     "paths_over",
@@ -69,18 +76,21 @@ __all__ = [
     "Band",
     "Curve",
     "Densities",
+    "DensityCurve",
     "ENOUGH",
     "ESTIMATED",
     "FAILED_INPUTS",
     "Indices",
     "LARGEST",
     "LIMIT",
+    "MOST_REQUIREMENTS",
     "MOST_SCALARS",
     "OF_GERMS",
     "Reason",
     "Results",
     "Samples",
     "Settling",
+    "SplitElements",
     "StatedErrors",
     "automatic_times",
     "band_edges",
@@ -95,6 +105,7 @@ __all__ = [
     "densities",
     "design_of",
     "differences",
+    "earliest_events",
     "elements_in_words",
     "error_cost",
     "event_times",
@@ -123,11 +134,13 @@ __all__ = [
     "runs_of",
     "sampling_errors",
     "scalar_densities",
+    "scalar_panels",
     "series",
     "settling",
     "shown_inputs",
     "shown_methods",
     "sobol_indices",
+    "split_elements",
     "split_pattern",
     "stated_error_of",
     "stated_errors",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,11 +30,14 @@ class Band:
         What lies in it, such as ``95 % of realisations``.
     low, high : array_like, shape (T,)
         Its ends, in the units of the chart; NaN: unknown then.
+    bars : bool
+        Whether it is a range at each place, drawn as a bar, and not an area.
     """
 
     name: str
     low: ArrayLike
     high: ArrayLike
+    bars: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,8 @@ class Curve:
 
     def at(self, places: NDArray[np.intp]) -> Curve:
         """Return the curve at some of its times only."""
-        bands = tuple(Band(b.name, np.asarray(b.low)[places], np.asarray(b.high)[places]) for b in self.bands)
-        return Curve(self.name, np.asarray(self.values)[places], bands, self.quantity)
+        bands = tuple(replace(b, low=np.asarray(b.low)[places], high=np.asarray(b.high)[places]) for b in self.bands)
+        return replace(self, values=np.asarray(self.values)[places], bands=bands)
 
 
 def checked(name: str, times: ArrayLike, given: Sequence[Curve]) -> tuple[_Array, list[Curve]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,8 +15,10 @@ from uqmbd.typing import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["elements_in_words", "has_elements", "split_pattern"]
+__all__ = ["SplitElements", "elements_in_words", "has_elements", "split_elements", "split_pattern"]
 
+
+PROBABILITY = "probability"
 
 _BEYOND = 0.001
 """Probability of what lies beyond the frame at an end that is infinite."""
@@ -67,28 +69,76 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
         raise StudyError("None of these results has elements; use elements='adaptive' with collocation or Galerkin.")
+    found = split_elements(node, output)
+    figure, axes = single_axes(3.6)
+    if found.up is None:
+        _bars(axes, *found.across, found.value, found.what)
+    else:
+        _boxes(figure, axes, (*found.across, *found.up), found.value, found.what)
+        axes.set_ylabel(wrapped(with_units(*found.names[1]), 34))
+    axes.set_xlabel(wrapped(with_units(*found.names[0]), 60))
+    arrange(figure, [axes], right=0.18 if found.up is None else 1.05, heights=(2.6,))
+    return figure
+
+
+class SplitElements(NamedTuple):
+    """The elements of a method in the plane of the inputs that were split most, or along the only one.
+
+    Attributes
+    ----------
+    names : list of tuple of str
+        Name and units of the inputs: first that along the axis.
+    across : tuple of array, shape (E,)
+        Lower and upper ends of the elements.
+    up : tuple of array, shape (E,), optional
+        The same in the other input; None where one alone was split.
+    value : array, shape (E,)
+        The stated error of each element, over the standard deviation, at its largest; or its probability.
+    what : str
+        Which of the two it is.
+    probability : array, shape (E,)
+    """
+
+    names: list[tuple[str, str]]
+    across: tuple[Array, Array]
+    up: tuple[Array, Array] | None
+    value: Array
+    what: str
+    probability: Array
+
+    @property
+    def stated(self) -> bool:
+        """Whether the values are errors."""
+        return self.what != PROBABILITY
+
+
+def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElements:
+    """Return what `split_pattern` draws.
+
+    Raises
+    ------
+    StudyError
+        If no such output exists.
+    """
     data = node.children["chaos"].to_dataset()
     if output is not None:
         of_output(data, output)
     lower, upper = data["lower"].values, data["upper"].values
-    colour, what = _colour(data, output)
+    value, what = _colour(data, output)
     counts = _cuts(lower, upper)
     ranked = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
+    chosen = ranked[: 2 if len(ranked) > 1 and counts[ranked[1]] else 1]
     names = [str(n) for n in data["germ"].values]
     units = dict(zip(map(str, data["input"].values), map(str, data["input_units"].values), strict=True))
-    across = ranked[0]
-    up = ranked[1] if len(ranked) > 1 and counts[ranked[1]] else None
-    figure, axes = single_axes(3.6)
-    x0, x1 = _frame(data, across, lower, upper)
-    if up is None:
-        _bars(axes, x0, x1, colour, what)
-    else:
-        y0, y1 = _frame(data, up, lower, upper)
-        _boxes(figure, axes, (x0, x1, y0, y1), colour, what)
-        axes.set_ylabel(wrapped(with_units(names[up], units.get(names[up], "")), 34))
-    axes.set_xlabel(wrapped(with_units(names[across], units.get(names[across], "")), 60))
-    arrange(figure, [axes], right=0.18 if up is None else 1.05, heights=(2.6,))
-    return figure
+    across, *rest = (_frame(data, germ, lower, upper) for germ in chosen)
+    return SplitElements(
+        [(names[k], units.get(names[k], "")) for k in chosen],
+        across,
+        rest[0] if rest else None,
+        value,
+        what,
+        np.asarray(data["probability"].values, dtype=float),
+    )
 
 
 def elements_in_words(node: xr.DataTree) -> str:
@@ -118,7 +168,7 @@ def _cuts(lower: Array, upper: Array) -> list[int]:
 def _colour(data: xr.Dataset, output: str | None) -> tuple[Array, str]:
     """Return what colours each element, shape (E,), and its name."""
     if "verification_error" not in data:
-        return np.asarray(data["probability"].values, dtype=float), "probability"
+        return np.asarray(data["probability"].values, dtype=float), PROBABILITY
     error = data["verification_error"]
     if output is not None:
         error = error.isel(output=[str(name) for name in data["output"].values].index(output))
@@ -157,11 +207,11 @@ def _bars(axes: Any, x0: Array, x1: Array, height: Array, what: str) -> None:
     positive = height[height > 0]
     # errors of rounding need no room
     low = max(0.5 * float(positive.min()), 1e-4 * float(positive.max())) if positive.size else 0.0
-    shown = np.maximum(height, low) if what != "probability" else height
+    shown = np.maximum(height, low) if what != PROBABILITY else height
     axes.bar(x0[order], shown[order], x1[order] - x0[order], align="edge", color="#9CC5E3", edgecolor="#0B3C5D", lw=0.8)
     axes.set_xlim(x0.min(), x1.max())
-    axes.set_ylabel("error in the element / std" if what != "probability" else what)
-    if what != "probability" and positive.size:
+    axes.set_ylabel("error in the element / std" if what != PROBABILITY else what)
+    if what != PROBABILITY and positive.size:
         log_axis(axes, "y", low, 1.5 * float(height.max()), percent=True)
 
 

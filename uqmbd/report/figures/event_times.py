@@ -21,7 +21,7 @@ from uqmbd.wording import format_quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["EventTime", "event_times", "events_in_words", "events_of", "has_events"]
+__all__ = ["EventTime", "earliest_events", "event_times", "events_in_words", "has_events"]
 
 MOST = 8
 """Events that are drawn, the earliest."""
@@ -48,6 +48,12 @@ class EventTime:
     times: NDArray[np.float64]
     share: float
 
+    @property
+    def title(self) -> str:
+        """What it is called, and in how many realisations it happens if not in all."""
+        share = "" if self.share > 0.9995 else f" ({100 * self.share:.2g} % reach it)"
+        return f"{self.name}, no. {self.number}{share}"
+
 
 def has_events(node: xr.DataTree) -> bool:
     """Tell whether a method followed events, and there were any."""
@@ -60,8 +66,8 @@ def _followed(node: xr.DataTree) -> list[xr.DataTree]:
     return [data for data in found if bool(np.any(data.to_dataset()["event"].values != ""))]
 
 
-def events_of(node: xr.DataTree) -> list[EventTime]:
-    """Return the events that some realisation reaches before the end of the study, the earliest first."""
+def earliest_events(node: xr.DataTree) -> list[EventTime]:
+    """Return the first eight events that some realisation reaches before the end of the study, the earliest first."""
     from uqmbd.randomness import located
     from uqmbd.results.chaos import random_germs
 
@@ -85,7 +91,7 @@ def events_of(node: xr.DataTree) -> list[EventTime]:
         share = len(times) / len(germs)
         if share > 0:
             events.append(EventTime(name, number, times, share))
-    return sorted(events, key=lambda event: float(np.median(event.times)))
+    return sorted(events, key=lambda event: float(np.median(event.times)))[:MOST]
 
 
 def event_times(results: Results) -> Figure:
@@ -114,12 +120,12 @@ def event_times(results: Results) -> Figure:
     uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
     """
     node = next((n for n in nodes_of(results).values() if has_events(n)), None)
-    events = [] if node is None else events_of(node)[:MOST]
+    events = [] if node is None else earliest_events(node)
     if not events:
         raise StudyError("None of these results follows events; use Collocation(alignment='events').")
     figure, grid = axes_grid(len(events), 1.5)
     for place, (axes, event) in enumerate(zip(grid, events, strict=True)):
-        axes.set_title(_title(event), fontsize=9.5, y=1.0, loc="right")
+        axes.set_title(event.title.replace("$", r"\$"), fontsize=9.5, y=1.0, loc="right")
         draw_densities(axes, event.times, [Curve(event.times)])
         few_ticks(axes)
         axes.set_ylabel(density_label("s") if place % 2 == 0 else "")
@@ -132,12 +138,6 @@ def event_times(results: Results) -> Figure:
 def events_in_words(node: xr.DataTree) -> str:
     """Say when each event happens until the end: mean and standard deviation of its time, in how many realisations."""
     parts = []
-    for event in events_of(node)[:MOST]:
-        parts.append(f"{_title(event)} at {format_quantity(float(event.times.mean()), 's', float(event.times.std()))}")
+    for event in earliest_events(node):
+        parts.append(f"{event.title} at {format_quantity(float(event.times.mean()), 's', float(event.times.std()))}")
     return f"{'; '.join(parts)} (mean ± standard deviation)."
-
-
-def _title(event: EventTime) -> str:
-    name = event.name.replace("$", r"\$")
-    share = "" if event.share > 0.9995 else f" ({100 * event.share:.2g} % reach it)"
-    return f"{name}, no. {event.number}{share}"

@@ -99,7 +99,9 @@ def bands(
             if thin:
                 handles["single realisations"] = thin[0]
         curve = Curve(
-            label, mean, tuple(Band(name, *edge) for name, edge in ((wide_name, wide), ("50 %", narrow)) if edge)
+            label,
+            mean,
+            tuple(Band(name, edge[0], edge[1]) for name, edge in ((wide_name, wide), ("50 %", narrow)) if edge),
         )
         drawn, areas = draw_curve(axes, times, curve, k, len(nodes))
         if k == 0:

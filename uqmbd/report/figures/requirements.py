@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["changing_with_time", "violated_by"]
+__all__ = ["MOST_REQUIREMENTS", "changing_with_time", "violated_by"]
 
-MOST = 12
+MOST_REQUIREMENTS = 12
 """Requirements that are drawn."""
 
 
@@ -60,7 +60,9 @@ def violated_by(results: Results) -> Figure:
 
     nodes = nodes_of(results)
     found = {k: n.children["requirements"].to_dataset() for k, n in nodes.items() if "requirements" in n.children}
-    names = list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[:MOST]
+    names = list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[
+        :MOST_REQUIREMENTS
+    ]
     if not names:
         raise StudyError("There are no requirements whose probability of being violated grows with time.")
     figure, grid = axes_grid(len(names), 1.75)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +28,54 @@ from uqmbd.status import Status
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["MOST_SCALARS", "scalar_densities"]
+__all__ = ["MOST_SCALARS", "ScalarPanel", "scalar_densities", "scalar_panels"]
 
 MOST_SCALARS = 12
 """Outputs whose densities are drawn."""
 
 METHODS = 6
 """Most methods whose densities are drawn in one figure."""
+
+
+class ScalarPanel(NamedTuple):
+    """How an output without a time is distributed.
+
+    Attributes
+    ----------
+    name, units : str
+    bars : array, shape (S,), optional
+        Samples whose histogram is drawn: of the first method with any.
+    barred : str
+        The label of that method; empty without one.
+    curves : list of Curve
+    """
+
+    name: str
+    units: str
+    bars: NDArray[np.float64] | None
+    barred: str
+    curves: list[Curve]
+
+
+def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | None:
+    """Return the methods, which have the styles 0, 1, ..., and the outputs without a time; None if nothing is known."""
+    inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
+    units = {name: method.units(name) for method in inner.values() for name in method.names}
+    names = list(dict.fromkeys(name for method in inner.values() for name in method.names))[:MOST_SCALARS]
+    responses = {label: found for label, method in inner.items() if (found := _responses(method))}
+    responses = dict(list(responses.items())[:METHODS])
+    if not names or not responses:
+        return None
+    barred = next((label for label in responses if inner[label].samples is not None), "")
+    panels = []
+    for name in names:
+        curves = [
+            Curve(values[name], method, _error(inner[label], name) <= COARSE)
+            for method, (label, values) in enumerate(responses.items())
+            if name in values
+        ]
+        panels.append(ScalarPanel(name, units[name], responses[barred].get(name) if barred else None, barred, curves))
+    return list(responses), panels
 
 
 def scalar_densities(results: Results) -> Figure:
@@ -71,33 +112,21 @@ def scalar_densities(results: Results) -> Figure:
     """
     from matplotlib.lines import Line2D
 
-    inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
-    units = {name: method.units(name) for method in inner.values() for name in method.names}
-    names = list(dict.fromkeys(name for method in inner.values() for name in method.names))[:MOST_SCALARS]
-    responses = {label: found for label, method in inner.items() if (found := _responses(method))}
-    responses = dict(list(responses.items())[:METHODS])
-    if not names or not responses:
+    found = scalar_panels(results)
+    if found is None:
         raise StudyError("There are no samples of outputs without a time, and no chaos of them.")
-    barred = next((label for label in responses if inner[label].samples is not None), None)
-    figure, grid = axes_grid(len(names), 1.75)
-    for axes, name in zip(grid, names, strict=True):
-        bars = None if barred is None else responses[barred].get(name)
-        curves = [
-            Curve(values[name], method, _error(inner[label], name) <= COARSE)
-            for method, (label, values) in enumerate(responses.items())
-            if name in values
-        ]
-        draw_densities(axes, bars, curves)
+    labels, panels = found
+    figure, grid = axes_grid(len(panels), 1.75)
+    for axes, one in zip(grid, panels, strict=True):
+        draw_densities(axes, one.bars, one.curves)
         few_ticks(axes)
-        axes.set_ylabel(density_label(units.get(name, "")))
-        axes.set_xlabel(wrapped(with_units(name, units.get(name, "")), 24))
+        axes.set_ylabel(density_label(one.units))
+        axes.set_xlabel(wrapped(with_units(one.name, one.units), 24))
     handles: dict[str, Any] = {}
-    if len(responses) > 1:
-        styles = [style(k) for k in range(len(responses))]
-        handles = {
-            name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(responses, styles, strict=True)
-        }
-    arrange(figure, grid, min(2, len(names)), legend=handles, heights=[PANEL] * -(-len(names) // 2))
+    if len(labels) > 1:
+        styles = [style(k) for k in range(len(labels))]
+        handles = {name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(labels, styles, strict=True)}
+    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
     return figure
 
 

@@ -1,6 +1,7 @@
 // A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
 
 import { takeChosen } from "./chart_chosen.js";
+import { boxAt, shadeColour } from "./chart_layers.js";
 import { csvText, headsOf, placeAt, rowsAt, sentenceAt } from "./chart_model.js";
 import { drawChart, svgText } from "./chart_paper.js";
 import { chartOptions, seenIn, seriesData } from "./chart_options.js";
@@ -26,7 +27,8 @@ function lineSample(method) {
   const set = (target, values) => Object.entries(values).forEach(([key, value]) => target.setAttribute(key, value));
   set(svg, { width: 34, height: 10, "aria-hidden": "true" });
   const dash = method.dash.map((length) => length * method.width).join(" ");
-  set(line, { x1: 0, x2: 34, y1: 5, y2: 5, "stroke-width": method.width, "stroke-dasharray": dash || "none" });
+  const look = method.dots ? { x1: 17, x2: 17, "stroke-width": 7, "stroke-linecap": "round" } : method.bars ? { x1: 4, x2: 30, "stroke-width": 8 } : { x1: 0, x2: 34, "stroke-width": method.width, "stroke-dasharray": dash || "none" };
+  set(line, { y1: 5, y2: 5, ...look });
   const mark = document.createElementNS(space, "path");
   if (method.shape) set(mark, { d: markPath(method.shape, 17, 5, Math.min((method.size ?? 7) / 2, 4)) });
   if (method.joined || !method.shape) svg.append(line);
@@ -43,6 +45,19 @@ function lineSample(method) {
   return svg;
 }
 
+/** What the shades of boxes mean. */
+function shadesOf({ name, units, ends }) {
+  const bar = element("span", { class: "shades", "aria-hidden": "true" });
+  const paint = () => {
+    const stops = [0, 0.25, 0.5, 0.75, 1].map((share) => shadeColour(share, palette().dark));
+    bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+  };
+  paint();
+  onTheme(paint);
+  const [low, high] = ends.map((end) => formatError(end, units));
+  return element("p", { class: "beyond lines" }, element("span", {}, `${name}: ${low} `, bar, ` ${high}`));
+}
+
 /**
  * Make the chart of a figure, in place of its picture, or of a part of a figure. Over time it has the time of the page;
  * along any other axis a cursor of its own.
@@ -54,7 +69,7 @@ export function makeChart(figure, model) {
   const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small");
   const { plane } = model;
-  const whole = plane ? plane.right : [model.time[0], model.time[model.time.length - 1]];
+  const whole = plane ? plane.right : model.whole;
   if (small && linked) proposeTime(model.time[model.start]);
   let index = !linked || pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
 
@@ -127,6 +142,7 @@ export function makeChart(figure, model) {
     const lines = model.methods.map((method) => element("span", {}, lineSample(method), ` ${method.label}`));
     holder.append(element("p", { class: "beyond lines" }, ...lines));
   }
+  if (model.boxes) space.after(shadesOf(model.boxes));
   if (model.beyond.length) {
     const list = model.beyond.map(({ name, value }) => `${name} (${formatQuantity(value, model.units)})`).join(", ");
     holder.append(element("p", { class: "beyond" }, `Too far away to be drawn: the limit of ${list}.`));
@@ -146,7 +162,7 @@ export function makeChart(figure, model) {
     setCursor: [
       (u) => {
         if (told || u.cursor.idx == null || u.cursor.left < 0) return;
-        index = plane ? nearestMark(model, [u.cursor.left, u.cursor.top], markAt, index) : u.cursor.idx;
+        index = plane ? nearestMark(model, [u.cursor.left, u.cursor.top], markAt, index) : model.boxes ? u.cursor.idxs[1] ?? index : u.cursor.idx;
         if (plane) place();
         refresh();
         announce(model.time[index]);
@@ -157,6 +173,10 @@ export function makeChart(figure, model) {
     ready: [() => place()],
   };
   const markAt = (x, y) => [plot.valToPos(x, "x"), plot.valToPos(y, "y")];
+  if (model.boxes) {
+    // the pointer is in a box, not merely over a place of the axis
+    options.cursor.dataIdx = (u, _, nearest) => boxAt(model, u.posToVal(u.cursor.left, "x"), u.posToVal(u.cursor.top, "y")) ?? nearest;
+  }
   const plot = new uPlot(options, seriesData(model), space);
   plot.root.setAttribute("aria-hidden", "true");
   // in a plane the cursor is a ring about the mark of each method
@@ -184,7 +204,7 @@ export function makeChart(figure, model) {
     }
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
-    if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
+    if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.map((method, k) => ({ ...method, shown: k === 0 })) }, index);
   }
 
   function placeRings() {
@@ -206,7 +226,8 @@ export function makeChart(figure, model) {
     const time = model.time[index];
     const inside = time >= min && time <= max;
     told = true;
-    plot.setCursor(inside ? { left: plot.valToPos(time, "x"), top: 0 } : { left: -10, top: -10 });
+    const top = model.boxes ? plot.valToPos(model.methods[0].lines[0].values[index], "y") : 0;
+    plot.setCursor(inside ? { left: plot.valToPos(time, "x"), top } : { left: -10, top: -10 });
     told = false;
   }
 
@@ -223,7 +244,7 @@ export function makeChart(figure, model) {
   }
 
   function zoom(low, high) {
-    const smallest = (whole[1] - whole[0]) / (plane ? 1000 : model.time.length / 4);
+    const smallest = (whole[1] - whole[0]) / (plane ? 1000 : Math.max(model.time.length / 4, 2));
     const width = Math.min(Math.max(high - low, smallest), whole[1] - whole[0]);
     const from = Math.min(Math.max((low + high - width) / 2, whole[0]), whole[1] - width);
     plot.setScale("x", { min: from, max: from + width });

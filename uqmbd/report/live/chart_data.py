@@ -124,7 +124,7 @@ def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
 def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> dict[str, Any]:
     wide, narrow, wide_name = band_edges(data)
     bands = [
-        Band(name, *(at_times(data, times, edge) for edge in edges))
+        Band(name, at_times(data, times, edges[0]), at_times(data, times, edges[1]))
         for name, edges in ((wide_name, wide), ("50 % of realisations", narrow))
         if edges is not None
     ]
@@ -141,7 +141,8 @@ def curve_data(
     lines = [{"name": curve.quantity, "values": _distance(values, 0.0) if short else packed(values)}]
     bands = []
     for band in curve.bands:
-        bands.append({"name": band.name, "low": len(lines), "high": len(lines) + 1})
+        ends = {"name": band.name, "low": len(lines), "high": len(lines) + 1}
+        bands.append(ends | {"bars": True} if band.bars else ends)
         for end, edge in (("lower", band.low), ("upper", band.high)):
             # where only the band is known, its ends stand themselves
             away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(values))

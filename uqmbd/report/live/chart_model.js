@@ -20,19 +20,26 @@ function linesOf(lines) {
   return [{ name: lines[0].name, values: origin }, ...others];
 }
 
+/** Boxes in a plane: where they are along the axis, and what shades them. Across it they are the band of their line. */
+function boxesOf({ left, right, shade, ...rest }) {
+  const known = numbersOf(shade);
+  return { ...rest, left: numbersOf(left), right: numbersOf(right), shade: known };
+}
+
 const OVER_TIME = { name: "time", units: "s", told: "s", linked: true };
 
 /**
  * Unpack the data of a chart. `time` are the places along its horizontal axis, which is the time of the page unless the
- * data say what it is (`across`); `at` is what is told of them: on a logarithmic axis places are logarithms. In a chart
- * in a plane (`plane`) the horizontal axis is another one, and `time` are the places of the cursor along its lines.
+ * data say what it is (`across`), and `whole` its ends; `at` is what is told of them: on a logarithmic axis places are
+ * logarithms. In a chart in a plane (`plane`) the horizontal axis is another one, and `time` are the places of the cursor
+ * along its lines.
  */
 export function chartModel(data) {
   const methods = data.methods.map((method) => ({
     ...method,
     lines: linesOf(method.lines),
-    columns: method.columns.map(({ name, values }) => ({
-      name,
+    columns: method.columns.map(({ values, ...column }) => ({
+      ...column,
       values: numbersOf(values).map((v) => (v === null ? null : Number(v.toPrecision(8)))),
     })),
     shown: true,
@@ -41,12 +48,16 @@ export function chartModel(data) {
   const at = numbersOf(data.time);
   // an axis whose ends are given shows its limits
   const limited = data.up ? { limits: data.limits ?? [], beyond: [] } : limitsOf(methods, data.limits ?? []);
+  const time = across.log ? at.map(Math.log10) : at;
+  const whole = across.ends ? (across.log ? across.ends.map(Math.log10) : across.ends) : [time[0], time[time.length - 1]];
+  const boxes = data.boxes && boxesOf(data.boxes);
   const plane = data.plane ? { plane: planeOf(data, methods) } : {};
-  return { ...data, ...plane, ...limited, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
+  return { ...data, ...plane, ...limited, across, at, time, whole, boxes, methods, chosen: chosenLine() };
 }
 
 /** Where an index is, in words, with as many digits as the axis needs. */
 export function placeAt({ at, across }, index) {
+  if (across.texts) return across.texts[index];
   const spread = across.whole ? 1 : Math.abs(at[at.length - 1] - at[0]) / 10;
   return `${across.before ?? ""}${formatQuantity(at[index], across.told, spread)}`;
 }
@@ -80,12 +91,16 @@ export function headsOf(model) {
   const bands = methods.flatMap((method) => method.bands.slice(0, 1).map((band) => band.name));
   return [
     namesOf(methods.map((method) => method.lines[0].name)) ?? "value",
-    ...toldOf(methods),
+    ...columnsOf(methods).map(({ name, units }) => withUnits(name, units ?? "")),
     ...(bands.length > 0 ? [namesOf(bands) ?? "band"] : []),
   ];
 }
 
-const toldOf = (methods) => [...new Set(methods.flatMap((method) => method.columns.map((column) => column.name)))];
+/** What is told besides, each once: its name, and units and digits where they are its own. */
+const columnsOf = (methods) => {
+  const every = methods.flatMap((method) => method.columns);
+  return every.filter(({ name }, k) => every.findIndex((column) => column.name === name) === k);
+};
 
 /** For each of some sizes the smallest of those within three decades of it: they are told with the same digits. */
 const alikeSizes = (sizes) =>
@@ -98,21 +113,23 @@ const fixed = (v, decimals) => (v === null ? "–" : v.toFixed(decimals).replace
 /** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
   if (model.plane) return planeRows(model, index);
-  const names = toldOf(model.methods);
+  const besides = columnsOf(model.methods);
   const { decimals } = model;
-  const told = names.map((name) =>
+  const told = besides.map(({ name }) =>
     model.methods.map(({ columns }) => columns.find((column) => column.name === name)?.values[index] ?? null),
   );
   const ends = model.methods.map(({ lines, bands }) =>
     bands.slice(0, 1).flatMap(({ low, high }) => [lines[low].values[index], lines[high].values[index]]),
   );
-  const spreads = ends.map(([low = null, high = null], k) => told[0]?.[k] ?? (low === null || high === null ? 0 : (high - low) / 4));
+  const spread = besides.length > 0 && besides[0].units === undefined ? told[0] : [];
+  const spreads = ends.map(([low = null, high = null], k) => spread[k] ?? (low === null || high === null ? 0 : (high - low) / 4));
   const banded = ends.some((pair) => pair.length > 0);
   const values = model.methods.map(({ lines }, k) => [lines[0].values[index], ...ends[k]]);
   const least = Math.min(...spreads.filter((spread) => spread > 0));
   // what has no spread of its own has the digits of the others
   const sizes = alikeSizes(spreads.map((spread) => spread || (Number.isFinite(least) ? least : 0)));
-  const columns = told.map((column) => {
+  const columns = told.map((column, j) => {
+    if (besides[j].digits) return column.map((v) => formatError(v));
     if (decimals !== undefined) return column.map((v) => fixed(v, decimals));
     const own = alikeSizes(column.map((v) => Math.abs(v ?? 0)));
     return column.map((v, k) => alike([v], own[k] / 10, sizeOf(column))[0]);
@@ -122,7 +139,7 @@ export function rowsAt(model, index) {
       decimals !== undefined ? values[k].map((v) => fixed(v, decimals))
       : model.digits ? values[k].map((v) => formatError(v))
       : alike(values[k], sizes[k], sizeOf(values.flat()));
-    const band = pair.length > 0 ? pair.join(" to ") : "–";
+    const band = pair.length > 0 && pair.some((text) => text !== "–") ? pair.join(" to ") : "–";
     return [value, ...columns.map((texts) => texts[k]), ...(banded ? [band] : [])];
   });
 }
@@ -131,13 +148,15 @@ export function rowsAt(model, index) {
 export function sentenceAt(model, index) {
   const where = model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index);
   if (model.plane) return `${where}: ${planeSentence(model, index)}`;
-  const names = toldOf(model.methods);
+  const besides = columnsOf(model.methods);
   const unit = model.units === "" ? "" : ` ${model.units}`;
   const parts = rowsAt(model, index).flatMap(([value, ...others], k) => {
     const { label, lines, bands, shown } = model.methods[k];
     if (!shown) return [];
-    const told = names.map((name, j) => `, ${name} ${others[j]}${unit}`).join("");
-    const band = bands.length > 0 ? `, ${bands[0].name} from ${others[names.length]}${unit}` : "";
+    const own = ({ units }) => (units === undefined ? unit : units === "" ? "" : ` ${units}`);
+    const told = besides.map((column, j) => `, ${column.name} ${others[j]}${own(column)}`).join("");
+    const range = others[besides.length];
+    const band = bands.length > 0 && !(bands[0].bars && /^–/.test(range)) ? `, ${bands[0].name} from ${range}${unit}` : "";
     return [`${model.methods.length > 1 ? `${label}: ` : ""}${lines[0].name} ${value}${unit}${told}${band}`];
   });
   const { values, shown, label } = model.chosen;
@@ -152,12 +171,14 @@ const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')
 
 /** All of the data as CSV: a row for each place along the axis. */
 export function csvText(model) {
-  const columns = [[withUnits(model.across.name, model.across.units), model.at]];
+  const { across, boxes } = model;
+  const columns = [[withUnits(across.name, across.units), across.categories ? across.texts : model.at]];
+  if (boxes) columns.push(...["left", "right"].map((end) => [withUnits(`${end} end of ${across.name}`, across.units), boxes[end]]));
   if (model.plane) columns.push(...planeColumns(model));
   for (const { label, lines, columns: told } of model.plane ? [] : model.methods) {
-    for (const { name, values } of [lines[0], ...told, ...lines.slice(1)]) {
+    for (const { name, values, units = model.units } of [lines[0], ...told, ...lines.slice(1)]) {
       const what = model.output.startsWith(name) ? model.output : `${name} of ${model.output}`;
-      columns.push([withUnits(`${what} by ${label}`, model.units), values]);
+      columns.push([withUnits(`${what} by ${label}`, units), values]);
     }
   }
   const { values, label } = model.chosen;

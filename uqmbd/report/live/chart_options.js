@@ -1,5 +1,6 @@
 // What uPlot draws: series, bands and axes of a chart's model.
 
+import { drawLayers } from "./chart_layers.js";
 import { planeLayers } from "./chart_plane.js";
 import { axisPower, decadeTicks, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
@@ -9,10 +10,10 @@ const INNER = "4d";
 
 const colourOf = (method, palette) => method.colours[palette.dark ? 1 : 0];
 
-/** The data of all series, as uPlot wants them. */
+/** The data of all series, as uPlot wants them: on a logarithmic axis there is no zero. */
 export const seriesData = (model) => (model.plane ? planeSeries(model.plane) : [
   model.time,
-  ...model.methods.flatMap((m) => m.lines.map((line) => line.values)),
+  ...model.methods.flatMap((m) => m.lines.map(({ values }) => (model.up?.log ? values.map((v) => (v > 0 ? v : null)) : values))),
   ...(model.limits ?? []).map(({ value }) => model.time.map(() => value)),
   model.chosen.values ?? model.time.map(() => null),
 ]);
@@ -37,6 +38,9 @@ export function verticalRange(low, high) {
   return [low - room, high + room];
 }
 
+/** Ends of a horizontal axis that data end: all of it, or what is zoomed in. */
+const wholeRange = ({ time, whole }, low, high) => (low === time[0] && high === time[time.length - 1] ? whole : [low, high]);
+
 /** Ends of a chart's vertical axis: its own, or those of what is drawn, and not beyond where the data end the axis. */
 function upRange(up, low, high) {
   if (up?.log) return [up.low, up.high];
@@ -54,6 +58,15 @@ function acrossAxis(model, width, scale) {
     values: (u, ticks, _, __, step) => tickLabels(ticks, step, power(u)),
   };
   if (across.whole) axis.incrs = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+  if (across.categories) {
+    const letters = Math.max(...across.texts.map((text) => Array.from(text).length));
+    const room = width / (across.texts.length * 7.5 * scale);
+    axis.splits = () => across.texts.map((_, k) => k + 1);
+    axis.filter = (_, ticks) => ticks;
+    axis.values = (u, ticks) =>
+      ticks.map((k) => (k < u.scales.x.min || k > u.scales.x.max ? "" : shortName(across.texts[k - 1], Math.max(room, 14))));
+    if (letters > room) Object.assign(axis, { rotate: -40, size: (30 + 4.6 * Math.min(letters, Math.max(room, 14))) * scale });
+  }
   if (across.log) {
     axis.splits = (_, __, low, high) => decadeTicks(10 ** low, 10 ** high, width / (60 * scale)).map(Math.log10);
     axis.values = (_, ticks) => ticks.map((tick) => powerText(10 ** tick));
@@ -90,6 +103,8 @@ function drawPlane(u, model, palette, scale) {
     ctx.restore();
   }
 }
+/** Of many dots each is small. */
+export const dotSize = ({ time }) => (time.length <= 100 ? 6 : 3.5);
 
 /** Draw what marks places of methods, such as where a limit is passed. */
 function drawMarks(u, model, palette, scale) {
@@ -123,24 +138,26 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
   for (const method of model.plane ? [] : model.methods) {
     const start = series.length;
     method.lines.forEach((_, k) => {
-      const outer = method.bands.length > 0 && [method.bands[0].low, method.bands[0].high].includes(k);
+      const outer = method.bands.length > 0 && !method.bands[0].bars && [method.bands[0].low, method.bands[0].high].includes(k);
       const lineWidth = (k === 0 ? method.width : 0.6 * method.width) * scale;
       series.push({
         stroke: () => {
+          if (k === 0 && (method.dots || method.bars || model.boxes)) return "transparent";
           if (k === 0) return colourOf(method, palette());
           // the ends of the first method's bands are those of its areas; of the inner bands of others nothing is seen
-          return outer && method !== first() ? colourOf(method, palette()) : "transparent";
+          return outer && !model.boxes && method !== first() ? colourOf(method, palette()) : "transparent";
         },
         width: lineWidth,
         dash: method.dash.map((length) => length * Math.max(lineWidth, scale)),
         // few values are points, and the line goes on where one between them is not known
-        points: { show: Boolean(method.points) && k === 0, size: 6.5 * scale, fill: () => colourOf(method, palette()) },
+        points: { show: Boolean(method.points || method.dots) && k === 0, size: (method.dots ? dotSize(model) : 6.5) * scale, stroke: () => colourOf(method, palette()), fill: () => colourOf(method, palette()) },
         spanGaps: Boolean(method.points),
         fill: method.filled ? () => colourOf(method, palette()) + OUTER : undefined,
         show: method.shown,
       });
     });
-    method.bands.forEach(({ low, high }, k) => {
+    method.bands.forEach(({ low, high, bars }, k) => {
+      if (bars || model.boxes) return;
       bands.push({
         series: [start + high, start + low],
         fill: () => (method === first() ? colourOf(method, palette()) + (k === 0 ? OUTER : INNER) : "transparent"),
@@ -175,8 +192,16 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     bands,
     padding: [10 * scale, 20 * scale, 0, 0],
     legend: { show: false },
-    scales: { x: { time: false }, y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, low, high) } },
-    hooks: { draw: [(u) => (model.plane ? drawPlane : drawMarks)(u, model, palette, scale)] },
+    scales: {
+      x: { time: false, ...(model.across.ends && !model.plane ? { range: (_, low, high) => wholeRange(model, low, high) } : {}) },
+      y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, low, high) },
+    },
+    hooks: model.plane
+      ? { draw: [(u) => drawPlane(u, model, palette, scale)] }
+      : {
+          drawAxes: [(u) => drawLayers(u, model, palette, scale, true)],
+          draw: [(u) => drawLayers(u, model, palette, scale, false), (u) => drawMarks(u, model, palette, scale)],
+        },
     axes: [
       {
         ...axis,

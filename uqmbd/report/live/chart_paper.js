@@ -1,9 +1,11 @@
 // A chart as a drawing (SVG), for paper and as a file. Own code: uPlot draws on a canvas, whose pixels blur on paper.
 
+import { barsOf, boxOrder, rangesOf, shadeColour, shadeShare } from "./chart_layers.js";
 import { shownOf } from "./chart_model.js";
-import { chartOptions, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
+import { chartOptions, dotSize, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
 import { markLook, markPath, planeLayers } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
+import { formatError } from "./numbers.js";
 
 const PAPER = { width: 660, height: 290 };
 // half as wide as the page, beside another one
@@ -36,7 +38,8 @@ export const svgText = (drawing) => `<?xml version="1.0" encoding="UTF-8"?>\n${n
 function drawingOf(model, plot, size) {
   const shown = shownOf(model);
   const titled = model.title ? 1 : 0;
-  const legend = ROW * (shown.length + titled) + 6;
+  const shaded = model.boxes ? 1 : 0;
+  const legend = ROW * (shown.length + titled + shaded) + 6;
   const ratio = plot.ctx.canvas.width / size.width;
   const box = Object.fromEntries(Object.entries(plot.bbox).map(([side, value]) => [side, value / ratio]));
   const top = legend + box.top;
@@ -48,8 +51,11 @@ function drawingOf(model, plot, size) {
   if (titled) svg.append(shape("text", { x: 12, y: 0.6 * ROW + 4, fill: LIGHT.ink, "font-weight": 600 }, shortName(model.title, 50)));
   const [across, up] = plot.axes;
   across._splits.forEach((value, k) => {
+    if (!across._values[k]) return;
     svg.append(shape("path", { d: `M${x(value)} ${top}v${box.height + 4}`, stroke: LIGHT.grid, fill: "none" }));
-    svg.append(shape("text", { x: x(value), y: top + box.height + 18, "text-anchor": "middle", fill: LIGHT.soft }, across._values[k]));
+    const foot = top + box.height + 18;
+    const turned = across._rotate ? { transform: `rotate(${across._rotate} ${x(value)} ${foot - 6})`, "text-anchor": "end" } : { "text-anchor": "middle" };
+    svg.append(shape("text", { x: x(value), y: foot, ...turned, fill: LIGHT.soft }, across._values[k]));
   });
   up._splits.forEach((value, k) => {
     svg.append(shape("path", { d: `M${box.left - 4} ${y(value)}h${box.width + 4}`, stroke: LIGHT.grid, fill: "none" }));
@@ -75,6 +81,22 @@ function drawingOf(model, plot, size) {
     });
     return text;
   };
+  const within = (at) => Math.min(Math.max(Number.isNaN(at) ? top + box.height : at, top), top + box.height);
+  if (model.boxes && model.methods[0].shown) {
+    const [{ lines: sides, bands: [band] }] = model.methods;
+    for (const j of boxOrder(model.boxes)) {
+      const [left, right] = [x(model.boxes.left[j]), x(model.boxes.right[j])];
+      const [bottom, ceiling] = [y(sides[band.low].values[j]), y(sides[band.high].values[j])];
+      const share = shadeShare(model.boxes, j);
+      const look = { fill: share === null ? LIGHT.paper : shadeColour(share, false), stroke: LIGHT.soft, "stroke-width": 0.8 };
+      lines.append(shape("rect", { x: left, y: ceiling, width: right - left, height: bottom - ceiling, ...look }));
+    }
+  }
+  for (const { method, left, right, value, from } of barsOf(model)) {
+    const [one, other] = [within(y(value)), within(y(from))];
+    const area = { y: Math.min(one, other), height: Math.max(Math.abs(other - one), 1), fill: method.colours[0], "fill-opacity": 0.8 };
+    lines.append(shape("rect", { x: x(left), width: x(right) - x(left), ...area }));
+  }
   const inside = (left, down) => left >= box.left - 1 && left <= box.left + box.width + 1 && down >= top - 1 && down <= top + box.height + 1;
   const marks = shape("g", {});
   for (const one of model.plane ? planeLayers(shown, { x, y, inside, colourOf: ({ colours }) => colours[0], palette: LIGHT, scale: 1 }) : []) {
@@ -83,7 +105,7 @@ function drawingOf(model, plot, size) {
   }
   (model.plane ? [] : shown).forEach((method, k) => {
     const [colour] = method.colours;
-    method.bands.forEach(({ low, high }, depth) => {
+    (model.boxes ? [] : method.bands.filter(({ bars }) => !bars)).forEach(({ low, high }, depth) => {
       const ends = [method.lines[low].values, method.lines[high].values];
       if (k > 0) {
         const thin = { stroke: colour, "stroke-width": 0.6 * method.width, "stroke-dasharray": dashOf(method) };
@@ -100,14 +122,16 @@ function drawingOf(model, plot, size) {
     if (method.filled) {
       for (const [from, to] of runsOf([values, values])) {
         const edge = values.slice(from, to).map((value, n) => `${x(model.time[from + n]).toFixed(2)} ${y(value).toFixed(2)}`);
-        const d = `M${x(model.time[from])} ${y(0)}L${edge.join("L")}L${x(model.time[to - 1])} ${y(0)}Z`;
+        const foot = model.up?.log ? top + box.height : y(0);
+        const d = `M${x(model.time[from])} ${foot}L${edge.join("L")}L${x(model.time[to - 1])} ${foot}Z`;
         lines.append(shape("path", { d, fill: colour, "fill-opacity": 0.16 }));
       }
     }
-    const dotted = method.points ? values.flatMap((value, n) => (value === null ? [] : [[model.time[n], value]])) : [];
-    lines.append(shape("path", { d: path(values, method.points), stroke: colour, "stroke-width": method.width, "stroke-dasharray": dashOf(method) }));
+    if (method.bars || model.boxes) return;
+    const dotted = method.points || method.dots ? values.flatMap((value, n) => (value === null ? [] : [[model.time[n], value]])) : [];
+    if (!method.dots) lines.append(shape("path", { d: path(values, method.points), stroke: colour, "stroke-width": method.width, "stroke-dasharray": dashOf(method) }));
     for (const [place, value] of [...dotted, ...(method.marks ?? [])]) {
-      lines.append(shape("circle", { cx: x(place), cy: y(value), r: method.points ? 2.8 : 4, fill: colour, stroke: LIGHT.paper, "stroke-width": 0.8 }));
+      lines.append(shape("circle", { cx: x(place), cy: y(value), r: method.dots ? dotSize(model) / 2.2 : method.points ? 2.8 : 4, fill: colour, stroke: LIGHT.paper, "stroke-width": 0.8 }));
     }
   });
   for (const { value, reference } of model.limits ?? []) {
@@ -117,18 +141,29 @@ function drawingOf(model, plot, size) {
     lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, ...look }));
   }
   svg.append(lines, marks);
+  for (const { method, place, ends, shift } of rangesOf(model)) {
+    if (place < plot.scales.x.min || place > plot.scales.x.max) continue;
+    const [one, other] = ends.map((end) => within(y(end)));
+    svg.append(shape("path", { d: `M${x(place) + shift} ${one}V${other}`, stroke: method.colours[0], "stroke-width": 3 }));
+  }
 
   shown.forEach((method, k) => {
     const row = ROW * (k + titled + 0.6);
-    const look = { stroke: method.colours[0], "stroke-width": method.width, "stroke-dasharray": dashOf(method) };
-    if (method.joined || !method.shape) svg.append(shape("path", { d: `M12 ${row}h36`, fill: "none", ...look }));
+    const look = { stroke: method.colours[0], fill: "none", ...( method.bars ? { "stroke-width": 9 } : method.dots ? { "stroke-width": 6, "stroke-linecap": "round", transform: "translate(17 0)" } : { "stroke-width": method.width, "stroke-dasharray": dashOf(method) }) };
+    if (method.joined || !method.shape) svg.append(shape("path", { d: `M12 ${row}h${method.dots ? 0.01 : 36}`, ...look }));
     if (method.shape) {
       const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper);
       svg.append(shape("path", { d: markPath(method.shape, 30, row, (method.size ?? 7) / 2), fill, stroke, "stroke-width": width }));
     }
     svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, namesOfSigns(method, k === 0, titled ? 34 : 50)));
   });
+  if (model.boxes) svg.append(...shadesRow(model.boxes, ROW * (shown.length + titled + 0.6)));
   return svg;
+}
+
+function shadesRow({ name, units, ends }, row) {
+  const parts = Array.from({ length: 12 }, (_, k) => shape("rect", { x: 12 + 6 * k, y: row - 5, width: 6, height: 10, fill: shadeColour(k / 11, false) }));
+  return [...parts, shape("text", { x: 92, y: row + 4, fill: LIGHT.ink }, `${name}: ${ends.map((end) => formatError(end, units)).join(" to ")}`)];
 }
 
 const dashOf = (method) => method.dash.map((length) => length * method.width).join(" ") || "none";

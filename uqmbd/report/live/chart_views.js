@@ -12,8 +12,9 @@ export const completeViews = () => unseen.splice(0).forEach((make) => make());
 /** Make the charts of a figure: data are `choose` (what is chosen), `seen` (which is first) and `views`, each with a title. */
 export function makeViews(figure, { choose, seen, views }) {
   const described = figure.dataset.alt ?? "";
+  const small = figure.classList.contains("small") ? " small" : "";
   const parts = views.map((view, k) => {
-    const part = element("div", { class: "view", "data-alt": `${described} ${view.title}.` });
+    const part = element("div", { class: `view${small}`, "data-alt": `${described} ${view.title}.` });
     let made = false;
     const make = () => {
       if (!made) makeChart(part, chartModel(view));

@@ -12,11 +12,14 @@ from uqmbd.report.figures import (
     FAILED_INPUTS,
     Curve,
     Densities,
+    DensityCurve,
     Results,
     Samples,
     densities,
+    earliest_events,
     input_densities,
     output_densities,
+    scalar_panels,
 )
 from uqmbd.report.live.chart_data import curve_data
 from uqmbd.report.live.packing import packed
@@ -24,9 +27,11 @@ from uqmbd.typing import Array
 from uqmbd.wording import reciprocal_units, typeset_units
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from uqmbd.randomness import GermSpace
 
-__all__ = ["densities_data", "inputs_data"]
+__all__ = ["densities_data", "events_data", "inputs_data", "scalars_data"]
 
 _INPUT = 2
 """Which colour inputs have."""
@@ -95,6 +100,45 @@ def inputs_data(node: Samples, space: GermSpace | None = None) -> dict[str, Any]
             )
         views.append(view)
     return {"choose": "Input", "seen": 0, "views": views}
+
+
+def scalars_data(results: Results, first: str = "") -> dict[str, Any] | None:
+    """Return the densities of outputs without a time by each method, a view for each output.
+
+    Parameters
+    ----------
+    results
+        As of `uqmbd.report.scalar_densities`.
+    first : str
+        The output that is seen first; default: the first one.
+
+    Returns
+    -------
+    dict or None
+        None if no method has samples of such outputs, or a surrogate.
+    """
+    found = scalar_panels(results)
+    if found is None:
+        return None
+    labels, panels = found
+    names = [one.name for one in panels]
+    views = [
+        _view(
+            one.name, one.name, one.units, densities(one.bars, one.curves), labels, None, f"histogram of {one.barred}"
+        )
+        for one in panels
+        if one.curves or one.bars is not None
+    ]
+    return {"choose": "Output", "seen": names.index(first) if first in names else 0, "views": views}
+
+
+def events_data(node: xr.DataTree) -> dict[str, Any]:
+    """Return the densities of the times of events, a view for each of the earliest."""
+    views = []
+    for event in earliest_events(node):
+        shown = densities(event.times, [DensityCurve(event.times)])
+        views.append(_view(event.title, "time", "s", shown, ["smooth estimate"], None, "histogram"))
+    return {"choose": "Event", "seen": 0, "views": views}
 
 
 def _view(

@@ -64,7 +64,7 @@ export async function pictureOf(model, seen) {
     const y = line * (k + titled + 0.75);
     const width = 2 * method.width * ratio;
     pen.strokeStyle = method.colours[0];
-    pen.lineWidth = width;
+    pen.lineWidth = method.bars ? 0.5 * line : width;
     pen.setLineDash(method.dash.map((length) => length * width));
     pen.beginPath();
     pen.moveTo(30 * ratio, y);

@@ -1,4 +1,4 @@
-"""Data of further charts over time: standard deviations, differences between methods, and what inputs take part in."""
+"""Data of further charts over time: standard deviations, differences between methods, shares of inputs, violations."""
 
 from __future__ import annotations
 
@@ -8,13 +8,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.report.figures import Band, Curve, Indices, of_output, shown_inputs
+from uqmbd.report.drawing import decades
+from uqmbd.report.figures import MOST_REQUIREMENTS, Band, Curve, Indices, changing_with_time, of_output, shown_inputs
 from uqmbd.report.live.chart_data import at_times, curves_data
 from uqmbd.typing import Array
 
-__all__ = ["difference_data", "indices_data", "std_data"]
+__all__ = ["difference_data", "indices_data", "std_data", "violation_data", "violations_data"]
 
 ERRORS = "± 2 standard errors"
+
+RARE = 1.0
+"""Per cent: where nothing is violated more probably, the axis is logarithmic."""
+
+DECADES = 4
+"""Powers of ten beneath the smallest final probability that a logarithmic axis shows at most."""
 
 
 def std_data(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, Any] | None:
@@ -115,3 +122,76 @@ def _chart(name: str, times: Array, curves: Sequence[Curve], units: str, start: 
     data, chosen = curves_data(name, times, curves, units)
     data["start"] = int(np.abs(chosen - start).argmin())
     return data
+
+
+def violations_data(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
+    """Return how probably each requirement has been violated by a time, by each method: a view for each requirement.
+
+    At the end stands the 95 % interval of the probability of the whole motion. None if no such probability grows.
+    """
+    found = _requirements(nodes)
+    names = _growing(found)
+    views = []
+    for name in names:
+        curves = {label: data.sel(requirement=name) for label, data in found.items() if _told(data, name)}
+        views.append(_violation(name, curves) | {"title": name, "axis": "violated"})
+    worst = [
+        float(max(d.sel(requirement=n)["violated_by"].max() for d in found.values() if _told(d, n))) for n in names
+    ]
+    return {"choose": "Requirement", "seen": int(np.argmax(worst)), "views": views} if views else None
+
+
+def violation_data(nodes: Mapping[str, xr.DataTree], most: int = 6) -> dict[str, Any] | None:
+    """Return how probably the most probable violations have happened by a time, in one chart.
+
+    Of one requirement by each method; of several by the first method. None if no such probability grows.
+    """
+    found = _requirements(nodes)
+    names = _growing(found)
+    if len(names) == 1:
+        return _violation(names[0], {k: d.sel(requirement=names[0]) for k, d in found.items() if _told(d, names[0])})
+    data = next((one for one in found.values() if changing_with_time(one)), None)
+    if data is None:
+        return None
+    last = {name: float(data["violated_by"].sel(requirement=name).max()) for name in names if _told(data, name)}
+    chosen = sorted(last, key=lambda name: -last[name])[:most]
+    return _violation("requirements", {name: data.sel(requirement=name) for name in last if name in chosen})
+
+
+def _requirements(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
+    return {k: n.children["requirements"].to_dataset() for k, n in nodes.items() if "requirements" in n.children}
+
+
+def _growing(found: Mapping[str, xr.Dataset]) -> list[str]:
+    return list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[:MOST_REQUIREMENTS]
+
+
+def _told(data: xr.Dataset, name: str) -> bool:
+    """Tell whether a method says how probably a requirement has been violated by each time, constant or not."""
+    return "violated_by" in data and data.sizes.get("time", 0) > 1 and name in data["requirement"].values
+
+
+def _violation(name: str, found: Mapping[str, xr.Dataset]) -> dict[str, Any]:
+    times = np.unique(np.concatenate([np.asarray(data["time"].values, dtype=float) for data in found.values()]))
+    curves, tops, ends = [], [0.0], []
+    for label, data in found.items():
+        values = 100 * at_times(data, times, data["violated_by"].values)
+        last = len(times) - 1 - int(np.isfinite(values)[::-1].argmax())
+        interval = 100 * np.asarray(data["interval"].values, dtype=float)
+        low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
+        curves.append(Curve(label, values, (Band("95 % interval of the whole motion", low, high, True),), "violated"))
+        # an interval that says nothing leaves the curve readable
+        tops += [float(np.nanmax(values, initial=0.0)), float(interval[1]) if interval[1] < 100 else 0.0]
+        ends.append(float(np.nanmax(values, initial=0.0)))
+    top = max(tops)
+    has = "have" if name == "requirements" else "has"
+    chart, chosen = curves_data(f"probability that {name} {has} been violated", times, curves, "%")
+    positive = [value for value in ends if value > 0]
+    if positive and top < RARE:
+        every = np.concatenate([np.asarray(curve.values) for curve in curves])
+        least = max(float(every[every > 0].min()), min(positive) / 10**DECADES)
+        first, final = decades(least, top)
+        up: dict[str, Any] = {"log": True, "low": float(f"1e{first}"), "high": float(f"1e{final}")}
+    else:
+        up = {"low": 0.0, "high": min(1.08 * top, 100.0) or 1.0}
+    return chart | {"axis": "violated", "up": up, "digits": 2, "start": len(chosen) - 1}

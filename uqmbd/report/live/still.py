@@ -34,21 +34,27 @@ STEPS = (1, 2, 5, 10)
 
 
 def still_chart(data: Mapping[str, Any]) -> Drawing:
-    """Draw a chart whose axes are linear.
+    """Draw a chart of lines over an axis that is linear; of several views that which is seen first.
 
     Parameters
     ----------
     data : mapping
-        Of `bands_data` or `curves_data`, or one of several views.
+        Of `bands_data` or `curves_data`, or of several views.
     """
+    if "views" in data:
+        data = data["views"][data["seen"]]
     places = np.asarray(unpacked(data["time"]), dtype=float)
     values = [_lines(method) for method in data["methods"]]
     low, high = _extremes([line for lines in values for line in lines])
-    chosen = thinned(values[0][min(1, len(values[0]) - 1)], values[0][min(2, len(values[0]) - 1)], MOST)
+    areas = [band for band in data["methods"][0]["bands"] if not band.get("bars")]
+    low_edge, high_edge = (values[0][areas[0][end] if areas else 0] for end in ("low", "high"))
+    chosen = thinned(low_edge, high_edge, MOST)
     places, values = places[chosen], [[line[chosen] for line in lines] for lines in values]
     limits, beyond = _limits(data, low, high)
-    ends = _ends(data.get("up") or {}, min([low, *limits.values()]), max([high, *limits.values()]))
-    across, up = _Axis(float(places[0]), float(places[-1]), 7), _Axis(*ends, 5)
+    own = data.get("up") or {}
+    ends = _ends(own, min([low, *limits.values()]), max([high, *limits.values()]))
+    across = _Axis(float(places[0]), float(places[-1]), 7)
+    up = _LogAxis(own["low"], own["high"], 5) if own.get("log") else _Axis(*ends, 5)
     names = _names(data["methods"], limits)
     starts, top = _placed([name for name, _ in names])
     made = Drawing(WIDTH, top + HEIGHT + (ROW if beyond else 0))
@@ -66,6 +72,7 @@ def still_chart(data: Mapping[str, Any]) -> Drawing:
         at = box.top + box.height * (1 - float(up.share(np.asarray(value))))
         inner.line([[box.left, at], [box.left + box.width, at]], "limit", **_LIMIT)
     made.within(box.left, box.top, box.width, box.height, inner)
+    _ranges(made, data["methods"], box, x, values, up)
 
     for (name, looks), (start, down) in zip(names, starts, strict=True):
         made.line([[start, down], [start + SAMPLE, down]], **looks)
@@ -127,6 +134,34 @@ class _Axis:
         return [minus(f"{tick / scale + 0.0:.{decimals}f}") for tick in self.ticks]
 
 
+@dataclass(frozen=True)
+class _LogAxis(_Axis):
+    """A logarithmic one between powers of ten, with a tick at some of them."""
+
+    def share(self, values: Array) -> Array:
+        """Return where values are; what is not above zero is nowhere."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.log(np.where(values > 0, values, np.nan) / self.low) / np.log(self.high / self.low)
+        return np.asarray(found)
+
+    @property
+    def ticks(self) -> list[float]:
+        """Values of the ticks: powers of ten, the highest is one."""
+        first, last = (round(math.log10(end)) for end in (self.low, self.high))
+        step = -(-(last - first) // self.most)
+        return [float(f"1e{k}") for k in range(last, first - 1, -step)][::-1]
+
+    @property
+    def power(self) -> int:
+        """Labels are not divided."""
+        return 0
+
+    @property
+    def labels(self) -> list[str]:
+        """Powers of ten, small and large ones as such."""
+        return [format_number(tick).removeprefix("1 × ") for tick in self.ticks]
+
+
 def _lines(method: Mapping[str, Any]) -> list[Array]:
     """Return what a method draws: the first line, and the others, which are stored as distances from it."""
     first, *others = (np.asarray(unpacked(line["values"]), dtype=float) for line in method["lines"])
@@ -167,6 +202,8 @@ def _names(methods: Sequence[Mapping[str, Any]], limits: Mapping[str, float]) ->
         found.append((shortened(label), _stroke(method)))
         if k == 0:
             for depth, band in enumerate(method["bands"]):
+                if band.get("bars"):
+                    continue
                 area = {"stroke_width": 9, "stroke_opacity": _opacity(depth), "stroke_linecap": "butt"}
                 found.append((band["name"], {"stroke": _role(method), **area}))
     return found + [(f"limit: {shortened(name)}", {"stroke": "limit", **_LIMIT}) for name in limits]
@@ -208,6 +245,8 @@ def _draw(
 ) -> None:
     """Draw the line of a method, and its bands: areas of the first method, the outer ends of others."""
     for depth, band in enumerate(method["bands"]):
+        if band.get("bars"):
+            continue
         ends = heights[band["low"]], heights[band["high"]]
         if first:
             _area(made, x, ends, _role(method), _opacity(depth))
@@ -217,6 +256,24 @@ def _draw(
     if method.get("filled"):
         _area(made, x, (heights[0], np.full(len(x), zero)), _role(method), _opacity(0))
     made.line(np.column_stack([x, heights[0]]), **_stroke(method))
+
+
+def _ranges(
+    made: Drawing,
+    methods: Sequence[Mapping[str, Any]],
+    box: _Box,
+    x: Array,
+    values: Sequence[Sequence[Array]],
+    up: _Axis,
+) -> None:
+    """Draw ranges at places as bars, those of several methods beside one another."""
+    some = [(k, band) for k, method in enumerate(methods) for band in method["bands"] if band.get("bars")]
+    for number, (k, band) in enumerate(some):
+        shares = [np.clip(np.nan_to_num(up.share(values[k][band[end]])), 0.0, 1.0) for end in ("low", "high")]
+        for j in np.flatnonzero(np.isfinite(values[k][band["low"]]) & np.isfinite(values[k][band["high"]])):
+            at = float(x[j]) + 6 * (number - (len(some) - 1) / 2)
+            places = [[at, box.top + box.height * (1 - float(share[j]))] for share in shares]
+            made.line(places, _role(methods[k]), stroke_width=3, stroke_linecap="butt")
 
 
 def _area(made: Drawing, x: Array, ends: tuple[Array, Array], role: str, opacity: float) -> None:

@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
 from uqmbd.report import figures, live
-from uqmbd.report.drawing import image, still_image
+from uqmbd.report.drawing import still_image
 from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.motion import mechanism_picture
-from uqmbd.report.overview.trusted import holder_of, populations
+from uqmbd.report.overview.trusted import answer_of, holder_of, populations
 from uqmbd.report.sections import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_count
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -122,22 +124,38 @@ def _picture(result: StudyResult, name: str) -> Content | None:
 
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
         data = live.bands_data(holders, name, limits=limits)
-        if data is None:
-            return _at_one_time(holders, name)
-        made = still_image(lambda: live.still_chart(data), words, words, "first-screen", draw)
-        return made | {"chart": live.json_script(data)}
-    if answers(result.nodes) and any(
-        figures.changing_with_time(method.node.children["requirements"].to_dataset())
-        for method in result.methods.values()
-        if "requirements" in method.node.children
-    ):
-        words = "How probably each requirement has been violated by a time."
-        return image(lambda: figures.violated_by(result.nodes), words, words, "first-screen")
-    drawable = any({"samples", "chaos"} & set(m.node.children) for m in result.scalars.values())
-    if result.scalar_names and drawable:
-        words = "How the outputs without a time are distributed: the area under each density is 1."
-        return image(lambda: figures.scalar_densities(result.nodes), words, words, "first-screen")
-    return None
+        return _at_one_time(holders, name) if data is None else _drawn(data, words, draw)
+    if violated := _violations(result):
+        return violated
+    data = live.scalars_data(result.nodes, name) if result.scalar_names else None
+    if data is None:
+        return None
+    words = "How the outputs without a time are distributed: the area under each density is 1."
+    return _drawn(data, words, lambda: figures.scalar_densities(result.nodes))
+
+
+def _violations(result: StudyResult) -> Content | None:
+    """Return the chart of how requirements are violated over time; None if none is after the beginning."""
+    found = answers(result.nodes)
+    if not found:
+        return None
+    worst = max(found, key=lambda one: answer_of(result, one).probability)
+    first = answer_of(result, worst).method
+    nodes = {label: result.nodes[label] for label in dict.fromkeys([first, *result.nodes])}
+    data = live.violation_data(nodes)
+    if data is None:
+        return None
+    several = len(data["methods"]) > 1 and data["methods"][0]["label"] not in nodes
+    by = f", by {first}" if several else ""
+    words = f"How probably each requirement has been violated by a time{by}; bars are 95 % intervals."
+    return _drawn(data, words, lambda: figures.violated_by(result.nodes))
+
+
+def _drawn(data: Content, words: str, draw: Callable[[], Figure]) -> Content:
+    """Return a chart, and its picture for readers without scripts."""
+    return still_image(lambda: live.still_chart(data), words, words, "first-screen", draw) | {
+        "chart": live.json_script(data)
+    }
 
 
 def _at_one_time(holders: Mapping[str, xr.DataTree], name: str) -> Content | None:
@@ -147,7 +165,4 @@ def _at_one_time(holders: Mapping[str, xr.DataTree], name: str) -> Content | Non
     except StudyError:
         return None
     words = f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1."
-    made = still_image(
-        lambda: live.still_chart(data), words, words, "first-screen", lambda: figures.histograms(holders, name)
-    )
-    return made | {"chart": live.json_script(data)}
+    return _drawn(data, words, lambda: figures.histograms(holders, name))

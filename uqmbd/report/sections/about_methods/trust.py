@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted, image
+from uqmbd.report.drawing import charted
 from uqmbd.report.figures import (
     chaos_nodes,
     chaos_of,
@@ -150,13 +150,14 @@ def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> Conten
     )
 
 
-def _elements(method: Method) -> dict[str, str]:
+def _elements(method: Method) -> Content:
     words = elements_in_words(method.node)
-    return image(
+    return charted(
         functools.partial(figures.split_pattern, method.node),
         f"The elements in the plane of the inputs that were split most, or along the only one. {words}",
         f"{words} Small elements lie where the response has a kink or a jump.",
         f"{method.label}-elements",
+        lambda: json_chart(live.elements_data(method.node)),
     )
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import functools
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import charted
 from uqmbd.report.figures import events_in_words, has_events
+from uqmbd.report.sections.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 
@@ -24,11 +25,12 @@ def events(result: StudyResult) -> Content | None:
         except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the rest must stand
             words = f"They cannot be read: {type(error).__name__}: {error}"
         drawn.append(
-            image(
+            charted(
                 functools.partial(figures.event_times, node),
                 f"Distributions of the times of events, from samples of {label}. {words}",
                 f"When each event happens, from samples of {label}. {words}",
                 f"{label}-event-times",
+                functools.partial(lambda one: json_chart(live.events_data(one)), node),
             )
         )
     return {"figures": drawn} if drawn else None

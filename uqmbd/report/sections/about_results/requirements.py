@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import charted
+from uqmbd.report.sections.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
@@ -38,12 +39,13 @@ def content(result: StudyResult) -> Content | None:
     drawn = []
     if any(figures.changing_with_time(data) for data in _data(result).values()):
         drawn = [
-            image(
+            charted(
                 lambda: figures.violated_by(result.nodes),
                 "Probability of having been violated by a time.",
-                "How probably each requirement has been violated by a time; bands at the end are 95 % intervals of the "
+                "How probably each requirement has been violated by a time; bars at the end are 95 % intervals of the "
                 "probability of the whole motion.",
                 "requirements",
+                lambda: json_chart(live.violations_data(result.nodes)),
             )
         ]
     return {"words": _words(result), "figures": drawn, "table": _rows(result)}
