@@ -5,7 +5,7 @@ import pytest
 from matplotlib.patches import StepPatch
 
 from uqmbd import report, results
-from uqmbd.report.live import densities_data, inputs_data, unpacked
+from uqmbd.report.live import densities_data, inputs_data, scalars_data, unpacked
 
 
 def sampled(label, response):
@@ -107,3 +107,33 @@ def test_inputs_are_those_of_the_figure_with_where_samples_failed():
         ("k", "N/m", "m/N"),
         ("m", "kg", "1/kg"),
     ]
+
+
+def scalar_method(label, values):
+    """Return the node of a method with samples of outputs without a time, by name."""
+    axes = results.labels([(name, "Hz") for name in values], [], None)
+    data = results.sample_dataset(np.stack(list(values.values()), axis=1), np.zeros((200, 0)), axes)
+    statistics = results.statistics_of_samples(data)
+    inner = results.propagator_node(label, statistics, data, propagator="p", realisations=200, wall_time=0.0)
+    outer = sampled(label, np.ones((200, 2)))
+    outer["scalars"] = inner
+    return outer
+
+
+def test_outputs_without_a_time_are_those_of_the_figure():
+    rng = np.random.default_rng(0)
+    nodes = {
+        "a": scalar_method("a", {"f1": rng.normal(5, 1, 200), "f2": rng.uniform(size=200)}),
+        "b": scalar_method("b", {"f1": rng.normal(6, 1, 200)}),
+    }
+    data = scalars_data(nodes, "f2")
+    assert data["seen"] == 1 and [view["title"] for view in data["views"]] == ["f1", "f2"]
+    for view, axes, names in zip(data["views"], report.scalar_densities(nodes).axes, ("ab", "a"), strict=False):
+        places, curves = parts(view)
+        assert list(curves) == ["histogram of a", *names] and view["across"]["units"] == "Hz"
+        for name, line in zip(names, [one for one in axes.lines if len(one.get_xdata()) > 100], strict=True):
+            x, f = line.get_data()
+            inner = (places > x[0]) & (places < x[-1])
+            drawn = np.interp(places, x[1:-1], f[1:-1])
+            np.testing.assert_allclose(curves[name][inner], drawn[inner], rtol=1e-6)
+    assert scalars_data({"a": sampled("a", np.ones((5, 2)))}) is None

@@ -255,6 +255,7 @@ function meanPoint(model, scale) {
     if (!means.has(number)) return undefined;
     const mark = document.createElement("div");
     Object.assign(mark.style, { width: `${7 * scale}px`, height: `${7 * scale}px`, margin: `${-3.5 * scale}px 0 0 ${-3.5 * scale}px` });
+    if (model.boxes) mark.style.outline = "2px solid white";
     return mark;
   };
 }

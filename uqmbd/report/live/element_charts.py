@@ -55,7 +55,7 @@ def _boxes(found: SplitElements, up: tuple[Array, Array]) -> dict[str, Any]:
     scale, name, units = (100.0, "stated error", "% of std") if found.stated else (1.0, found.what, "")
     value = scale * found.value[order]
     (across, across_units), (name_up, units_up) = ((one, typeset_units(unit)) for one, unit in found.names)
-    curve = Curve("elements", (y0 + y1) / 2, (Band("from, to", y0, y1),), "centre")
+    curve = Curve("elements", (y0 + y1) / 2, (Band(f"{name_up} from, to", y0, y1),), f"centre of {name_up}")
     method = curve_data(0, 1, curve)
     method["columns"] = [{"name": name, "units": units, "digits": True, "values": packed(value)}]
     if found.stated:

@@ -7,7 +7,7 @@ import functools
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted
 from uqmbd.report.figures import events_in_words, has_events
-from uqmbd.report.sections.outputs import json_chart
+from uqmbd.report.sections.about_results.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 

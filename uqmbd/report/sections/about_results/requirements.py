@@ -7,7 +7,7 @@ import xarray as xr
 
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted
-from uqmbd.report.sections.outputs import json_chart
+from uqmbd.report.sections.about_results.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing

@@ -13,7 +13,7 @@ import xarray as xr
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted
 from uqmbd.report.figures import MOST_SCALARS, failure_reasons
-from uqmbd.report.sections.outputs import json_chart
+from uqmbd.report.sections.about_results.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import worst_integration_share
