@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import io
 import re
@@ -196,17 +195,17 @@ def test_a_report_of_hostile_names_is_whole(stored: tuple[xr.DataTree, Path], tm
     page = path.read_text(encoding="utf-8")
     assert "could not be drawn" not in page and "cannot be read" not in page
     check_page(page, [*HOSTILE.values(), *results.propagator_nodes(tree)])
-    drawn = re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', page)
-    assert len(drawn) + page.count("data-alt=") > 10
+    drawn = sorted((tmp_path / "figures").glob("*.svg"))
+    assert page.count("data-alt=") > 10 and len(drawn) > 10
     texts = ""
     for image in drawn:
-        root = ET.fromstring(base64.b64decode(image))
+        root = ET.fromstring(image.read_bytes())
         assert not list(root.iter("{http://www.w3.org/2000/svg}script"))
         texts += "".join(root.itertext())
     # names are no formulas: dollars and backslashes stand as they were written
     assert r"$x_1$ and $\frac{1}{" in re.sub(r"\s+", " ", texts)
     files = [p.name for p in (tmp_path / "figures").iterdir()]
-    assert len(files) > len(drawn) + 1 and all(re.fullmatch(r"[\w.+-]{1,120}\.(svg|gif)", name) for name in files)
+    assert len(files) >= len(drawn) and all(re.fullmatch(r"[\w.+-]{1,120}\.(svg|gif)", name) for name in files)
     assert {p.name for p in tmp_path.iterdir()} == {"report.html", "figures"}
 
 
