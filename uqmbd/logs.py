@@ -4,6 +4,8 @@ Loggers are ``uqmbd.methods`` (what begins and ends, and fails), ``uqmbd.realisa
 them), ``uqmbd.refinement`` (orders, sparse grids, elements) and ``uqmbd.kernels`` (compiled, or taken from the cache).
 INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations and each kernel.
 
+What they say in worker processes reaches this one with the results (uqmbd/propagation/execution/transport/said.py).
+
 The logger ``uqmbd`` has a level of its own: chaospy, when it is imported, gives the root logger the level DEBUG and a
 handler that writes to nowhere, so that all would be said, to nobody.
 """

@@ -15,13 +15,14 @@ from concurrent.futures import CancelledError, Executor, Future
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import partial
 from itertools import islice
+from logging import LogRecord
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.cost import Laps
-from uqmbd.propagation.execution.transport import Answer, Route, Seen, death, route_to, versions
+from uqmbd.propagation.execution.transport import Answer, Route, Seen, death, forward, route_to, said_before, versions
 
 __all__ = ["in_order"]
 
@@ -162,6 +163,8 @@ class _There(Generic[Piece, Result]):
         """Pieces that may have killed a worker, and how many."""
         self.ready: dict[int, tuple[Result, int]] = {}
         """Results, and their bytes, by the index of the piece."""
+        self.said: dict[int, tuple[LogRecord, ...]] = {}
+        """By loggers of workers, of results that wait, by the index of the piece."""
         self.arrived: queue.SimpleQueue[tuple[int, Future[Answer]]] = queue.SimpleQueue()
 
     def results(self) -> Generator[Result, None, None]:
@@ -174,6 +177,7 @@ class _There(Generic[Piece, Result]):
                         self._take()
                 result, size = self.ready.pop(wanted)
                 self.held -= size
+                forward(self.said.pop(wanted, ()))
                 yield result
         finally:
             self._end()
@@ -261,13 +265,17 @@ class _There(Generic[Piece, Result]):
             return
         said = future.result()
         if said.kind == "done":
+            if said.said:
+                self.said[index] = said.said
             self._begun_before(index)
             self.seen.done(said.worker, said.seconds)
             self._leave(index)
             self._put(index, self.keep(self.pieces[index], said.result, self.laps()))
-        elif flight.futures:
+            return
+        forward(said.said)
+        if flight.futures:
             return  # somebody else does it
-        elif said.kind == "missing":
+        if said.kind == "missing":
             self.seen.missing(said.worker)
             del self.flights[index]
             whole = self.seen.wants(sum(other.whole for other in self.flights.values()))
@@ -285,6 +293,7 @@ class _There(Generic[Piece, Result]):
     def _failed(self, index: int, flight: _Flight, error: BaseException) -> None:
         reason = death(error)
         if not reason:
+            forward(said_before(error))
             raise error
         self.route.renew()
         self.seen.gone()
@@ -325,7 +334,10 @@ class _There(Generic[Piece, Result]):
                 if said.kind == "done":
                     with contextlib.suppress(StudyError):  # whatever ended the run is said instead
                         self.keep(self.pieces[index], said.result, self.laps())
+                    self.said[index] = said.said
                     break
+        for _, records in sorted(self.said.items()):
+            forward(records)
 
 
 def size_of(value: object) -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.execution.transport.calls import Answer
+from uqmbd.propagation.execution.transport.calls import Answer, said_before
 from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
 from uqmbd.propagation.execution.transport.machines import machine_attribute, machine_counter, solver_counters
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
 from uqmbd.propagation.execution.transport.routes import Route, death, route_to
+from uqmbd.propagation.execution.transport.said import forward
 from uqmbd.propagation.execution.transport.seen import Seen
 
 __all__ = [
@@ -19,10 +20,12 @@ __all__ = [
     "Worker",
     "WorkerDied",
     "death",
+    "forward",
     "machine_attribute",
     "machine_counter",
     "machine_type",
     "route_to",
+    "said_before",
     "solver_counters",
     "versions",
 ]

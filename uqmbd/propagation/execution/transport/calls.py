@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from uqmbd.propagation.execution.transport.identity import Versions, Worker, this_worker
+from uqmbd.propagation.execution.transport.identity import Versions, Worker, this_worker, versions
 from uqmbd.propagation.execution.transport.packed import Missing, Packed
+from uqmbd.propagation.execution.transport.said import Listener, collected, listener
 
-__all__ = ["Answer", "answer"]
+__all__ = ["Answer", "Terms", "answer", "said_before", "terms"]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What goes with every call.
+
+    Attributes
+    ----------
+    versions : tuple of (str, str)
+        That the worker has to have.
+    listener : Listener, optional
+        To whom it says what its loggers say; None: nobody listens.
+    """
+
+    versions: Versions
+    listener: Listener | None
+
+
+def terms() -> Terms:
+    """Return those of calls of this process."""
+    return Terms(versions(), listener())
 
 
 @dataclass(frozen=True)
@@ -27,25 +51,43 @@ class Answer:
         Where it is done.
     seconds : float
         Wall time that it took.
+    said : tuple of logging.LogRecord
+        By the loggers of its process, where that is another one.
     """
 
     worker: Worker
     kind: Literal["done", "missing", "refused"]
     result: Any = None
     seconds: float = 0.0
+    said: tuple[logging.LogRecord, ...] = ()
 
 
-def answer(versions: Versions, function: Callable[..., Any], *arguments: Any) -> Answer:
+def answer(asked: Terms, function: Callable[..., Any], *arguments: Any) -> Answer:
     """Call a function of some arguments, which may be packed, if this worker has the versions that are expected."""
     worker = this_worker()
-    if versions != worker.versions:
+    if asked.versions != worker.versions:
         return Answer(worker, "refused")
     begin = time.perf_counter()
-    try:
-        for argument in arguments:
-            if isinstance(argument, Packed):  # it is here from now on, whatever the function does
-                argument.value()
-        result = function(*arguments)
-    except Missing:
-        return Answer(worker, "missing")
-    return Answer(worker, "done", result, time.perf_counter() - begin)
+    with collected(asked.listener) as said:
+        try:
+            for argument in arguments:
+                if isinstance(argument, Packed):  # it is here from now on, whatever the function does
+                    argument.value()
+            result = function(*arguments)
+        except Missing:
+            return Answer(worker, "missing", said=tuple(said))
+        except Exception as error:
+            if said:
+                with suppress(AttributeError):  # of an error that has no attributes
+                    setattr(error, _SAID, tuple(said))
+            raise
+    return Answer(worker, "done", result, time.perf_counter() - begin, tuple(said))
+
+
+def said_before(error: BaseException) -> tuple[logging.LogRecord, ...]:
+    """Return what the loggers of a worker said before it raised an error."""
+    found: tuple[logging.LogRecord, ...] = getattr(error, _SAID, ())
+    return found
+
+
+_SAID = "_uqmbd_said"

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from uuid import uuid4
 from weakref import WeakKeyDictionary
 
-from uqmbd.propagation.execution.transport.calls import Answer, answer
-from uqmbd.propagation.execution.transport.identity import Worker, versions
+from uqmbd.propagation.execution.transport.calls import Answer, Terms, answer, terms
+from uqmbd.propagation.execution.transport.identity import Worker
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes
 
@@ -52,11 +52,12 @@ class _Direct:
     executor: Executor
     apart: bool
     names_the_dead: bool = True
+    asked: Terms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Answer]:
-        return self.executor.submit(answer, versions(), function, *arguments)
+        return self.executor.submit(answer, self.asked, function, *arguments)
 
     def renew(self) -> None:
         pass
@@ -72,12 +73,13 @@ class _Asking:
     executor: Executor
     names_the_dead: bool = False
     apart: bool = True
+    asked: Terms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Answer]:
         sent = [_shown(x) if isinstance(x, Packed) and not whole else x for x in arguments]
-        return self.executor.submit(answer, versions(), function, *sent)
+        return self.executor.submit(answer, self.asked, function, *sent)
 
     def renew(self) -> None:
         pass
@@ -108,6 +110,7 @@ class _Dask:
     """Dask's names of what is under way."""
     names_the_dead: bool = False
     apart: bool = True
+    asked: Terms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
@@ -123,7 +126,7 @@ class _Dask:
         if away and (others := sorted(self.client.nthreads().keys() - away)):
             # should they all leave, it goes to whoever comes
             more |= {"workers": others, "allow_other_workers": True}
-        future = self.executor.submit(answer, versions(), function, *sent, **more)
+        future = self.executor.submit(answer, self.asked, function, *sent, **more)
         self.keys[future] = key
         return future
 
