@@ -83,6 +83,27 @@ def calibrate(
     uqmbd.StudyWarning
         If the mechanism does not confirm the posterior, chains have not converged, the posterior has other maxima, or
         a record is not one that the model gives.
+
+    Examples
+    --------
+    The stiffness ``(2 pi 1.67)^2``, N/m, of an oscillator of 1 kg, whose frequency was measured three times:
+
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_calibration import Record, Series, calibrate
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_springs import SpringDamper
+    >>> stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(100, 10), units="N/m")
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=1)
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness, free_length=1))
+    >>> mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    >>> record = Record("tap test", [Series("frequency", [], [1.67, 1.68, 1.66], "Hz", noise=0.01)])
+    >>> study = uqmbd.Study("oscillator", mechanism)
+    >>> found = calibrate(study, record, surrogate=Collocation(order=3), draws=200, chains=2)
+    >>> (posterior,) = found.variables()
+    >>> abs(posterior.mean - 110.1) < 1
+    True
     """
     given = checked_records(records, study)
     require_sampler()

@@ -13,7 +13,18 @@ __all__ = ["MJCF", "URDF"]
 
 
 class URDF:
-    """Robots as the Unified Robot Description Format tells them."""
+    """Robots as the Unified Robot Description Format tells them.
+
+    Examples
+    --------
+    >>> import uqmbd_models
+    >>> uqmbd_models.URDF.name
+    'urdf'
+    >>> uqmbd_models.URDF().read("no_such_robot.urdf")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: from_urdf: no_such_robot.urdf: there is no such file; expected the path of a URDF file.
+    """
 
     name = "urdf"
 
@@ -35,7 +46,18 @@ class URDF:
 
 
 class MJCF:
-    """Models in the format of MuJoCo."""
+    """Models in the format of MuJoCo.
+
+    Examples
+    --------
+    >>> import uqmbd_models
+    >>> uqmbd_models.MJCF.name
+    'mjcf'
+    >>> uqmbd_models.MJCF().read("no_such_model.xml")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: from_mjcf: no_such_model.xml: there is no such file; expected the path of a MJCF file.
+    """
 
     name = "mjcf"
 

@@ -36,6 +36,26 @@ class Calibration:
         the draws where there are very many; ``sample_stats``; ``constant_data``, the standard deviation of the noise.
         Beside them ``fit`` (means of predictions), ``residuals`` (over the noise), ``summary`` and
         ``marginals``.  A variable is named like its output, or ``output[record]`` where several records have it.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_calibration import Record, Series, calibrate
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_springs import SpringDamper
+    >>> stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(100, 10), units="N/m")
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=1)
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness, free_length=1))
+    >>> mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    >>> record = Record("tap test", [Series("frequency", [], [1.67, 1.68, 1.66], "Hz", noise=0.01)])
+    >>> study = uqmbd.Study("oscillator", mechanism)
+    >>> found = calibrate(study, record, surrogate=Collocation(order=3), draws=200, chains=2)
+    >>> found.names, found.unidentified
+    (('stiffness',), ())
+    >>> found.realisations < 200
+    True
     """
 
     tree: xr.DataTree

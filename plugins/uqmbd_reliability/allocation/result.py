@@ -45,6 +45,23 @@ class Allocation:
         Of the last surrogate at points that are left out, over the standard deviation of the margins.
     notes : tuple of str
         What the reader must know.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_reliability import allocate
+    >>> mechanism = uqmbd.Mechanism("stack", uqmbd.Planar())
+    >>> mechanism.body("part", mass=1, inertia=1) and None
+    >>> box, part = (
+    ...     uqmbd.RandomVariable(name, uqmbd.tolerance(size, 0.1, 0.1, cpk=1), units="mm")
+    ...     for name, size in (("box", 40.1), ("part", 40))
+    ... )
+    >>> mechanism.require("gap", box - part >= 0, description="the part goes into the box")
+    >>> found = allocate(uqmbd.Study("stack", mechanism), "gap", 0.01, cost={"box": 1, "part": 1})
+    >>> found.allowed, found.lower < found.probability < found.upper
+    (0.01, True)
+    >>> found.factors.round(1).tolist(), dict(found.dataset().sizes)["input"]
+    ([0.9, 0.9], 2)
     """
 
     requirements: tuple[str, ...]

@@ -60,6 +60,27 @@ class Sampling:
     ------
     uqmbd.StudyError
         If there are more samples than anybody can mean.
+
+    Examples
+    --------
+    As an integrator asks for it, of a mechanism whose controller samples twice a second:
+
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_springs import PointForce
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
+    >>> cart = mechanism.body("cart", mass=2)
+    >>> def pull(time, measured):
+    ...     return 1 - measured
+    >>> controller = uqmbd.Controller(measured=[cart.position[0]], commanded={"force": "N"}, rate=2, function=pull)
+    >>> controller = mechanism.add(controller)
+    >>> push = mechanism.add(PointForce("push", cart, 0, controller.command("force")))
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("pushed", mechanism, [0, 1], [Collocation(order=1)])
+    >>> ensemble = study.problem(study.propagators[0]).ensemble(np.zeros((1, 0)))
+    >>> ensemble.sampling(np.array([0.0, 1.0])).times.tolist()
+    [0.0, 0.5, 1.0]
     """
 
     def __init__(self, batch: Batch, times: Array) -> None:

@@ -32,6 +32,14 @@ class Band:
         Its ends, in the units of the chart; NaN: unknown then.
     bars : bool
         Whether it is a range at each place, drawn as a bar, and not an area.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.report import Band
+    >>> band = Band("95 % of realisations", low=np.array([-1.0, 0.0]), high=np.array([1.0, 2.0]))
+    >>> band.name, (band.high - band.low).tolist()
+    ('95 % of realisations', [2.0, 2.0])
     """
 
     name: str

@@ -77,6 +77,18 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
         If a number cannot be used, or the method keeps neither samples nor a chaos.
     uqmbd.AssemblyError, uqmbd.IntegrationError
         If no realisation moves at all.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd.report import motion
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Planar())
+    >>> cart = mechanism.body("cart", mass=1, inertia=1, velocity=(2, 0))
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1])
+    >>> data = motion(study, samples=0, frames=3)
+    >>> data["pose"].sel(body="cart").values[0, :, 0].round(4).tolist()  # x, m
+    [0.0, 1.0, 2.0]
     """
     from uqmbd.report.mechanisms.body_poses import motion as compute
 
@@ -134,6 +146,20 @@ def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | Non
     ------
     uqmbd.StudyError
         If the ending is another one, ffmpeg is missing, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import uqmbd
+    >>> from uqmbd.report import animate, motion
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Planar())
+    >>> cart = mechanism.body("cart", mass=1, inertia=1, velocity=(2, 0))
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = animate(motion(study, samples=0, frames=3), f"{folder}/cart.gif", seconds=1, width=2)
+    ...     print(path.name, path.stat().st_size > 100)
+    cart.gif True
     """
     target = check_target(path)
     ending = target.suffix.lower()
@@ -215,6 +241,18 @@ def poses(data: xr.Dataset, time: float | None = None) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd.report import motion, poses
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Planar())
+    >>> cart = mechanism.body("cart", mass=1, inertia=1, velocity=(2, 0))
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1])
+    >>> figure = poses(motion(study, samples=0, frames=3), time=0.5)
+    >>> type(figure).__name__
+    'Figure'
     """
     film = Film(data, 6.4, 100)
     times = data["time"].values
@@ -245,6 +283,19 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
         With the node, if it could be made; else the attribute ``no_motion``, which says why, for the report.
     note : str
         Why it could not, or empty.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd.report import with_motion
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Planar())
+    >>> cart = mechanism.body("cart", mass=1, inertia=1, velocity=(2, 0))
+    >>> mechanism.output("way", cart.position[0], units="m")
+    >>> study = uqmbd.Study("rolling", mechanism, [0, 1])
+    >>> from uqmbd.results import join_nodes
+    >>> tree, note = with_motion(join_nodes([], study="rolling", mechanism="cart"), study)
+    >>> "motion" in tree.children, note
+    (True, '')
     """
     try:
         begin = clock.perf_counter()

@@ -24,6 +24,12 @@ class Shown:
     ----------
     html : str
         With its scripts; it asks for nothing from elsewhere.
+
+    Examples
+    --------
+    >>> from uqmbd.report import Shown
+    >>> Shown("<p>height: 3.0 m</p>")._repr_html_()
+    '<p>height: 3.0 m</p>'
     """
 
     html: str

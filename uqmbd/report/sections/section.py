@@ -25,7 +25,23 @@ Content = dict[str, Any]
 
 
 class Section(Protocol):
-    """A section that a plugin adds to the report."""
+    """A section that a plugin adds to the report.
+
+    Examples
+    --------
+    What a plugin gives by `uqmbd_report_sections`:
+
+    >>> import html
+    >>> import xarray as xr
+    >>> from uqmbd.report import Section
+    >>> class Author:
+    ...     title = "Author"
+    ...     def render(self, tree):
+    ...         return f"<p>{html.escape(tree.attrs['author'])}</p>"
+    >>> section: Section = Author()
+    >>> section.render(xr.DataTree(xr.Dataset(attrs=dict(author="Euler & Lagrange"))))
+    '<p>Euler &amp; Lagrange</p>'
+    """
 
     @property
     def title(self) -> str:
