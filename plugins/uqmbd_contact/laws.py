@@ -63,6 +63,11 @@ class ContactLaw:
     friction : expression
         Coefficient of friction; default that of the contact.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the law contains symbols that nothing gives a value.
+
     Examples
     --------
     The law of Lankarani and Nikravesh (Journal of Mechanical Design 112 (1990) 369-376) at a restitution of 0.8 and an

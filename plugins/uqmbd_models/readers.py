@@ -31,7 +31,17 @@ class URDF:
     def read(
         self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True
     ) -> uqmbd.ImportedMechanism:
-        """Return the mechanism, see `uqmbd.from_urdf`."""
+        """Return the mechanism, see `uqmbd.from_urdf`.
+
+        Parameters
+        ----------
+        path : str
+            The file.
+        floating : bool
+            See `uqmbd.from_urdf`.
+        fuse, outputs : bool
+            See `uqmbd.from_urdf`.
+        """
         loaded = load(path, "urdf")
         read_inertials(loaded)
         if floating:
@@ -64,5 +74,15 @@ class MJCF:
     def read(
         self, path: str, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
     ) -> uqmbd.ImportedMechanism:
-        """Return the mechanism, see `uqmbd.from_mjcf`."""
+        """Return the mechanism, see `uqmbd.from_mjcf`.
+
+        Parameters
+        ----------
+        path : str
+            The file.
+        keyframe : str or int, optional
+            See `uqmbd.from_mjcf`.
+        fuse, outputs : bool
+            See `uqmbd.from_mjcf`.
+        """
         return build(extract(load(path, "mjcf"), keyframe=keyframe), fuse_all=fuse, outputs=outputs)

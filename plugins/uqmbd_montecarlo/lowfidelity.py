@@ -93,7 +93,13 @@ class LowFidelity:
         return f"LowFidelity({self.study.name!r}, cost={self.cost:g}{more})"
 
     def check_samples(self, samples: int) -> None:
-        """Raise a `uqmbd.StudyError` where its realisations are not more than the samples that it is to control."""
+        """Raise a `uqmbd.StudyError` where its realisations are not more than the samples that it is to control.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there are too few of them, or no whole number.
+        """
         if self.samples is not None and self.samples < samples + LEAST_FURTHER:
             raise uqmbd.StudyError(
                 f"MonteCarlo: samples is {samples}, and its control has samples={self.samples}; expected "

@@ -57,6 +57,11 @@ class Reliability(uqmbd.Propagator):
     label : str, optional
         Name of the results, by default ``reliability``.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If an option cannot be used.
+
     Warns
     -----
     UserWarning

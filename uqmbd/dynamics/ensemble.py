@@ -186,7 +186,22 @@ class Ensemble:
         return self.model.evaluators["residual"](arguments, self.block)
 
     def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
-        """Values of ``dr/dy + c dr/dy'`` on the structural pattern ``model.pattern``, shape (K, nnz)."""
+        """Values of ``dr/dy + c dr/dy'`` on the structural pattern ``model.pattern``, shape (K, nnz).
+
+        Parameters
+        ----------
+        time : float
+            s.
+        y, yp : array, shape (K, n)
+            Unknowns, as `pack` makes them, and their rates.
+        c : float
+            Factor of the derivative by the rates, 1/s.
+
+        Returns
+        -------
+        array, shape (K, nnz)
+            Entry by entry of the pattern.
+        """
         arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen, c)
         return self.model.evaluators["jacobian"](arguments, self.block)
 
@@ -238,6 +253,18 @@ class Ensemble:
 
         Arguments and result are those of `rates`; the error is quadratic in that of the states.
 
+        Parameters
+        ----------
+        time : float, or array, shape (K,)
+            s.
+        states : array, shape (K, 2 coordinate + state)
+            As for `rates`.
+
+        Returns
+        -------
+        array, shape (K, 2 coordinate + state)
+            Corrected.
+
         Raises
         ------
         uqmbd.StudyError
@@ -256,6 +283,18 @@ class Ensemble:
         """Guards of all `events`, shape (K, event): gaps of impacts, m; an event happens where one falls through zero.
 
         Arguments are those of `rates`.
+
+        Parameters
+        ----------
+        time : float, or array, shape (K,)
+            s.
+        states : array, shape (K, 2 coordinate + state)
+            As for `rates`.
+
+        Returns
+        -------
+        array, shape (K, event)
+            In the order of `events`.
         """
         if not self.model.events:
             return np.zeros((len(states), 0))
@@ -306,7 +345,20 @@ class Ensemble:
         return ContactEvaluator(self.model)
 
     def energies(self, times: Array, states: Array) -> Array:
-        """Kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as of `outputs`."""
+        """Kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as of `outputs`.
+
+        Parameters
+        ----------
+        times : array, shape (T,)
+            s.
+        states : array, shape (K, T, 2 coordinate + state)
+            As for `outputs`.
+
+        Returns
+        -------
+        array, shape (K, 2, T)
+            J, kinetic first.
+        """
         return energies(self, times, states)
 
 

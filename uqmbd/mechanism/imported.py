@@ -122,6 +122,11 @@ class Omission:
 class Omissions(Sequence[Omission]):
     """A table of what was not taken from a file, which prints itself.
 
+    Parameters
+    ----------
+    rows : sequence of Omission
+        In the order of the table.
+
     Examples
     --------
     >>> print(Omissions([Omission("actuators", ("motor", "brake"), "add drivers or torques")]))

@@ -1,4 +1,7 @@
-"""The mechanism: bodies, components and outputs, declared once."""
+"""The mechanism: bodies, components and outputs, declared once.
+
+Length: it is one class, whose public methods have examples.
+"""
 
 from __future__ import annotations
 
@@ -45,6 +48,11 @@ class Mechanism:
         What appears in data and reports.
     space : Spatial, Planar, Translational or Line
         What the bodies move in, with the gravity.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the space or the name cannot be used.
 
     Examples
     --------
@@ -128,6 +136,15 @@ class Mechanism:
         ------
         uqmbd.StudyError
             If a value is missing, of the wrong dimension, or physically impossible.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=2, inertia=0.5, position=(1, 0), angle=sympy.pi / 2)
+        >>> arm.mass, list(mechanism.bodies), uqmbd.check(mechanism).mobility
+        (2, ['arm'], 3)
         """
         where = f"body {check_name(name, 'body')!r}"
         require_free(self, name, where)
@@ -157,6 +174,16 @@ class Mechanism:
         ------
         uqmbd.StudyError
             If its name is taken, a body is unknown, or a parameter has the wrong dimension.
+
+        Examples
+        --------
+        >>> from uqmbd_springs import SpringDamper
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1, position=1)
+        >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, stone, 0, 0, stiffness=100))
+        >>> spring.name, list(mechanism.components)
+        ('spring', ['spring'])
         """
         given: Any = component
         if isinstance(given, Controller):
@@ -336,7 +363,17 @@ class Mechanism:
         return randomise(self, pattern, relative, absolute, distribution, known)
 
     def revision(self) -> tuple[int, ...]:
-        """Return numbers that change whenever something is added, or parameters get other values."""
+        """Return numbers that change whenever something is added, or parameters get other values.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> before = mechanism.revision()
+        >>> stone = mechanism.body("stone", mass=1)
+        >>> before == mechanism.revision()
+        False
+        """
         parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
         return (*map(len, (*parts, self.requirements, self.conditions)), sum(c.settled for c in self.all_components()))
 
@@ -349,6 +386,16 @@ class Mechanism:
             What is asked for, e.g. a model for some initial time.
         make : callable
             Makes it.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> made = []
+        >>> for _ in range(2):
+        ...     found = mechanism.remembered("answer", lambda: made.append(1) or 42)
+        >>> found, len(made)  # it is made once
+        (42, 1)
         """
         revision = self.revision()
         known = self._memory.get(key)
@@ -363,19 +410,72 @@ class Mechanism:
         return self.remembered("inputs", lambda: JointInput.of(self._used()))
 
     def used_inputs(self) -> frozenset[str]:
-        """Return the names of random variables that enter something; dependent ones may be inputs without that."""
+        """Return the names of random variables that enter something; dependent ones may be inputs without that.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("weight", 9.81 * mass, units="N")
+        >>> sorted(mechanism.used_inputs())
+        ['mass', 'speed']
+        """
         return frozenset(v.name for v in self._used())
 
     def observed(self) -> tuple[Output, ...]:
-        """Return all that is observed: outputs over time, those without, and the margins of requirements."""
+        """Return all that is observed: outputs over time, those without, and the margins of requirements.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("weight", 9.81 * mass, units="N")
+        >>> mechanism.require("light", 9.81 * mass < 19)
+        >>> [output.name for output in mechanism.observed()]
+        ['weight', 'light']
+        """
         return (*self.outputs.values(), *self.scalars.values(), *self.margins.values())
 
     def all_components(self) -> list[Component]:
-        """Return the bodies' own terms, then the components, in the order in which they were added."""
+        """Return the bodies' own terms, then the components, in the order in which they were added.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("weight", 9.81 * mass, units="N")
+        >>> len(mechanism.all_components())  # gravity and inertia of the only body
+        1
+        """
         return [*(b.terms for b in self.bodies.values()), *self.components.values()]
 
     def moving_inputs(self) -> frozenset[RandomVariable]:
-        """Return the random variables that enter the motion: all but those that outputs alone contain."""
+        """Return the random variables that enter the motion: all but those that outputs alone contain.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("weight", 9.81 * mass, units="N")
+        >>> [variable.name for variable in mechanism.moving_inputs()]
+        ['speed']
+        """
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
         values += [self.space.gravity, *(c.residual for c in self.conditions.values())]

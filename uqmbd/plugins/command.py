@@ -46,7 +46,13 @@ class Command(Protocol):
     help: str
 
     def run(self, *arguments: Any, **options: Any) -> None:
-        """Do the work."""
+        """Do the work.
+
+        Parameters
+        ----------
+        *arguments, **options
+            As its signature declares them: with them the command line calls it.
+        """
 
 
 def command_line(command: type[Command]) -> Any:

@@ -59,10 +59,26 @@ class Progress(Protocol):
     """
 
     def start(self, label: str, total: int) -> None:
-        """Begin the work called `label`, of `total` realisations; so many more, if it has begun and not ended."""
+        """Begin the work called `label`, of `total` realisations; so many more, if it has begun and not ended.
+
+        Parameters
+        ----------
+        label : str
+            Of a method, or of a part of its work.
+        total : int
+            Realisations; an `AtMost` where they may be fewer.
+        """
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Report `count` more of them."""
+        """Report `count` more of them.
+
+        Parameters
+        ----------
+        label : str
+            As begun.
+        count : int
+            How many have been computed since.
+        """
 
     def finish(self, label: str) -> None:
         """End it."""

@@ -84,6 +84,14 @@ class Problem:
         Given where the outputs are some of those without a time only.
     answers_requirements : bool
         Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
+    model : Model
+        Equations and outputs, compiled.
+    executor : concurrent.futures.Executor, optional
+        Who computes; None: this process.
+    progress : Progress
+        Who is told.
+    checkpoint : Checkpoint, optional
+        Where finished chunks are kept.
 
     Examples
     --------
@@ -222,6 +230,11 @@ class Problem:
         ----------
         values : array, shape (K, input)
             Inputs, in the order of ``inputs.names``.
+
+        Returns
+        -------
+        Ensemble
+            At its start.
         """
         return Ensemble(self.model, self._checked(values))
 
@@ -398,12 +411,30 @@ class Problem:
         """Apply a function to pieces in order, like `map`, in threads where the study has workers.
 
         For arithmetic of NumPy on large arrays, as statistics are; the results do not depend on who computes.
+
+        Parameters
+        ----------
+        function : callable
+            Of one piece; it gives the same whatever else runs.
+        pieces : sequence
+            What it is applied to.
+
+        Returns
+        -------
+        iterator
+            Results in the order of the pieces.
         """
         threads = threads_of(self.executor) if len(pieces) > 1 else None
         return map(function, pieces) if threads is None else threads.map(function, pieces)
 
     def require_random(self) -> None:
-        """Raise a `uqmbd.StudyError` where nothing is random."""
+        """Raise a `uqmbd.StudyError` where nothing is random.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If nothing is random.
+        """
         if reason := nothing_random(self.inputs, self.mechanism):
             raise StudyError(f"{self.label}: {reason}.")
 
@@ -445,6 +476,23 @@ class Problem:
 
     def histories(self, values: Array, points: int, least: int = 1, longer: float = 1.0) -> list[History]:
         """Follow realisations from event to event, for methods that expand event times; see `event_histories`.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs.
+        points : int
+            Points of a segment, see `uqmbd.results.AlignedElement.points`.
+        least : int
+            Segments that each realisation is to have, for which it is followed beyond the last output time, at most
+            eight times as long.
+        longer : float
+            Where no further event ends a motion, its last segment lasts so many times as long as the output times.
+
+        Returns
+        -------
+        list of History, length K
+            In the order of the rows.
 
         Raises
         ------
@@ -539,6 +587,11 @@ class Problem:
             s.
         counters, children, attrs : mapping, optional
             Solver counters, further datasets, further attributes.
+
+        Returns
+        -------
+        xarray.DataTree
+            As `uqmbd.results.validate` wants it.
         """
         about = {"realisations": realisations, "wall_time": wall_time}
         given = {"solver_counters": counters, "children": children, "attrs": attrs}

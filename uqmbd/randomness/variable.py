@@ -186,6 +186,11 @@ def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> 
         Ends, in the units.
     units : str
 
+    Returns
+    -------
+    RandomVariable
+        In the units given.
+
     Raises
     ------
     uqmbd.StudyError

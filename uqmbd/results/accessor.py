@@ -40,7 +40,15 @@ class Accessor:
         self._data = data
 
     def output(self, name: str, *, input: str | None = None) -> Any:
-        """Return one output with its unit; see :func:`uqmbd.results.output`."""
+        """Return one output with its unit; see :func:`uqmbd.results.output`.
+
+        Parameters
+        ----------
+        name : str
+            Of an output.
+        input : str, optional
+            Of an input, for variables that have one.
+        """
         return output(self._data, name, input=input)
 
     def by_output(self, variable: str = "mean") -> xr.Dataset:
@@ -48,7 +56,20 @@ class Accessor:
         return by_output(self._data, variable)
 
     def surrogate(self, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
-        """Return the surrogate of a method, of whose node this is; see :func:`uqmbd.results.surrogate`."""
+        """Return the surrogate of a method, of whose node this is; see :func:`uqmbd.results.surrogate`.
+
+        Parameters
+        ----------
+        output : str, optional
+            Only this one.
+        times : sequence of int, optional
+            Only these times, by their numbers.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is no node of a method with a surrogate.
+        """
         if not isinstance(self._data, xr.DataTree):
             kind = type(self._data).__name__
             raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")

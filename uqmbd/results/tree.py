@@ -84,6 +84,11 @@ def study_tree(
 def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Return the nodes of outputs without a time, by the label of the method; methods without are left out.
 
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+
     Examples
     --------
     >>> scalar_nodes({})
@@ -166,6 +171,11 @@ def joined_outputs(
         Outputs without statistics, and why: the attribute ``refused``.
     names : sequence of str
         Outputs in order.
+
+    Returns
+    -------
+    xarray.DataTree
+        Statistics of all outputs, those without any NaN.
 
     Examples
     --------
@@ -389,6 +399,11 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
     """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
 
     Statistics of the others are those of other realisations in each method, and nothing to be compared.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
 
     Examples
     --------

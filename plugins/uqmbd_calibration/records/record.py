@@ -154,6 +154,11 @@ class Record:
         units, noise, known, machine, name, outputs : optional
             As of `read`.
 
+        Returns
+        -------
+        Record
+            With a series for each variable.
+
         Raises
         ------
         uqmbd.StudyError

@@ -37,6 +37,11 @@ class Calibration:
         Beside them ``fit`` (means of predictions), ``residuals`` (over the noise), ``summary`` and
         ``marginals``.  A variable is named like its output, or ``output[record]`` where several records have it.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If what is given was not made by `calibrate`.
+
     Examples
     --------
     >>> import chaospy

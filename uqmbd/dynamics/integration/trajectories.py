@@ -40,7 +40,7 @@ class Counters:
     by_dop853, by_ida : int
         Realisations whose motion is that of the explicit integrator, and of IDA.
     seconds : float
-        Wall time.
+        Wall time, s.
 
     Examples
     --------

@@ -83,7 +83,7 @@ class ProjectedEnsemble(Projection):
         Parameters
         ----------
         times : array, shape (T,)
-            Output times, strictly increasing; the first is the start.
+            Output times, s, strictly increasing; the first is the start.
         rtol : float
             Relative tolerance.
         integrator : str
@@ -94,6 +94,11 @@ class ProjectedEnsemble(Projection):
             Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
         watch : callable, optional
             Asked now and then with the coefficients so far; a true answer ends the run.
+
+        Returns
+        -------
+        ProjectedTrajectories
+            Coefficients at the times.
 
         Raises
         ------

@@ -1,4 +1,7 @@
-"""Components: what a joint, driver, spring or force says of itself."""
+"""Components: what a joint, driver, spring or force says of itself.
+
+Length: it is one class, whose public methods tell their parameters and what they return.
+"""
 
 from __future__ import annotations
 
@@ -290,6 +293,16 @@ class Component:
         number : int
             1: the first.  Where it does not happen until the last output time the value is censored, as that of
             `uqmbd.first_time` is: counted, and left out of statistics.
+
+        Returns
+        -------
+        symbol
+            s.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If its class states no event of that label.
         """
         if not isinstance(label, str):
             raise StudyError(
@@ -353,11 +366,33 @@ class Component:
         return JointDisplacement(i.direction(axis_i).dot(j.point(point_j) - i.point(point_i)), speed)
 
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
-        """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
+        """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`.
+
+        Parameters
+        ----------
+        body_i, body_j : str
+            Names of two of its body arguments.
+
+        Returns
+        -------
+        tuple of expressions
+            Four components; in the plane the cosine and sine of half the angle.
+        """
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
     def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
-        """Angle of one body relative to another as drawn in the plane, any number of turns, for `prepare`."""
+        """Angle of one body relative to another as drawn in the plane, any number of turns, for `prepare`.
+
+        Parameters
+        ----------
+        body_i, body_j : str
+            Names of two of its body arguments.
+
+        Returns
+        -------
+        expression
+            rad.
+        """
         angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
         return sympy.sympify(angle_j) - sympy.sympify(angle_i)
 
@@ -379,6 +414,11 @@ class Component:
         -------
         int
             1 ahead of it, -1 behind it, at the means of the random variables.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the points coincide as drawn.
         """
         i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
         ends = [nominal(x) for x in (i.point(self.values["point_i"])[0], j.point(self.values["point_j"])[0])]

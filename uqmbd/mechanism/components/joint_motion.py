@@ -1,4 +1,7 @@
-"""The motion that components tell: angles counted over any number of turns, displacements, and their rates."""
+"""The motion that components tell: angles counted over any number of turns, displacements, and their rates.
+
+Length: what is public has examples, which need a component each.
+"""
 
 from __future__ import annotations
 
@@ -112,15 +115,54 @@ class JointAngle:
         return 4 * sympy.pi if self.half and self.signed else 2 * sympy.pi
 
     def at_start(self, cosine: Any, sine: Any, near: Any) -> sympy.Expr:
-        """Angle nearest to one, of values of cosine and sine; smooth beside it."""
+        """Angle nearest to one, of values of cosine and sine; smooth beside it.
+
+        Parameters
+        ----------
+        cosine, sine : expression
+            Of the angle, or of its half where the angle is known by that.
+        near : expression
+            Angle, rad.
+
+        Returns
+        -------
+        expression
+            rad.
+        """
         return angle_at_start(cosine, sine, near, half=self.half, signed=self.signed)
 
     def continued(self, counted: Any, cosine: Any, sine: Any) -> sympy.Expr:
-        """Angle nearest to a counted one, of values of cosine and sine; smooth, whatever the turn."""
+        """Angle nearest to a counted one, of values of cosine and sine; smooth, whatever the turn.
+
+        Parameters
+        ----------
+        counted : expression
+            Angle, rad, any number of turns.
+        cosine, sine : expression
+            Of the angle, or of its half where the angle is known by that.
+
+        Returns
+        -------
+        expression
+            rad.
+        """
         return continued(counted, cosine, sine, half=self.half)
 
     def nearest(self, angle: Any, cosine: Any, sine: Any) -> sympy.Expr:
-        """Angle nearest to another, of values of cosine and sine: the same by rounding, for values alone."""
+        """Angle nearest to another, of values of cosine and sine: the same by rounding, for values alone.
+
+        Parameters
+        ----------
+        angle : expression
+            rad, any number of turns.
+        cosine, sine : expression
+            Of the angle, or of its half where the angle is known by that.
+
+        Returns
+        -------
+        expression
+            rad.
+        """
         raw = self.parts * sympy.atan2(sine, cosine)
         return raw + self.period * sympy.floor((angle - raw) / self.period + sympy.Rational(1, 2))
 

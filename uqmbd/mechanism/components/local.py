@@ -42,6 +42,17 @@ class Local:
     Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
     (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
 
+    Parameters
+    ----------
+    space : Space
+        Of the mechanism.
+    frames : mapping of str to Frame
+        By the names of the body arguments.
+    values : mapping of str to object
+        Symbols of parameters and prepared values, and options as they are.
+    time : symbol
+        `uqmbd.t`, s.
+
     Examples
     --------
     >>> import uqmbd

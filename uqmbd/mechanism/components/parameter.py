@@ -75,6 +75,13 @@ class Parameter(Generic[Given]):
     dimensions : int
         How many the space must have for it to make sense, as friction across a normal takes two; in spaces of fewer it
         stays at its default, and another value is an error.
+    name : str
+        Set by the class that declares it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the range is empty, or makes no sense for the kind; if no default is given where some spaces need one.
 
     Examples
     --------

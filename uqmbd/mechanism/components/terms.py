@@ -26,6 +26,11 @@ __all__ = [
 class Kinetic:
     """Kinetic energy, J, in coordinates and velocities.
 
+    Parameters
+    ----------
+    energy : expression
+        J.
+
     Examples
     --------
     A mass that is added at the origin of a body halves what a force brings about:
@@ -51,6 +56,11 @@ class Kinetic:
 class Potential:
     """Potential energy, J, in coordinates (and auxiliary states whose rate is linear in the velocities).
 
+    Parameters
+    ----------
+    energy : expression
+        J.
+
     Examples
     --------
     >>> import uqmbd
@@ -75,6 +85,13 @@ class VirtualWork:
     """A force and the velocity it acts along: generalised force ``Q_i = force . d velocity / d v_i``.
 
     Both are scalars, or both are vectors of one length.
+
+    Parameters
+    ----------
+    force : expression, or vector of them
+        N, or N m.
+    velocity : expression, or vector of them
+        What it does work on, m/s or rad/s, linear in the velocities.
 
     Examples
     --------
@@ -215,6 +232,13 @@ class Upright:
 
     The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
     when one of them points the other way.
+
+    Parameters
+    ----------
+    cosine : expression
+        In coordinates.
+    label : str
+        What it is of, for messages.
 
     Examples
     --------

@@ -29,6 +29,21 @@ __all__ = [
 def nominal(expression: Any) -> float:
     """Value of an expression at the means of its random variables and at time zero.
 
+    Parameters
+    ----------
+    expression : expression
+        In random variables and time.
+
+    Returns
+    -------
+    float
+        In its units.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the expression contains anything else, or has no finite value there.
+
     Examples
     --------
     >>> import chaospy, uqmbd
@@ -76,6 +91,16 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     """Two unit vectors that make a right-handed frame with a unit axis of three components.
 
     The reference direction is chosen at the nominal values, so that the result is smooth in the random variables.
+
+    Parameters
+    ----------
+    axis : sequence
+        Three components.
+
+    Returns
+    -------
+    tuple of two matrices, shape (3, 1)
+        The first two axes of the frame.
 
     Examples
     --------
@@ -133,6 +158,16 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
 
     Nothing where nothing turns, as in translational space.
 
+    Parameters
+    ----------
+    e_i, e_j : sequence
+        Of both frames, to the world.
+
+    Returns
+    -------
+    tuple of expressions
+        As many components.
+
     Examples
     --------
     >>> relative_quaternion((1, 0), (0, 1))
@@ -151,6 +186,16 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
 def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Product of two quaternions (half-angle pairs in the plane): the rotation `b`, then `a`.
 
+    Parameters
+    ----------
+    a, b : sequence
+        Four components each; in the plane two.
+
+    Returns
+    -------
+    tuple of expressions
+        As many components.
+
     Examples
     --------
     >>> quaternion_product((0, 1, 0, 0), (0, 0, 1, 0))
@@ -167,6 +212,16 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
 
 def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Quaternion of the smallest rotation that turns one unit vector into another.
+
+    Parameters
+    ----------
+    start, end : sequence
+        Three components each.
+
+    Returns
+    -------
+    tuple of expressions
+        Four components.
 
     Examples
     --------
@@ -187,6 +242,16 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
 
     The frames are equal where the axes have equal components; else frame j is frame i turned by the smallest rotation
     that takes `axis_i` to `axis_j`.  So the angle between them is zero where the body frames coincide.
+
+    Parameters
+    ----------
+    axis_i, axis_j : sequence
+        Unit vectors of three components, each in the axes of its body.
+
+    Returns
+    -------
+    tuple of two tuples
+        A quaternion for each body.
 
     Examples
     --------

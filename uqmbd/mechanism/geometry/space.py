@@ -76,6 +76,11 @@ class Space:
 class Spatial(Space):
     """Three dimensions: ``q = (x, y, z, e0, e1, e2, e3)``.
 
+    Parameters
+    ----------
+    gravity : sequence
+        Acceleration of gravity, m/s^2, three components, which may be random; default: none.
+
     Examples
     --------
     >>> Spatial(gravity=(0, 0, -9.81)).size
@@ -123,6 +128,11 @@ class Spatial(Space):
 @dataclass(frozen=True)
 class Planar(Space):
     """The plane, with rotation: ``q = (x, y, e0, e1)``.
+
+    Parameters
+    ----------
+    gravity : sequence
+        Acceleration of gravity, m/s^2, two components, which may be random; default: none.
 
     Examples
     --------
@@ -178,6 +188,11 @@ class _Turnless(Space):
 @dataclass(frozen=True)
 class Translational(_Turnless):
     """The plane without rotation, for point masses: ``q = (x, y)``.
+
+    Parameters
+    ----------
+    gravity : sequence
+        Acceleration of gravity, m/s^2, two components, which may be random; default: none.
 
     Examples
     --------

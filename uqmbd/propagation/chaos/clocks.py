@@ -113,6 +113,11 @@ class Clock:
             Realisations.
         near : array, shape (K,), optional
             Of an oscillation: phases near which realisations start, rad; default: `start`.
+
+        Returns
+        -------
+        Phases
+            Of all of them.
         """
         values = found.values[:, self.row]
         if self.turn:
@@ -188,6 +193,11 @@ class Phases:
             Which.
         marks : array, shape (S,)
             Increasing phases, rad; those of an oscillation are multiples of a quarter turn.
+
+        Returns
+        -------
+        array, shape (S,)
+            s.
         """
         if self.swings:
             swing = self.swings[k]
@@ -251,6 +261,11 @@ class Phases:
 def watched_angles(mechanism: Any) -> Mapping[str, Any]:
     """Return the angles of all bodies and joints that have one, by the names of these, as expressions.
 
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Of the study.
+
     Examples
     --------
     >>> import uqmbd
@@ -284,6 +299,13 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
         Last time of the study, s.
     wanted : str, optional
         Name of an output, a body or a joint; default: whatever serves.
+
+    Returns
+    -------
+    clock : Clock or None
+        None: nothing tells the phase.
+    why : str
+        Why not, or empty.
 
     Raises
     ------
@@ -336,6 +358,11 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
         That of the study.
     wanted : str, optional
         Name of an output, a body or a joint; default: whatever serves.
+
+    Returns
+    -------
+    str
+        A sentence, without its full stop.
 
     Raises
     ------
@@ -442,6 +469,13 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
 
 def require_clock(problem: Problem, wanted: str) -> Clock:
     """Return the clock of a name.
+
+    Parameters
+    ----------
+    problem : Problem
+        That of the study.
+    wanted : str
+        Name of an output, a body or a joint.
 
     Raises
     ------

@@ -74,6 +74,11 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     loud : array of bool, shape (O,)
         Outputs that vary, see `varying`; the others are left out.
 
+    Returns
+    -------
+    sequence of Doubt
+        In the order of the outputs.
+
     Examples
     --------
     >>> import numpy as np
@@ -98,6 +103,11 @@ def errors_over_largest(chaos: Surrogate) -> Array:
     """Return the stated errors (O, T) over the largest standard deviation over time of each output.
 
     Where all realisations come to nearly the same, as at nodal points, a chaos need not follow what little is left.
+
+    Parameters
+    ----------
+    chaos : uqmbd.results.Surrogate
+        Of outputs over time, with verification realisations.
 
     Examples
     --------

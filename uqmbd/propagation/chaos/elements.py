@@ -230,6 +230,11 @@ def refine_elements(
         Says of an element, by its number in the order of computation, which share of its realisations the chaos does
         not follow: there it is as wrong as the largest standard deviation.
 
+    Returns
+    -------
+    ElementRefinement
+        The elements together.
+
     Warns
     -----
     UserWarning

@@ -74,6 +74,11 @@ def fit_nodes(
     weights : array, shape (K,), optional
         Of the nodes; None: a regression anyway.
 
+    Returns
+    -------
+    NodeFit
+        The coefficients, and what is to be said of them.
+
     Raises
     ------
     uqmbd.IntegrationError

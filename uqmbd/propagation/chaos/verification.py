@@ -59,6 +59,11 @@ class VerificationPoints:
             As the options of a method.
         stream : int
             A number of the method's own: its points are no points of its designs.
+
+        Returns
+        -------
+        VerificationPoints
+            With their weights.
         """
         if not count:
             return cls(np.zeros((0, space.dimension)), np.zeros(0))
@@ -71,7 +76,21 @@ class VerificationPoints:
     def of_elements(
         cls, boxes: Sequence[GermBox], first: int, count: int, seed: int, stream: int
     ) -> list[VerificationPoints]:
-        """Return the points of elements, by their probability, as local germs; `first` is the number of the first."""
+        """Return the points of elements, by their probability, as local germs; `first` is the number of the first.
+
+        Parameters
+        ----------
+        boxes : sequence of GermBox
+            Parts of the germ space.
+        first : int
+            Number of the first of the elements, in the order of computation.
+        count : int
+            Points of each.
+        seed : int
+            Of the method.
+        stream : int
+            Of the seed, for this use.
+        """
         found = []
         for number, box in enumerate(boxes, start=first):
             share = max(FEWEST, math.ceil(count * box.probability)) if count else 0
@@ -138,7 +157,17 @@ class Verification:
 
     @classmethod
     def of(cls, space: GermSpace, points: VerificationPoints, found: Realisations) -> Verification:
-        """Return those of some realisations, at these points, that did not fail."""
+        """Return those of some realisations, at these points, that did not fail.
+
+        Parameters
+        ----------
+        space : GermSpace
+            Of the inputs.
+        points : VerificationPoints
+            K of them.
+        found : Realisations
+            At these.
+        """
         good = np.flatnonzero(found.good)
         return cls(
             space,
@@ -203,6 +232,11 @@ class Verification:
             Degrees of the terms.
         labels : uqmbd.results.Labels
             Of the problem.
+
+        Returns
+        -------
+        PolynomialChaos
+            With its stated errors.
         """
         count = coefficients.shape[2]
         if labels.times is not None and count < len(labels.times):

@@ -60,7 +60,15 @@ class Margins:
 
     @classmethod
     def of(cls, found: Realisations, shape: tuple[int, ...]) -> Margins:
-        """Return those of some realisations, the shape of each being (requirement, T)."""
+        """Return those of some realisations, the shape of each being (requirement, T).
+
+        Parameters
+        ----------
+        found : Realisations
+            With margins.
+        shape : tuple of int
+            (requirement, T).
+        """
         known = found.margins
         if known is None:
             return cls(np.zeros((0, shape[0])), np.zeros((0, *shape)), np.zeros(0, dtype=bool), (), {}, 0.0)

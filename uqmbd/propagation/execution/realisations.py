@@ -74,7 +74,24 @@ class Realisations:
     def joined(
         cls, values: Array, parts: Sequence[Realisations], shape: tuple[int, ...], wall_time: float
     ) -> Realisations:
-        """Join those of several chunks: of all inputs (K, input), with responses of a shape (output, time)."""
+        """Join those of several chunks: of all inputs (K, input), with responses of a shape (output, time).
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs of all.
+        parts : sequence of Realisations
+            In their order.
+        shape : tuple of int
+            (output, T) of each response.
+        wall_time : float
+            s.
+
+        Returns
+        -------
+        Realisations
+            K of them.
+        """
         counters: Counter[str] = Counter()
         for part in parts:
             counters.update(part.counters)
@@ -98,12 +115,30 @@ class Realisations:
 
     @classmethod
     def of(cls, values: Array, chunk: Chunk, wall_time: float) -> Realisations:
-        """Return those of a chunk."""
+        """Return those of a chunk.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs.
+        chunk : Chunk
+            What a worker computed.
+        wall_time : float
+            s.
+        """
         about = (chunk.response, chunk.status, chunk.messages, dict(chunk.counters), wall_time)
         return cls(values, *about, chunk.scalars, chunk.margins)
 
     def choosing(self, seen: ScalarMap, chosen: Sequence[str]) -> Realisations:
-        """Return them with some of the outputs without a time; those in which one does not happen are censored."""
+        """Return them with some of the outputs without a time; those in which one does not happen are censored.
+
+        Parameters
+        ----------
+        seen : ScalarMap
+            Which outputs without a time the model has.
+        chosen : sequence of str
+            Names of some of them.
+        """
         columns = [k for k, name in enumerate(seen.names) if name in chosen]
         response, status, messages = self.response[:, columns], self.status.copy(), list(self.messages)
         for k in np.flatnonzero((status == Status.OK) & np.isnan(response).any(axis=(1, 2))).tolist():

@@ -1,4 +1,7 @@
-"""Studies: one mechanism, some times, and the methods that are to be laid side by side."""
+"""Studies: one mechanism, some times, and the methods that are to be laid side by side.
+
+Length: it is one class, whose public methods have examples.
+"""
 
 from __future__ import annotations
 
@@ -174,13 +177,63 @@ class Study:
         return checked
 
     def with_propagators(self, propagators: Iterable[Propagator]) -> Study:
-        """Make a copy with other propagators."""
+        """Make a copy with other propagators.
+
+        Parameters
+        ----------
+        propagators : sequence of Propagator
+            Instead of those it has.
+
+        Returns
+        -------
+        Study
+            With the same mechanism.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> [p.order for p in study.with_propagators([Collocation(order=2)]).propagators], study.propagators[0].order
+        ([2], 1)
+        """
         other = copy.copy(self)
         other.propagators = self._checked(propagators)
         return other
 
     def with_times(self, times: ArrayLike) -> Study:
-        """Make a copy with other output times (T,), s, strictly increasing, the first of which is the start."""
+        """Make a copy with other output times (T,), s, strictly increasing, the first of which is the start.
+
+        Parameters
+        ----------
+        times : array_like, shape (T,)
+            s.
+
+        Returns
+        -------
+        Study
+            With the same mechanism and methods.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> study.with_times([0, 0.5]).times.tolist(), study.times.tolist()
+        ([0.0, 0.5], [0.0, 1.0, 2.0])
+        """
         other = copy.copy(self)
         other.times = check_times(times, f"study {self.name!r}")
         other.report_times = ()
@@ -215,7 +268,39 @@ class Study:
         progress: Progress | bool | None = None,
         folder: Path | None = None,
     ) -> Problem:
-        """Make the problem that a propagator is given."""
+        """Make the problem that a propagator is given.
+
+        Parameters
+        ----------
+        propagator : Propagator
+            At work.
+        executor : concurrent.futures.Executor, optional
+            Who computes; None: this process.
+        progress : Progress or bool, optional
+            As of `run`.
+        folder : pathlib.Path, optional
+            Where finished chunks are kept.
+
+        Returns
+        -------
+        Problem
+            Of the outputs over time, where there are some.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> problem = study.problem(study.propagators[0])
+        >>> problem.realise(np.array([[3.0]])).response.round(4).tolist()  # 3 t
+        [[[0.0, 3.0, 6.0]]]
+        """
         from uqmbd.propagation.execution import Checkpoint
         from uqmbd.propagation.problem import Problem
 
@@ -260,10 +345,34 @@ class Study:
     ) -> xr.DataTree:
         """Run one propagator, which need not be among those of the study.
 
+        Parameters
+        ----------
+        propagator : Propagator
+            One of the study, or another.
+        workers : int or concurrent.futures.Executor
+            As of `run`.
+        progress : Progress or bool, optional
+            As of `run`.
+
         Returns
         -------
         xarray.DataTree
             The node of this propagator.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> node = study.propagate(Collocation(order=2))
+        >>> node["statistics"]["std"].values.round(6).tolist()  # 0.2 t
+        [[0.0, 0.2, 0.4]]
         """
         self._checked([propagator])
         with pool(workers) as executor:
@@ -320,15 +429,32 @@ class Study:
             for it and all propagators are run.  Methods that failed have no node; the root attribute ``failed`` is a
             JSON object from their labels to the reasons.
 
+        Raises
+        ------
+        uqmbd.UqmbdError
+            If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
+        uqmbd.StudyError
+            If options of a method or of the run cannot be used.
+
         Warns
         -----
         uqmbd.MethodFailedWarning
             For each method that cannot do the study, or failed, while another succeeded.
 
-        Raises
-        ------
-        uqmbd.UqmbdError
-            If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> result = study.run()
+        >>> result["collocation/statistics/mean"].values.round(6).tolist()  # 3 t
+        [[0.0, 3.0, 6.0]]
         """
         from uqmbd.propagation.execution import claimed
         from uqmbd.results.storage import clear, computed, reopen
@@ -377,6 +503,50 @@ class Study:
         """Run methods over lists of orders or sample numbers, and compare errors with costs.
 
         As ``study.converge(Collocation, order=[1, 2, 3, 4])``: a dataset of both, by method, level and output.
+
+        Parameters
+        ----------
+        propagators : Propagator, class of one, or sequence of these
+            Each takes the first of `levels` that is an option of it; a class its default options otherwise.
+        reference : xarray.DataTree, xarray.Dataset or Propagator, optional
+            A node; a method that is run; or a dataset of what is known, as in closed form: `mean` and `std`
+            ``(output, time)``.  Default: of the results the one that states the least error itself.
+        workers : int or concurrent.futures.Executor
+            As of `run`.
+        progress : Progress or bool, optional
+            As of `run`.
+        **levels : sequence, or mapping of str to sequence
+            Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``: for all methods that have it,
+            or for those of some labels.
+
+        Returns
+        -------
+        xarray.Dataset
+            By ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, norms over time of the
+            differences to the reference over that of its mean, or standard deviation; ``mean_error_max`` and
+            ``std_error_max``; ``stated_error``; ``realisations``; ``wall_time``, s; and fitted orders ``mean_rate`` and ``std_rate``.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there are no levels, a method has none of the options, or no level of any method succeeded.
+
+        Examples
+        --------
+        The standard deviation of ``speed^2 / 2`` needs an order of 2, which is the reference of the others:
+
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd_collocation import Collocation
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> mechanism.output("height", speed**2 / 2, units="m^2/s^2")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [Collocation(order=1)])
+        >>> found = study.converge(Collocation, order=[1, 2, 3])
+        >>> found["std_error_l2"].sel(output="height").values.round(4).tolist()[0][:2]
+        [0.0011, nan]
         """
         from uqmbd.propagation.convergence import converge
 

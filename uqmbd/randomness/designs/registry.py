@@ -52,7 +52,13 @@ class Design:
 
     @classmethod
     def of(cls, kind: type[SamplingDesign]) -> Design:
-        """Make a design, and look at what it declares."""
+        """Make a design, and look at what it declares.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the class declares something that cannot be used.
+        """
         base = getattr(kind, "base", 1)
         if not isinstance(base, int) or base < 1:
             raise StudyError(f"The sampling design {kind.name!r} declares base = {base!r}; expected a whole number.")
@@ -61,6 +67,20 @@ class Design:
 
     def points(self, dimension: int, count: int, seed: Seed) -> Array:
         """Draw points in the open unit cube, shape (count, dimension).
+
+        Parameters
+        ----------
+        dimension : int
+            Of the cube.
+        count : int
+            How many.
+        seed : int or sequence of int
+            Of the random numbers.
+
+        Returns
+        -------
+        array, shape (count, dimension)
+            More than 0 and less than 1.
 
         Raises
         ------

@@ -89,6 +89,11 @@ class GermSpace:
             inputs have the correlation of the joint distribution.  Exact for (log)normal vectors and Gaussian copulas;
             **any other joint distribution is approximated**: it keeps its marginals and correlations, no more.
 
+        Returns
+        -------
+        GermSpace
+            A germ for each input.
+
         Raises
         ------
         uqmbd.StudyError
@@ -307,6 +312,20 @@ class GermSpace:
         """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.index_set`.
 
         Degrees that a germ of few values does not have are left out: below them its basis is complete.
+
+        Parameters
+        ----------
+        order : int
+            Highest total degree.
+        kind : str
+            As of `uqmbd.index_set`.
+        weights : sequence of float, length d, optional
+            As of `uqmbd.index_set`.
+
+        Returns
+        -------
+        array of int, shape (P, d)
+            A row for each term, that of the mean first.
         """
         degrees = index_set(self.dimension, order, kind, weights)
         highest = [order if germ.values is None else germ.values - 1 for germ in self.germs]

@@ -156,6 +156,11 @@ def made(
 def stated_tolerance(distribution: Any) -> Toleranced | None:
     """Return the tolerance that a distribution was made from; None where it was made otherwise.
 
+    Parameters
+    ----------
+    distribution : distribution
+        Of chaospy.
+
     Examples
     --------
     >>> import chaospy

@@ -1,4 +1,7 @@
-"""What all figures share: size, colours, axes, legends, and labels that show names as they were written."""
+"""What all figures share: size, colours, axes, legends, and labels that show names as they were written.
+
+Length: what is public tells its parameters, and has an example.
+"""
 
 from __future__ import annotations
 
@@ -392,6 +395,18 @@ def with_units(name: str, units: str) -> str:
 
 def wrapped(text: str, width: int) -> str:
     r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
+
+    Parameters
+    ----------
+    text : str
+        The name.
+    width : int
+        Letters of a line.
+
+    Returns
+    -------
+    str
+        With line breaks.
 
     Examples
     --------

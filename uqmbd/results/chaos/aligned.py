@@ -58,6 +58,11 @@ class AlignedChaos(SampledSurrogate):
         What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
         each element counts by its probability.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the elements do not fill the germ space.
+
     Examples
     --------
     What rises until an event at 1 s, or a little later where the speed is high, and then stands still at 2:
@@ -118,7 +123,20 @@ class AlignedChaos(SampledSurrogate):
         return found
 
     def aligned(self, inputs: ArrayLike, where: ArrayLike) -> Array:
-        """Evaluate at inputs (K, d) and normalised times (N,) of all segments: (K, S, O, N); NaN behind the last."""
+        """Evaluate at inputs (K, d) and normalised times (N,) of all segments: (K, S, O, N); NaN behind the last.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (K, d)
+            In their units.
+        where : array_like, shape (N,)
+            From 0, the begin of a segment, to 1, its end.
+
+        Returns
+        -------
+        array, shape (K, S, O, N)
+            In the units of the outputs.
+        """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         most = max(e.segments.shape[1] for e in self.elements)
         at = np.asarray(where, dtype=float)
@@ -132,7 +150,20 @@ class AlignedChaos(SampledSurrogate):
 
     @classmethod
     def joined(cls, chaoses: Sequence[AlignedChaos], boxes: Sequence[GermBox]) -> AlignedChaos:
-        """Join chaoses, each on the conditional distribution in its box, that were not split themselves."""
+        """Join chaoses, each on the conditional distribution in its box, that were not split themselves.
+
+        Parameters
+        ----------
+        chaoses : sequence
+            Of the elements.
+        boxes : sequence of GermBox
+            Their parts of the germ space, which they fill.
+
+        Returns
+        -------
+        AlignedChaos
+            On the whole germ space.
+        """
         terms, places = terms_of_all(chaoses)
         elements = []
         for chaos, box, rows in zip(chaoses, boxes, places, strict=True):

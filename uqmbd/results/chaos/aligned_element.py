@@ -82,6 +82,24 @@ class AlignedElement:
         """Make it from coefficients (P, S, O, N) of the outputs at the `points` of each segment.
 
         Powers of the normalised time whose coefficients are rounding are left out.
+
+        Parameters
+        ----------
+        box : GermBox
+            Part of the germ space.
+        events : tuple of str, length S
+            What ends each segment.
+        edges : array, shape (P, S + 1)
+            Coefficients of the times of its ends, s.
+        values : array, shape (P, S, O, N)
+            Coefficients of the outputs at the points.
+        landmarks : {"events", "phase", "time"}
+            Where segments end.
+
+        Returns
+        -------
+        AlignedElement
+            With as many Chebyshev coefficients as points.
         """
         count = values.shape[-1]
         vander = np.polynomial.chebyshev.chebvander(2 * cls.points(count) - 1, count - 1)

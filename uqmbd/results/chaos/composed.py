@@ -28,6 +28,16 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
     """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
 
+    Parameters
+    ----------
+    dataset : xarray.Dataset or xarray.DataTree
+        As `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset` builds it.
+
+    Returns
+    -------
+    PolynomialChaos or PiecewiseChaos
+        The same values to the bit.
+
     Raises
     ------
     StudyError
@@ -62,6 +72,11 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
 
 def stored_as(chaos: Part) -> str:
     """Return the name of the dataset that a surrogate is stored in.
+
+    Parameters
+    ----------
+    chaos : surrogate
+        Of one kind, not composed.
 
     Examples
     --------
@@ -101,6 +116,11 @@ class ComposedChaos(Surrogate):
         Degrees of the terms of the part that has most.
     verification_germs, verification_response, verification_weights : array or None
         Those of the parts, where these have the same.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an output is missing, or there twice.
 
     Examples
     --------

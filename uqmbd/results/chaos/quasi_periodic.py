@@ -55,6 +55,11 @@ class QuasiPeriodicChaos(SampledSurrogate):
         What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
         each element counts by its probability.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the elements do not fill the germ space.
+
     Examples
     --------
     ``cos(w t)`` with a frequency of 2 rad/s at the mean of the input:
@@ -123,7 +128,20 @@ class QuasiPeriodicChaos(SampledSurrogate):
 
     @classmethod
     def joined(cls, chaoses: Sequence[QuasiPeriodicChaos], boxes: Sequence[GermBox]) -> QuasiPeriodicChaos:
-        """Join chaoses of the same harmonics, each on the conditional distribution in its box, that were not split."""
+        """Join chaoses of the same harmonics, each on the conditional distribution in its box, that were not split.
+
+        Parameters
+        ----------
+        chaoses : sequence
+            Of the elements.
+        boxes : sequence of GermBox
+            Their parts of the germ space, which they fill.
+
+        Returns
+        -------
+        QuasiPeriodicChaos
+            On the whole germ space.
+        """
         terms, places = terms_of_all(chaoses)
         elements = []
         for chaos, box, rows in zip(chaoses, boxes, places, strict=True):

@@ -104,6 +104,11 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
 def worst_integration_share(statistics: xr.Dataset) -> IntegrationShare | None:
     """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
 
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of a method.
+
     Examples
     --------
     >>> import chaospy

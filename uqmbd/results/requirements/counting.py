@@ -51,7 +51,20 @@ class Violations:
 
     @classmethod
     def of(cls, running: Array, failed: Mask) -> Violations:
-        """Count those of running margins (K, requirement, T), of which some failed (K,)."""
+        """Count those of running margins (K, requirement, T), of which some failed (K,).
+
+        Parameters
+        ----------
+        running : array, shape (K, requirement, T)
+            Smallest margins until each time.
+        failed : array of bool, shape (K,)
+            Which realisations have none.
+
+        Returns
+        -------
+        Violations
+            Where there are several requirements, with a row for any of them.
+        """
         return cls(events(running[~failed]).sum(axis=0), len(running), int(np.count_nonzero(failed)))
 
     def __add__(self, other: Violations) -> Violations:

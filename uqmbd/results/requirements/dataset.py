@@ -25,6 +25,11 @@ ANY_WORDS = "any of the requirements is violated"
 def requirement_names(requirements: Sequence[Requirement | str]) -> tuple[str, ...]:
     """Return the names of events: those of the requirements, and where there are several ``any``, the last one.
 
+    Parameters
+    ----------
+    requirements : sequence of Requirement or str
+        In their order.
+
     Examples
     --------
     >>> requirement_names(["overload"]), requirement_names(["overload", "clearance"])

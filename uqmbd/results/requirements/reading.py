@@ -73,6 +73,11 @@ def _data(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
 def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
     """Return what methods say, by requirement, in the order of the study, ``any`` last, and by the label of the method.
 
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+
     Examples
     --------
     >>> from uqmbd.results import requirements_dataset
@@ -193,6 +198,11 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
     """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
 
     Examples
     --------

@@ -24,6 +24,15 @@ class OutputInfo:
 
     `turn` is 0 unless the output is an angle; its values are unwrapped then.
 
+    Parameters
+    ----------
+    name : str
+        As the user wrote it.
+    units : str
+        Empty: none stated.
+    turn : float
+        Length of a turn, in these units; 0: it is no angle.
+
     Examples
     --------
     >>> import math
@@ -40,6 +49,15 @@ class OutputInfo:
 @dataclass(frozen=True)
 class InputInfo:
     """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``.
+
+    Parameters
+    ----------
+    name : str
+        As the user wrote it.
+    units : str
+        Empty: none stated.
+    description : str
+        Its distribution in words.
 
     Examples
     --------

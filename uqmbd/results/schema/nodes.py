@@ -115,6 +115,25 @@ def join_nodes(
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`.
 
+    Parameters
+    ----------
+    nodes : iterable of xarray.DataTree
+        Propagator nodes, as of `propagator_node`; each has a name of its own.
+    study, mechanism : str
+        Their names.
+    attrs : mapping, optional
+        Further attributes of the root.
+
+    Returns
+    -------
+    xarray.DataTree
+        A child for each, and the version of the schema.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If two nodes have the same name.
+
     Examples
     --------
     >>> import numpy as np
@@ -195,6 +214,11 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
     """Return the datasets of a node by their path within it; its own is that of ``/``.
 
+    Parameters
+    ----------
+    node : xarray.DataTree
+        A propagator's node.
+
     Examples
     --------
     >>> import numpy as np
@@ -214,6 +238,11 @@ def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
 
 def failed_methods(tree: xr.DataTree) -> dict[str, str]:
     """Return why methods of a study gave no results, by label, from the attribute ``failed``; empty where all did.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
 
     Examples
     --------

@@ -44,7 +44,20 @@ class CircularMoments:
 
     @classmethod
     def of(cls, response: Array, turns: Array) -> CircularMoments:
-        """Gather finite samples, shape (S, O, ...), in the units of the outputs; S may be zero."""
+        """Gather finite samples, shape (S, O, ...), in the units of the outputs; S may be zero.
+
+        Parameters
+        ----------
+        response : array, shape (S, O, ...)
+            Samples; rows that are not finite count for nothing.
+        turns : array, shape (O,)
+            Length of a turn of each output, in its units.
+
+        Returns
+        -------
+        CircularMoments
+            Of these samples.
+        """
         angular = np.flatnonzero(turns)
         angles = response[:, angular] * (2.0 * np.pi / turns[angular]).reshape(-1, *[1] * (response.ndim - 2))
         if not len(angles):

@@ -2,6 +2,8 @@
 
 The layout is that of Zarr's format 2, which `xarray.open_zarr` reads.  The files of chunks are read and written by
 `chunk_file`, with checksums.
+
+Length: what is public tells its parameters, and has an example.
 """
 
 from __future__ import annotations
@@ -77,6 +79,13 @@ class SampleChunk:
 @dataclass(frozen=True, eq=False)
 class SampleStoreChunks:
     """The chunks of a store, in order; they can be gone through again and again, and one is held at a time.
+
+    Attributes
+    ----------
+    store : SampleStore
+        Where they are.
+    columns : tuple of int, optional
+        Only these outputs.
 
     Examples
     --------
@@ -238,6 +247,11 @@ class SampleStore:
         size : int
             Samples of a chunk.
 
+        Returns
+        -------
+        SampleStore
+            Complete.
+
         Raises
         ------
         OSError
@@ -258,7 +272,26 @@ class SampleStore:
     def create(
         folder: Path, count: int, size: int, axes: Labels, attrs: Mapping[str, str] | None = None
     ) -> SampleStore:
-        """Make a store without chunks, in a folder that does not exist, with attributes."""
+        """Make a store without chunks, in a folder that does not exist, with attributes.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            Where.
+        count : int
+            Samples of the whole.
+        size : int
+            Samples of a chunk.
+        axes : Labels
+            Of the outputs, the inputs and the times.
+        attrs : mapping of str to str, optional
+            Attributes.
+
+        Returns
+        -------
+        SampleStore
+            Empty.
+        """
         import zarr
 
         coords = _coordinates(axes)
@@ -283,7 +316,15 @@ class SampleStore:
 
     @staticmethod
     def attribute(folder: Path, name: str) -> str | None:
-        """Return an attribute of a store; nothing where there is none."""
+        """Return an attribute of a store; nothing where there is none.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            Of a store.
+        name : str
+            Of the attribute.
+        """
         try:
             found = json.loads((folder / ".zattrs").read_bytes()).get(name)
         except (OSError, ValueError, AttributeError):
@@ -306,15 +347,43 @@ class SampleStore:
         return self.size * max(1, BLOCK // self.size)
 
     def place(self, name: str, number: int) -> Path:
-        """Return the file of a chunk of a variable."""
+        """Return the file of a chunk of a variable.
+
+        Parameters
+        ----------
+        name : str
+            Of a variable, as ``response``.
+        number : int
+            Of the chunk.
+        """
         return self.place_in(self.folder, name, number)
 
     def place_in(self, folder: Path, name: str, number: int) -> Path:
-        """Return the file of a chunk of a variable in another folder."""
+        """Return the file of a chunk of a variable in another folder.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            Of a store.
+        name : str
+            Of a variable, as ``response``.
+        number : int
+            Of the chunk.
+        """
         return folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
 
     def put(self, name: str, first: int, values: NDArray[Any]) -> None:
-        """Write a variable, from the index of a sample on at which a chunk begins; what is empty has no file."""
+        """Write a variable, from the index of a sample on at which a chunk begins; what is empty has no file.
+
+        Parameters
+        ----------
+        name : str
+            Of a variable, as ``response``.
+        first : int
+            Index of the first of the samples.
+        values : array, shape (K, ...)
+            Of the samples.
+        """
         _, chunk = self.shapes(name)
         for k in range(0, len(values), chunk[0]):
             part = values[k : k + chunk[0]]
@@ -325,6 +394,18 @@ class SampleStore:
 
     def read(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Read a variable of some samples, all of one chunk.
+
+        Parameters
+        ----------
+        name : str
+            Of a variable, as ``response``.
+        first, last : int
+            From the first to before the last.
+
+        Returns
+        -------
+        array, shape (last - first, ...)
+            NaN where nothing was written.
 
         Raises
         ------

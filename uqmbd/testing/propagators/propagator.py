@@ -72,6 +72,8 @@ def check_propagator(
     ------
     AssertionError
         If a property is broken; the message names it, with the case and the numbers.
+    uqmbd.StudyError
+        If what is given is no propagator.
 
     Examples
     --------
