@@ -192,7 +192,6 @@ class Study:
         Examples
         --------
         >>> import chaospy
-        >>> import numpy as np
         >>> import uqmbd
         >>> from uqmbd_collocation import Collocation
         >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -223,7 +222,6 @@ class Study:
         Examples
         --------
         >>> import chaospy
-        >>> import numpy as np
         >>> import uqmbd
         >>> from uqmbd_collocation import Collocation
         >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -362,7 +360,6 @@ class Study:
         Examples
         --------
         >>> import chaospy
-        >>> import numpy as np
         >>> import uqmbd
         >>> from uqmbd_collocation import Collocation
         >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -444,7 +441,6 @@ class Study:
         Examples
         --------
         >>> import chaospy
-        >>> import numpy as np
         >>> import uqmbd
         >>> from uqmbd_collocation import Collocation
         >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -524,7 +520,8 @@ class Study:
         xarray.Dataset
             By ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, norms over time of the
             differences to the reference over that of its mean, or standard deviation; ``mean_error_max`` and
-            ``std_error_max``; ``stated_error``; ``realisations``; ``wall_time``, s; and fitted orders ``mean_rate`` and ``std_rate``.
+            ``std_error_max``; ``stated_error``; ``realisations``; ``wall_time``, s; and fitted orders, ``mean_rate`` and
+            ``std_rate``.
 
         Raises
         ------
@@ -536,7 +533,6 @@ class Study:
         The standard deviation of ``speed^2 / 2`` needs an order of 2, which is the reference of the others:
 
         >>> import chaospy
-        >>> import numpy as np
         >>> import uqmbd
         >>> from uqmbd_collocation import Collocation
         >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
