@@ -520,7 +520,7 @@ class Study:
         xarray.Dataset
             By ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, norms over time of the
             differences to the reference over that of its mean, or standard deviation; ``mean_error_max`` and
-            ``std_error_max``; ``stated_error``; ``realisations``; ``wall_time``, s; and fitted orders, ``mean_rate`` and
+            ``std_error_max``; ``stated_error``; ``realisations``; ``wall_time``, s; fitted orders ``mean_rate`` and
             ``std_rate``.
 
         Raises
