@@ -1,6 +1,9 @@
 """Charts in a plane: outputs over one another, errors against cost, inputs of failures; as data, and in a browser."""
 
 import csv
+import json
+import re
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -161,3 +164,147 @@ def test_a_chart_of_nothing_known_has_axes(node):
         method["places"] = {"kind": "float64", "shape": [0], "base64": ""}
         del method["strands"]
     assert node(["chart_model.js"], "answer = chartModel(given).plane.right;", data) == [0, 1]
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory):
+    """Return a report with an output over another one, and with failures."""
+    rng = np.random.default_rng(3)
+    drawn = rng.normal(size=(120, 2))
+    status = np.where(drawn[:, 0] > 1, 2, 0)
+    size = 1 + 0.1 * drawn[:, :1]
+    x, y = size * np.sin(4 * TIMES), size * np.cos(4 * TIMES)
+    nodes = [method_node(x, y, "one", inputs=drawn, status=status), method_node(1.3 * y, -1.1 * x, "<b>two")]
+    tree = results.study_tree(nodes, study="s", mechanism="m", attrs={"over": json.dumps({"y": "x"})})
+    return tree, report.write_report(tree, tmp_path_factory.mktemp("marks") / "report.html")
+
+
+def shown(page, starts):
+    """Bring a chart into view, when those above it have their height."""
+    figure = page.locator(f'figure.charted[data-alt^="{starts}"]')
+    for _ in range(8):
+        figure.scroll_into_view_if_needed()
+        page.wait_for_timeout(200)
+    figure.locator("canvas").wait_for()
+    return figure
+
+
+def cells(figure):
+    """Return the numbers beside each method; none where there is no mark."""
+    rows = {}
+    for row in figure.locator("tbody tr").all():
+        texts = [text.replace("−", "-") for text in row.locator("td").all_inner_texts()]
+        rows[row.locator("th").inner_text()] = [None if text == "–" else float(text) for text in texts]
+    return rows
+
+
+def saved(page, figure, name):
+    """Return what a button saves."""
+    with page.expect_download() as download:
+        figure.get_by_role("button", name=name, exact=True).click()
+    return download.value.path().read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_loop_has_the_time_of_the_page(opened, page_file, scheme):
+    tree, path = page_file
+    page = opened(path, color_scheme=scheme)
+    figure = shown(page, "y over x")
+    page.evaluate("document.dispatchEvent(new CustomEvent('uqmbd-time', { detail: { time: 0.4, source: null } }))")
+    assert figure.locator("caption").inner_text() == "At 0.4 s"
+    for label, (y, x) in cells(figure).items():
+        means = tree[label]["statistics"]["mean"].sel(time=0.4, method="nearest")
+        assert y == pytest.approx(float(means.sel(output="y")), abs=1e-3)
+        assert x == pytest.approx(float(means.sel(output="x")), abs=1e-3)
+    # the pointer chooses the nearest mark, and the page follows
+    page.evaluate("document.addEventListener('uqmbd-time', ({ detail }) => (window.heard = detail.time))")
+    ring = figure.locator(".ring").nth(1).bounding_box()
+    page.mouse.move(ring["x"] + 40, ring["y"] + 60, steps=3)
+    page.wait_for_timeout(100)
+    heard = page.evaluate("window.heard")
+    assert figure.locator("caption").inner_text() == f"At {heard:.4g} s" and heard != 0.4
+    now = figure.locator(".ring").nth(1).bounding_box()
+    assert (now["x"], now["y"]) != (ring["x"], ring["y"])
+    plot = figure.locator(".plot")
+    plot.press("Home")
+    assert page.evaluate("window.heard") == 0
+    said = plot.get_attribute("aria-valuetext")
+    assert said.startswith("0 s: one: y ") and " deg, x 0" in said and "<b>two: y" in said
+    # what is switched off is neither ringed nor told
+    figure.locator("tbody button").first.click()
+    assert not figure.locator(".ring").first.is_visible() and figure.locator(".ring").nth(1).is_visible()
+    assert "one" not in plot.get_attribute("aria-valuetext").split(": ")
+
+
+@pytest.mark.slow
+def test_a_plane_zooms_along_both_axes(opened, page_file):
+    _, path = page_file
+    page = opened(path)
+    figure = shown(page, "y over x")
+    everything = figure.get_by_role("button", name="Show all", exact=True)
+    left, top, right, bottom = (figure.locator(".u-over").bounding_box()[k] for k in ("x", "y", "width", "height"))
+    before = figure.locator("canvas").screenshot()
+    page.mouse.move(left + 0.2 * right, top + 0.2 * bottom)
+    page.mouse.down()
+    page.mouse.move(left + 0.5 * right, top + 0.5 * bottom, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(100)
+    assert everything.is_visible() and figure.locator("canvas").screenshot() != before
+    drawing = ET.fromstring(saved(page, figure, "SVG"))
+    ticks = [one.text for one in drawing.iter("{http://www.w3.org/2000/svg}text")]
+    everything.click()
+    page.wait_for_timeout(100)
+    assert not everything.is_visible()
+    plot = figure.locator(".plot")
+    for _ in range(3):
+        plot.press("+")
+    page.wait_for_timeout(100)
+    assert everything.is_visible() and figure.locator(".ring:visible").count() >= 1
+    plot.press("0")
+    page.wait_for_timeout(100)
+    whole = ET.fromstring(saved(page, figure, "SVG"))
+    assert ticks != [one.text for one in whole.iter("{http://www.w3.org/2000/svg}text")]
+    assert "<b>two: mean at each time" in [one.text for one in whole.iter("{http://www.w3.org/2000/svg}text")]
+    assert saved(page, figure, "PNG").startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 1200])
+def test_failures_tell_the_sample_beneath_the_pointer(opened, page_file, width):
+    tree, path = page_file
+    page = opened(path, width=width)
+    figure = shown(page, "Inputs of the failed")
+    samples = tree["one"]["samples"].to_dataset()
+    failed = np.flatnonzero(samples["status"].values)
+    assert figure.locator("caption").inner_text() == f"At sample {failed[0]}"
+    ring = figure.locator(".ring:visible")
+    assert ring.count() == 1
+    box = ring.bounding_box()
+    figure.locator(".plot").press("Home")
+    assert figure.locator("caption").inner_text() == "At sample 0"
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, steps=3)
+    assert figure.locator("caption").inner_text() == f"At sample {failed[0]}"
+    rows = cells(figure)
+    heads = figure.locator("thead th").all_inner_texts()[1:]
+    units = dict(zip((f"{n}" for n in samples["input"].values), samples["inputs"].values[failed[0]], strict=True))
+    expected = [next(v for n, v in units.items() if head.startswith(n)) for head in heads]
+    assert rows[f"failed ({len(failed)})"] == pytest.approx(expected, abs=0.01)
+    assert rows[f"succeeded ({120 - len(failed)})"] == [None, None]
+    rows = list(csv.reader(saved(page, figure, "CSV").decode().splitlines()))
+    assert len(rows) == 121 and rows[0][0] == "sample"
+    column = next(k for k, head in enumerate(rows[0]) if re.match(r"k <b>.*by failed", head))
+    told = {int(row[0]): float(row[column]) for row in rows[1:] if row[column]}
+    assert told == pytest.approx({int(k): samples["inputs"].values[k, 0] for k in failed})
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.slow
+def test_paper_has_points_and_loops(opened, page_file):
+    _, path = page_file
+    page = opened(path)
+    assert page.pdf().startswith(b"%PDF")
+    figure = page.locator('figure.charted[data-alt^="Inputs of the failed"] .paper svg')
+    assert figure.locator("g path").count() == 2
+    loop = page.locator('figure.charted[data-alt^="y over x"] .paper svg')
+    assert "one: mean at each time, single realisations" in loop.locator("text").all_text_contents()
