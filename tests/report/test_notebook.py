@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd import report
+from uqmbd import report, results
 from uqmbd.progress import Lines, Notebook, Silent, told
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
@@ -234,3 +234,20 @@ def test_scripts_choose(study, capsys, monkeypatch):
 def test_a_terminal_with_ipython_is_no_notebook(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: types.SimpleNamespace()))
     assert isinstance(told(None), Silent)
+
+
+def test_results_of_one_time_show_densities_and_others_what_is_over_another_output():
+    def tree(times):
+        axes = results.labels([("x", "m"), ("y", "N")], ["k"], times)
+        k = np.random.default_rng(0).normal(1, 0.1, (40, 1))
+        response = np.stack([k * np.sin(5 * np.array(times)), k * np.cos(5 * np.array(times))], axis=1)
+        samples = results.sample_dataset(response, k, axes)
+        statistics = results.statistics_of_samples(samples)
+        node = results.propagator_node("a", statistics, samples=samples, propagator="p", realisations=40, wall_time=0.0)
+        return results.study_tree([node], study="s", mechanism="m", attrs={"over": '{"y": "x"}'})
+
+    still = report.show(tree([0.5])).html
+    assert still.count('<figure class="charted"') == 2 and "at the only time" in still and "Not drawn" not in still
+    moving = report.show(tree(list(np.linspace(0, 1, 21)))).html
+    assert moving.count('<figure class="charted"') == 3
+    assert '<figure class="charted" data-alt="y over x.">' in moving and 'src=""' not in moving

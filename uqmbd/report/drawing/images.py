@@ -1,4 +1,4 @@
-"""Figures as images inside the report."""
+"""Charts and drawings inside the report, figures of plugins in it, and figures as files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "still_image", "svg", "write_images"]
 
-CHARTED = '<figure class="charted">'
+CHARTED = '<figure class="charted"'
 """How the figure of a chart begins; scripts of the page look for it."""
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
@@ -44,7 +44,7 @@ def _rounded(found: re.Match[str]) -> str:
     return " " + (text if _CURVED.search(text) else text.replace(" L ", " "))
 
 
-def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") -> dict[str, str]:
+def image(draw: Callable[[], Figure], alt: str, caption: str) -> dict[str, str]:
     """Return a figure as a data URI; one that cannot be drawn is a note in its place.
 
     Parameters
@@ -53,17 +53,15 @@ def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") ->
         Makes the figure.
     alt, caption : str
         What stands for it, and beneath it.
-    name : str
-        Of the file, if it is written to one.
     """
     # A figure is thousands of objects in cycles: looking for garbage once after each, not all the while, saves a sixth.
     collecting = gc.isenabled()
     gc.disable()
     try:
-        return {"source": svg(draw()), "alt": alt, "caption": caption, "problem": "", "name": name}
+        return {"source": svg(draw()), "alt": alt, "caption": caption, "problem": ""}
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
         problem = f"{type(error).__name__}: {error}"
-        return {"source": "", "alt": alt, "caption": caption, "problem": problem, "name": name}
+        return {"source": "", "alt": alt, "caption": caption, "problem": problem}
     finally:
         if collecting:
             gc.enable()
@@ -78,8 +76,10 @@ def still_image(
     ----------
     make : callable
         Makes the drawing.
-    alt, caption, name
-        As of `image`.
+    alt, caption : str
+        What stands for it, and beneath it.
+    name : str
+        Of the file, if it is written to one.
     draw : callable
         Makes the figure that is written to a file, if that is asked for.
     """
@@ -90,7 +90,7 @@ def still_image(
         return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
-NOTHING_TO_DRAW = "Not drawn, as there are not two values that a line could join: "
+NOTHING_TO_DRAW = "Not drawn, as there is no spread, or there are not two values that a line could join: "
 """What stands in place of a chart without data, before its caption."""
 
 
@@ -108,7 +108,7 @@ def charted(
     draw : callable
         Makes the figure that is written to a file, if that is asked for.
     alt, caption, name
-        As of `image`.
+        As of `still_image`.
     chart : str, callable or None
         JSON, safe in HTML, or what makes it; None: there is nothing to draw.
     """
@@ -158,8 +158,10 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
         told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
         return f'<p class="problem">{told}</p>'
     data = f'<script type="application/json">{chart}</script>' if chart else ""
-    picture = f'<img src="{text["source"]}" alt="{text["alt"]}">'
-    return f"{CHARTED if chart else '<figure>'}{picture}<figcaption>{text['caption']}</figcaption>{data}</figure>"
+    picture = f'<img src="{text["source"]}" alt="{text["alt"]}">' if found["source"] else ""
+    told = "" if picture else f' data-alt="{text["alt"]}"'
+    begin = f"{CHARTED}{told}>" if chart else "<figure>"
+    return f"{begin}{picture}<figcaption>{text['caption']}</figcaption>{data}</figure>"
 
 
 def write_images(content: object, folder: Path) -> list[Path]:
@@ -168,7 +170,7 @@ def write_images(content: object, folder: Path) -> list[Path]:
     Parameters
     ----------
     content : object
-        What :func:`image` returned, within any lists and dictionaries.
+        What :func:`charted` or :func:`still_image` returned, within any lists and dictionaries.
     folder : Path
         Made if it does not exist.  Files of the same names are replaced, others left.
 

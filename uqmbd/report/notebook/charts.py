@@ -44,11 +44,25 @@ def alive(fragment: str) -> str:
 
 def output_charts(result: StudyResult, names: Sequence[str]) -> str:
     """Draw means and bands of some outputs over time, by all methods."""
-    from uqmbd.report.drawing import image_html
-    from uqmbd.report.sections import bands_chart
+    return _folded([(name, _of_output(result, name)) for name in names])
 
-    found = [(name, bands_chart(result, name, drawn=True)) for name in names]
-    return _folded([(name, image_html(one, one.pop("chart", ""))) for name, one in found])
+
+def _of_output(result: StudyResult, name: str) -> str:
+    """Draw an output over time, and over another one if the study says so; of one time its density."""
+    from uqmbd.report.drawing import image_html
+    from uqmbd.report.live import json_script, still_chart
+    from uqmbd.report.sections import bands_chart, only_density, over_chart
+
+    found = [bands_chart(result, name, drawn=True)]
+    if "note" in found[0]:
+        holders = {label: method.node for label, method in result.holders(name).items()}
+        if density := only_density(holders, name):
+            data, words = density
+            source = still_chart(data).source()
+            found = [{"source": source, "alt": words, "caption": words, "problem": "", "chart": json_script(data)}]
+    if along := over_chart(result, name):
+        found.append(along)
+    return "".join(image_html(one, one.pop("chart", "")) for one in found)
 
 
 def _folded(charts: Sequence[tuple[str, str]]) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from uqmbd.errors import StudyError
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import still_image
 from uqmbd.report.overview.advice import advice
@@ -14,7 +12,7 @@ from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.motion import mechanism_picture
 from uqmbd.report.overview.trusted import answer_of, holder_of, populations
-from uqmbd.report.sections import Content, TemplateSection
+from uqmbd.report.sections import Content, TemplateSection, only_density
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_count
@@ -22,7 +20,6 @@ from uqmbd.wording import format_count
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import xarray as xr
     from matplotlib.figure import Figure
 
 __all__ = ["ANSWERS"]
@@ -124,7 +121,10 @@ def _picture(result: StudyResult, name: str) -> Content | None:
 
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
         data = live.bands_data(holders, name, limits=limits)
-        return _at_one_time(holders, name) if data is None else _drawn(data, words, draw)
+        if data is not None:
+            return _drawn(data, words, draw)
+        density = only_density(holders, name)
+        return None if density is None else _drawn(*density, lambda: figures.histograms(holders, name))
     if violated := _violations(result):
         return violated
     data = live.scalars_data(result.nodes, name) if result.scalar_names else None
@@ -156,13 +156,3 @@ def _drawn(data: Content, words: str, draw: Callable[[], Figure]) -> Content:
     return still_image(lambda: live.still_chart(data), words, words, "first-screen", draw) | {
         "chart": live.json_script(data)
     }
-
-
-def _at_one_time(holders: Mapping[str, xr.DataTree], name: str) -> Content | None:
-    """Return the drawing of an output's density, where there is one time only; None where there is nothing to draw."""
-    try:
-        data = live.densities_data(holders, name)["views"][0]
-    except StudyError:
-        return None
-    words = f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1."
-    return _drawn(data, words, lambda: figures.histograms(holders, name))

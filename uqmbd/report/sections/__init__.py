@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from uqmbd.report.sections.about_methods import ABOUT_METHODS, precision_sentences
-from uqmbd.report.sections.about_results import ABOUT_RESULTS, bands_chart, most_uncertain, ranked
+from uqmbd.report.sections.about_results import (
+    ABOUT_RESULTS,
+    bands_chart,
+    most_uncertain,
+    only_density,
+    over_chart,
+    ranked,
+)
 from uqmbd.report.sections.section import Content, Section, TemplateSection, environment
 
 __all__ = [
@@ -16,5 +23,7 @@ __all__ = [
     "environment",
     "most_uncertain",
     "precision_sentences",
+    "only_density",
+    "over_chart",
     "ranked",
 ]

@@ -7,7 +7,15 @@ from uqmbd.report.sections.about_results.explore import EXPLORE
 from uqmbd.report.sections.about_results.influence import INFLUENCE
 from uqmbd.report.sections.about_results.inputs import INPUTS, input_rows
 from uqmbd.report.sections.about_results.output_words import stated_errors
-from uqmbd.report.sections.about_results.outputs import OUTPUTS, bands_chart, json_chart, most_uncertain, ranked
+from uqmbd.report.sections.about_results.outputs import (
+    OUTPUTS,
+    bands_chart,
+    json_chart,
+    most_uncertain,
+    only_density,
+    over_chart,
+    ranked,
+)
 from uqmbd.report.sections.about_results.requirements import REQUIREMENTS
 from uqmbd.report.sections.about_results.scalars import SCALARS
 
@@ -17,6 +25,8 @@ __all__ = [
     "input_rows",
     "json_chart",
     "most_uncertain",
+    "only_density",
+    "over_chart",
     "ranked",
     "stated_errors",
 ]

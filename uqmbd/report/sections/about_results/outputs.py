@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from uqmbd.errors import StudyError
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import charted
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
@@ -18,7 +20,7 @@ from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "bands_chart", "json_chart", "most_uncertain", "ranked"]
+__all__ = ["FULL", "OUTPUTS", "bands_chart", "json_chart", "most_uncertain", "only_density", "over_chart", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -98,9 +100,8 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     shown = [result.methods[label] for label in holders]
     first = shown[0]
     drawn: list[Content] = [bands_chart(result, name)]
-    over = result.over.get(name, "")
-    if over and all(over in method.histories for method in shown):
-        drawn.append(_over(holders, name, over))
+    if along := over_chart(result, name):
+        drawn.append(along)
     if not any(method.varies(name) for method in shown):
         return {
             "name": name,
@@ -210,7 +211,14 @@ def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]
     return made
 
 
-def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> Content:
+def over_chart(result: StudyResult, name: str) -> Content | None:
+    """Return the chart of an output over the one that the study names for it; None where there is none."""
+    holders = shown_methods({label: method.node for label, method in result.holders(name).items()})
+    over = result.over.get(name, "")
+    if not over or not all(over in result.methods[label].histories for label in holders):
+        return None
+    if max(result.methods[label].of(name).sizes["time"] for label in holders) < 2:
+        return None
     functions = all(figures.is_function(node, name, over) for node in holders.values())
     caption = (
         f"How it goes with {over}: the mean, and the bands in which 50 % and 95 % of the realisations lie, at each of "
@@ -226,6 +234,18 @@ def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> Content:
         caption,
         f"{name}-over-{over}",
         lambda: json_chart(live.over_data(holders, name, over)),
+    )
+
+
+def only_density(holders: Mapping[str, xr.DataTree], name: str) -> tuple[dict[str, Any], str] | None:
+    """Return the data and words of an output's density where there is one time; None where there is nothing to draw."""
+    try:
+        data = live.densities_data(holders, name)["views"][0]
+    except StudyError:
+        return None
+    return (
+        data,
+        f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1.",
     )
 
 
