@@ -127,7 +127,7 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
 
     References
     ----------
-    .. [1] A. N. Avramidis and J. R. Wilson, Operations Research 41 (1993) 535-549 (splitting).
+    .. [1] A. N. Avramidis and J. R. Wilson, A splitting scheme for control variates, 1993.
     .. [2] P. Glasserman, Monte Carlo Methods in Financial Engineering, Springer, 2003, section 4.1.
     .. [3] A. A. Gorodetsky, G. Geraci, M. S. Eldred and J. D. Jakeman, Journal of Computational Physics 408 (2020)
        109257.

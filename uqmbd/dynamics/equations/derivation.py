@@ -4,7 +4,7 @@ No derivative is written by hand.
 
 With ``psi = d Phi / dt`` (the constraints at velocity level) and ``D = d psi / d v``, which is ``Phi_q`` for geometric
 constraints and stays right where a constraint or a potential contains an auxiliary state, the stabilised index-2 form
-(Gear, Gupta and Leimkuhler, 1985) is::
+(Gear, Leimkuhler and Gupta, 1985) is::
 
     0 = q' - v + D^T mu
     0 = s' - g(q, v, s, t)
