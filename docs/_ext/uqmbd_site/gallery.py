@@ -21,6 +21,17 @@ __all__ = ["LIMIT", "studies", "write_gallery"]
 LIMIT = 900
 """Longest time of a study, s."""
 
+TOPICS = {
+    "To begin with": ("pendulum", "slider_crank", "slider_crank_driven"),
+    "Vehicles": ("motorcycle", "quarter_car", "suspension"),
+    "Mechanisms in space, and robots": ("agile_eye", "robot"),
+    "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
+    "Long times": ("slider_crank_rotating", "long_time", "kraichnan_orszag"),
+    "Limits, tolerances and choices of a design": ("limits", "tolerances", "stiffness", "undamped_oscillator"),
+    "Records of a machine": ("calibration", "two_storey_oscillator"),
+}
+"""Studies by what they are examples of; those that stand in none are shown at the end."""
+
 PICTURES = """
 import sys
 from pathlib import Path
@@ -139,14 +150,17 @@ def _index(root: Path) -> str:
         "Each page is a study. Its pictures and its report are those of its run when the site was built.",
         "",
     ]
-    groups = {"Studies": "studies", "Published benchmarks": "published"}
-    for title, folder in groups.items():
-        lines += [f"## {title}", ""]
-        chosen = {name: path for name, path in studies(root).items() if path.parent.name == folder}
-        lines += ["::::{grid} 1 2 2 3", ":gutter: 2", ""]
-        for name, path in chosen.items():
-            picture = f"pictures/{name}-mechanism.svg"
-            lines += [f":::{{grid-item-card}} {_title(path)}", f":link: {name}", ":link-type: doc"]
+    found = studies(root)
+    topics = {title: [name for name in names if name in found] for title, names in TOPICS.items()}
+    topics["Others"] = [name for name in found if not any(name in names for names in TOPICS.values())]
+    for title, chosen in topics.items():
+        if not chosen:
+            continue
+        lines += [f"## {title}", "", "::::{grid} 1 2 2 3", ":gutter: 2", ""]
+        for name in chosen:
+            path, picture = found[name], f"pictures/{name}-mechanism.svg"
+            published = " (published benchmark)" if path.parent.name == "published" else ""
+            lines += [f":::{{grid-item-card}} {_title(path)}{published}", f":link: {name}", ":link-type: doc"]
             lines += [f":img-top: {picture}"] if (root / "docs" / "gallery" / picture).exists() else []
             lines += ["", _parts(path)[0], ":::", ""]
         lines += ["::::", "", "```{toctree}", ":hidden:", "", *chosen, "```", ""]
