@@ -26,8 +26,9 @@ TOPICS = {
     "Vehicles": ("motorcycle", "quarter_car", "suspension"),
     "Mechanisms in space, and robots": ("agile_eye", "robot"),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
-    "Long times": ("slider_crank_rotating", "long_time", "kraichnan_orszag"),
-    "Limits, tolerances and choices of a design": ("limits", "tolerances", "stiffness", "undamped_oscillator"),
+    "Long times": ("slider_crank_rotating", "long_time"),
+    "Limits, tolerances and choices of a design": ("limits", "tolerances", "undamped_oscillator"),
+    "Numerics of the methods": ("stiffness", "kraichnan_orszag"),
     "Records of a machine": ("calibration", "two_storey_oscillator"),
 }
 """Studies by what they are examples of; those that stand in none are shown at the end."""
