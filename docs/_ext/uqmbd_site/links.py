@@ -10,7 +10,9 @@ from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.util.nodes import make_refnode
 
+from uqmbd.plugins import KINDS
 from uqmbd_site.gallery import studies
 
 __all__ = ["in_site", "show_as_code"]
@@ -49,8 +51,10 @@ def in_site(app: Sphinx, name: str, source: list[str]) -> None:
 def show_as_code(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.TextElement
 ) -> nodes.TextElement | None:
-    """Show a name that is not uqmbd's as code; a name of uqmbd that has no page stays a warning."""
+    """Show what is not of uqmbd as code, lead a hook to its page; a name of uqmbd without a page stays a warning."""
     target = node.get("reftarget", "")
+    if node.get("refdomain") == "py" and target in {kind.hook for kind in KINDS.values()}:
+        return make_refnode(app.builder, node["refdoc"], "reference/api/hooks", None, content)
     if node.get("refdomain") != "py" or target.split(".")[0].split("_")[0] == "uqmbd":
         return None
     return content
