@@ -3,6 +3,8 @@
 import csv
 import json
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -12,6 +14,8 @@ import xarray as xr
 from uqmbd import report, results
 from uqmbd.report.figures import failure_reasons
 from uqmbd.report.live import error_cost_data, failures_data, over_data, unpacked
+
+from ..test_hostile_names import HOSTILE
 
 TIMES = np.linspace(0.0, 2.0, 301)
 
@@ -308,3 +312,82 @@ def test_paper_has_points_and_loops(opened, page_file):
     assert figure.locator("g path").count() == 2
     loop = page.locator('figure.charted[data-alt^="y over x"] .paper svg')
     assert "one: mean at each time, single realisations" in loop.locator("text").all_text_contents()
+
+
+@pytest.mark.slow
+def test_hostile_names_are_texts_in_a_plane(opened, tmp_path):
+    """Names of outputs, inputs, methods and reasons that look like HTML, scripts or formulas are told as they are."""
+    hostile = [HOSTILE[key] for key in ("script", "close", "attribute", "template", "mathematics")]
+    drawn = np.random.default_rng(3).normal(size=(60, 2))
+    status = np.where(drawn[:, 0] > 1, 2, 0)
+    x, y = drawn[:, :1] * np.sin(4 * TIMES), drawn[:, :1] * np.cos(4 * TIMES)
+    axes = results.labels([(hostile[0], "m"), (hostile[1], "m")], hostile[2:4], TIMES)
+    messages = [hostile[4] if s else "" for s in status]
+    samples = results.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
+    statistics = results.statistics_of_samples(samples)
+    one = results.propagator_node(
+        hostile[4], statistics, samples=samples, propagator="p", realisations=60, wall_time=0.0
+    )
+    tree = results.study_tree([one], study="s", mechanism="m", attrs={"over": json.dumps({hostile[1]: hostile[0]})})
+    page = opened(report.write_report(tree, tmp_path / "report.html"))
+    asked = []
+    page.on("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    for starts, heads in ((f"{hostile[1]} over", hostile[1::-1]), ("Inputs of the failed", None)):
+        figure = page.locator("figure.charted").filter(has=page.locator("figcaption")).nth(0)
+        for candidate in page.locator("figure.charted").all():
+            if (candidate.get_attribute("data-alt") or "").startswith(starts):
+                figure = candidate
+        for _ in range(8):
+            figure.scroll_into_view_if_needed()
+            page.wait_for_timeout(150)
+        told = figure.locator("thead th").all_text_contents()[1:]
+        if heads is None:
+            assert sorted(told) == sorted(hostile[2:4])
+        else:
+            assert told == [f"{name} [m]" for name in heads]
+        head = next(csv.reader(saved(page, figure, "CSV").decode().splitlines()))
+        assert all(not re.match(r"[=+@\t\r-]", one) for one in head)
+        elements = set(figure.locator(".chart *").evaluate_all("(all) => all.map((one) => one.localName)"))
+        assert elements <= set("div canvas table caption thead tbody tr th td button span svg line path".split())
+        drawing = ET.fromstring(saved(page, figure, "SVG"))
+        kinds = {one.tag.removeprefix("{http://www.w3.org/2000/svg}") for one in drawing.iter()}
+        assert kinds <= {"svg", "rect", "text", "path", "g"}
+    assert asked == []
+
+
+@pytest.mark.thorough
+def test_a_page_of_every_chart_loads_no_matplotlib(tmp_path):
+    """Loops, functions of another output, failures, errors against cost, one time: none of them is Matplotlib's."""
+    rng = np.random.default_rng(3)
+    drawn = rng.normal(size=(60, 2))
+    x = (1 + 0.1 * drawn[:, :1]) * np.sin(4 * TIMES)
+    node = method_node(x, x**2, inputs=drawn, status=np.where(drawn[:, 0] > 1, 2, 0))
+    tree = results.study_tree([node], study="s", mechanism="m", attrs={"over": json.dumps({"y": "x"})})
+    curves = convergence().assign_coords(output=["y"])
+    more = {
+        "option": (("method",), ["order", "samples"]),
+        "problem": (("method", "level"), [[""] * 3] * 2),
+        "std_rate": (("method", "output"), [[1.0], [0.5]]),
+        "mean_rate": (("method", "output"), [[1.0], [0.5]]),
+    }
+    tree["convergence"] = xr.DataTree(curves.assign(more))
+    still = results.study_tree([loops(times=TIMES[:1])], study="s", mechanism="m")
+    results.save(tree, tmp_path / "tree.nc")
+    results.save(still, tmp_path / "still.nc")
+    told = subprocess.run(
+        [sys.executable, "-c", ALONE, str(tmp_path)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert told.stdout.split() == ["False"], told.stderr
+    page = (tmp_path / "tree.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 0 and 'id="growth"' in page and "Inputs of the failed" in page
+    assert "could not be drawn" not in page
+
+
+ALONE = """
+import sys
+from pathlib import Path
+from uqmbd import report, results
+for name in ("tree", "still"):
+    report.write_report(results.load(Path(sys.argv[1]) / f"{name}.nc"), Path(sys.argv[1]) / f"{name}.html")
+print("matplotlib" in sys.modules)
+"""

@@ -32,7 +32,7 @@ function lineSample(method) {
   const mark = document.createElementNS(space, "path");
   if (method.shape) set(mark, { d: markPath(method.shape, 17, 5, Math.min((method.size ?? 7) / 2, 4)) });
   if (method.joined || !method.shape) svg.append(line);
-  svg.append(mark);
+  if (method.shape) svg.append(mark);
   const paint = () => {
     const { dark, paper } = palette();
     const colour = method.colours[dark ? 1 : 0];
