@@ -117,7 +117,7 @@ def test_nothing_is_left_out_silently(tmp_path: Path, page: Path, outputs: int) 
     assert f"Of {outputs} outputs, the 6 most uncertain ones" in text
     assert text.count("of the 6 most uncertain outputs") == 2  # influence, trust
     summary = text[text.index('<section id="summary"') : text.index('<section id="influence">')]
-    assert "The same by every method" in summary and f"All verdicts ({4 * outputs} rows)" in text
+    assert "The same by every method" in summary and f"All verdicts ({5 * outputs} rows)" in text
 
 
 @pytest.mark.slow

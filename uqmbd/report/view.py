@@ -287,7 +287,14 @@ def pairs_of(text: object) -> list[tuple[str, str]]:
         return [("", str(text))]
     if not isinstance(content, dict):
         return [("", str(text))]
-    return [(str(k), v if isinstance(v, str) else json.dumps(v, ensure_ascii=False)) for k, v in content.items()]
+    return [(str(k), _written(v)) for k, v in content.items()]
+
+
+def _written(value: object) -> str:
+    """Write what JSON holds; a truth value as options have it that are a choice."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:

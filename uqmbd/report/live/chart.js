@@ -4,7 +4,7 @@ import { takeChosen } from "./chart_chosen.js";
 import { boxAt, shadeColour } from "./chart_layers.js";
 import { csvText, headsOf, placeAt, rowsAt, sentenceAt } from "./chart_model.js";
 import { drawChart, svgText } from "./chart_paper.js";
-import { chartOptions, seenIn, seriesData } from "./chart_options.js";
+import { chartOptions, limitLook, limitName, seenIn, seriesData } from "./chart_options.js";
 import { markLook, markPath, nearestMark } from "./chart_plane.js";
 import { button, element } from "./dom.js";
 import { fileName, pictureOf, saveBlob } from "./exports.js";
@@ -141,6 +141,10 @@ export function makeChart(figure, model) {
   if (small && several) {
     const lines = model.methods.map((method) => element("span", {}, lineSample(method), ` ${method.label}`));
     holder.append(element("p", { class: "beyond lines" }, ...lines));
+  }
+  if (model.limits?.length) {
+    const limits = model.limits.map((limit) => element("span", {}, lineSample(limitLook(limit)), ` ${limitName(limit, model.units)}`));
+    space.after(element("p", { class: "beyond lines limits" }, ...limits));
   }
   if (model.boxes) space.after(shadesOf(model.boxes));
   if (model.beyond.length) {
@@ -369,7 +373,7 @@ export function makeChart(figure, model) {
   const paper = element("div", { class: "paper", role: "img", "aria-label": described });
   holder.after(paper);
   papers.push(() => {
-    drawChart(model, seenIn(plot), (drawing) => paper.replaceChildren(drawing));
+    drawChart(model, seenIn(plot), (drawing) => paper.replaceChildren(drawing), true);
   });
   if (model.follows && pageInputs()) follow(pageInputs());
   else refresh();

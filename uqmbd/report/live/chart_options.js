@@ -1,8 +1,9 @@
 // What uPlot draws: series, bands and axes of a chart's model.
 
+import { DARK, LIGHT } from "./colours.js";
 import { drawLayers } from "./chart_layers.js";
 import { planeLayers } from "./chart_plane.js";
-import { axisPower, decadeTicks, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
+import { axisPower, decadeTicks, formatQuantity, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 const OUTER = "2b";
@@ -164,10 +165,10 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
       });
     });
   }
-  for (const { reference } of model.limits ?? []) {
-    const dash = (reference ? [5, 3] : [2, 3]).map((length) => length * scale);
-    const look = { width: (reference ? 1 : 1.6) * scale, dash, points: { show: false } };
-    series.push({ stroke: () => (reference ? palette().soft : palette().limit), ...look });
+  for (const limit of model.limits ?? []) {
+    const { width, dash, role } = limitLook(limit);
+    const lengths = dash.map((length) => length * width * scale);
+    series.push({ stroke: () => palette()[role], width: width * scale, dash: lengths, points: { show: false } });
   }
   // the last one: what the surrogate says at the chosen inputs
   const chosen = { width: model.chosen.width * scale, points: { show: false }, show: model.chosen.shown };
@@ -241,6 +242,17 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     },
   };
 }
+
+/** How a limit is drawn: as a method's line, but for the name of its colour. Lines of reference are dashed, limits dotted. */
+export function limitLook({ reference }) {
+  const role = reference ? "soft" : "limit";
+  const look = reference ? { width: 1, dash: [5, 3] } : { width: 1.6, dash: [1.25, 1.875] };
+  return { ...look, role, colours: [LIGHT[role], DARK[role]] };
+}
+
+/** What a dotted line is, in words. */
+export const limitName = ({ name, value, reference }, units) =>
+  `${reference ? "" : "limit: "}${name} (${formatQuantity(value, units)})`;
 
 /** Make the mark of the cursor on a mean; other lines have none. */
 function meanPoint(model, scale) {

@@ -2,17 +2,19 @@
 
 import { barsOf, boxOrder, rangesOf, shadeColour, shadeShare } from "./chart_layers.js";
 import { shownOf } from "./chart_model.js";
-import { chartOptions, dotSize, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
+import { chartOptions, limitLook, limitName, dotSize, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
 import { markLook, markPath, planeLayers } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
 import { formatError } from "./numbers.js";
 
 const PAPER = { width: 660, height: 290 };
 // half as wide as the page, beside another one
-const PART = { width: 400, height: 240 };
+const PART = { width: 400, height: 210 };
 const SPACE = "http://www.w3.org/2000/svg";
 const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 const ROW = 18;
+// the width of a letter of the legend, as wide as they come on the whole
+const LETTER = 6.6;
 
 function shape(kind, attributes, text) {
   const made = document.createElementNS(SPACE, kind);
@@ -21,9 +23,9 @@ function shape(kind, attributes, text) {
   return made;
 }
 
-/** Call `done(svg)` with the part of a chart that is seen; in a microtask, when uPlot has chosen the axes. */
-export function drawChart(model, seen, done) {
-  const size = model.title ? PART : PAPER;
+/** Call `done(svg)` with the part of a chart that is seen, small as beside another one or not; in a microtask, when uPlot has chosen the axes. */
+export function drawChart(model, seen, done, small = false) {
+  const size = small || model.title ? PART : PAPER;
   const plot = new uPlot(chartOptions(model, size, () => LIGHT), seriesData(model));
   showIn(plot, model, seen);
   queueMicrotask(() => {
@@ -39,7 +41,11 @@ function drawingOf(model, plot, size) {
   const shown = shownOf(model);
   const titled = model.title ? 1 : 0;
   const shaded = model.boxes ? 1 : 0;
-  const legend = ROW * (shown.length + titled + shaded) + 6;
+  const limits = model.limits ?? [];
+  const room = (size.width - 62) / LETTER;
+  const signs = shown.map((method, k) => wrapped(namesOfSigns(method, k === 0, size === PART ? 34 : 50), room));
+  const named = signs.reduce((sum, rows) => sum + rows.length, 0);
+  const legend = ROW * (named + titled + shaded + limits.length) + 6;
   const ratio = plot.ctx.canvas.width / size.width;
   const box = Object.fromEntries(Object.entries(plot.bbox).map(([side, value]) => [side, value / ratio]));
   const top = legend + box.top;
@@ -134,12 +140,13 @@ function drawingOf(model, plot, size) {
       lines.append(shape("circle", { cx: x(place), cy: y(value), r: method.dots ? dotSize(model) / 2.2 : method.points ? 2.8 : 4, fill: colour, stroke: LIGHT.paper, "stroke-width": 0.8 }));
     }
   });
-  for (const { value, reference } of model.limits ?? []) {
-    const look = reference
-      ? { stroke: LIGHT.soft, "stroke-width": 1, "stroke-dasharray": "5 3" }
-      : { stroke: LIGHT.limit, "stroke-width": 1.6, "stroke-dasharray": "2 3" };
-    lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, ...look }));
-  }
+  limits.forEach((limit, k) => {
+    const { width, role, ...rest } = limitLook(limit);
+    const look = { stroke: LIGHT[role], "stroke-width": width, "stroke-dasharray": dashOf({ width, ...rest }), fill: "none" };
+    lines.append(shape("path", { d: `M${box.left} ${y(limit.value)}h${box.width}`, ...look }));
+    const row = ROW * (named + titled + shaded + k + 0.6);
+    svg.append(shape("path", { d: `M12 ${row}h36`, ...look }), shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, shortName(limitName(limit, model.units), Math.floor(room))));
+  });
   svg.append(lines, marks);
   for (const { method, place, ends, shift } of rangesOf(model)) {
     if (place < plot.scales.x.min || place > plot.scales.x.max) continue;
@@ -147,23 +154,36 @@ function drawingOf(model, plot, size) {
     svg.append(shape("path", { d: `M${x(place) + shift} ${one}V${other}`, stroke: method.colours[0], "stroke-width": 3 }));
   }
 
+  let above = titled;
   shown.forEach((method, k) => {
-    const row = ROW * (k + titled + 0.6);
+    const row = ROW * (above + 0.6);
+    above += signs[k].length;
     const look = { stroke: method.colours[0], fill: "none", ...( method.bars ? { "stroke-width": 9 } : method.dots ? { "stroke-width": 6, "stroke-linecap": "round", transform: "translate(17 0)" } : { "stroke-width": method.width, "stroke-dasharray": dashOf(method) }) };
     if (method.joined || !method.shape) svg.append(shape("path", { d: `M12 ${row}h${method.dots ? 0.01 : 36}`, ...look }));
     if (method.shape) {
       const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper);
       svg.append(shape("path", { d: markPath(method.shape, 30, row, (method.size ?? 7) / 2), fill, stroke, "stroke-width": width }));
     }
-    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, namesOfSigns(method, k === 0, titled ? 34 : 50)));
+    signs[k].forEach((text, n) => svg.append(shape("text", { x: 56, y: row + 4 + n * ROW, fill: LIGHT.ink }, text)));
   });
-  if (model.boxes) svg.append(...shadesRow(model.boxes, ROW * (shown.length + titled + 0.6)));
+  if (model.boxes) svg.append(...shadesRow(model.boxes, ROW * (named + titled + 0.6)));
   return svg;
 }
 
 function shadesRow({ name, units, ends }, row) {
   const parts = Array.from({ length: 12 }, (_, k) => shape("rect", { x: 12 + 6 * k, y: row - 5, width: 6, height: 10, fill: shadeColour(k / 11, false) }));
   return [...parts, shape("text", { x: 92, y: row + 4, fill: LIGHT.ink }, `${name}: ${ends.map((end) => formatError(end, units)).join(" to ")}`)];
+}
+
+/** A text in rows of so many letters at most, where its words allow it. */
+function wrapped(text, most) {
+  const rows = [];
+  for (const word of text.split(" ")) {
+    const last = rows[rows.length - 1];
+    if (last !== undefined && last.length + 1 + word.length <= most) rows[rows.length - 1] = `${last} ${word}`;
+    else rows.push(word);
+  }
+  return rows;
 }
 
 const dashOf = (method) => method.dash.map((length) => length * method.width).join(" ") || "none";

@@ -38,7 +38,7 @@ SMALLEST = 1e-16
 """Differences that are rounding, and have no place on a logarithmic axis."""
 
 
-_LIMIT = {"name": f"limit {100 * LIMIT:g} %", "value": 100 * LIMIT}
+_LIMIT = {"name": "stated error", "value": 100 * LIMIT}
 
 
 def percent_axis(ends: tuple[float, float]) -> dict[str, Any]:

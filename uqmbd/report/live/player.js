@@ -46,7 +46,7 @@ export function makePlayer(figure, data) {
   for (const x of speeds) speed.append(element("option", { value: x }, x === 1 ? "real time" : `${formatNumber(x)} ×`));
   speed.value = String(natural);
   const controls = element("div", { class: "controls" }, play, scrub, told);
-  if (!small) controls.append(element("label", {}, "Speed ", speed));
+  if (!small) controls.append(element("span", { class: "row" }), element("label", {}, "Speed ", speed));
   if (data.realisations > 1 && !small) {
     const others = element("input", { type: "checkbox" });
     others.checked = true;

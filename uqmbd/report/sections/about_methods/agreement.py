@@ -20,10 +20,15 @@ _SIGNS = {
     "too few samples": "?",
     NO_SPREAD: "–",
 }
+_SHORT = {"reference": "the reference", NO_SPREAD: "nothing varies"}
+"""Verdicts in a word or two, where their names do not say them."""
 
 
 def agreement(result: StudyResult) -> Content | None:
-    """Return the recommendation and the verdict of each method and output; None for one method, or older results."""
+    """Return the recommendation and the verdict of each method and output; None for one method, or older results.
+
+    Verdicts stand in the section that compares methods (``each``), and nowhere else; ``rows`` name them.
+    """
     data = result.comparison
     if data is None or not data.sizes.get("output", 0) or "verdict" not in data:
         return None
@@ -31,7 +36,7 @@ def agreement(result: StudyResult) -> Content | None:
     rows, each = [], []
     reference, usable = str(data.attrs["reference"]), False
     for m, method in enumerate(str(v) for v in data["method"].values):
-        kind, text, which = overall(data, method)
+        kind, _, which = overall(data, method)
         stated = data["stated_error_max"].values[m] if "stated_error_max" in data else np.zeros(0)
         large = bool(np.any(np.isfinite(stated) & (stated > COARSE)))
         sign = "!" if kind == "agrees" and large else _SIGNS[kind]
@@ -39,16 +44,15 @@ def agreement(result: StudyResult) -> Content | None:
             {
                 "method": method,
                 "kind": kind,
-                "text": f"{sign} {text}" + (f" ({which})" if which else ""),
+                "text": f"{sign} {_SHORT.get(kind, kind)}" + (f" ({which})" if which else ""),
                 "wall_time": format_duration(float(data["wall_time"][m])),
                 "realisations": format_integer(int(data["realisations"][m])),
             }
         )
-        if method != reference:
-            usable |= kind in ("agrees", NO_SPREAD)
-            names = [str(v) for v in data["output"].values]
-            said = [str(v) for v in data["verdict"].values[m]]
-            each += [{"output": o, "method": method, "text": t} for o, t in zip(names, said, strict=True)]
+        usable |= method != reference and kind in ("agrees", NO_SPREAD)
+        names = [str(v) for v in data["output"].values]
+        said = [str(v) for v in data["verdict"].values[m]]
+        each += [{"output": o, "method": method, "text": t} for o, t in zip(names, said, strict=True)]
     return {
         "lead": lead,
         "good": usable,

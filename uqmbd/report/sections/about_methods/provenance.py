@@ -95,7 +95,7 @@ def _mechanism(result: StudyResult) -> Content:
 
 
 def _constants(values: object) -> str:
-    return "; ".join(f"{name} = {value}" for name, value in _object(values).items())
+    return "; ".join(f"{name}: {value}" for name, value in _object(values).items())
 
 
 def _object(value: object) -> Mapping[str, Any]:

@@ -26,6 +26,7 @@ from uqmbd.report.figures import (
     surrogate_of,
     varies_over_time,
 )
+from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.about_results import json_chart, most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
@@ -58,6 +59,8 @@ def trust(result: StudyResult) -> Content | None:
     shown = most_uncertain(result, names)
     several = max(len({order_of(nodes[m]) for m in members}) for members in groups.values()) > 2
     return {
+        # where methods are compared, what each states of its outputs stands there
+        "compared": agreement(result) is not None,
         "methods": [_verdicts(method, said) for method in best.values()],
         "rows": rows,
         "stated": any(stated_error_of(node) is not None for node in holders.values()),
@@ -83,12 +86,13 @@ def _verdicts(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
     what += f"; {method.clock}" if method.clock else ""
     try:
         seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(method.node), "discontinuities", tuple)()
-        words = {one.output: f". {one.words()}" for one in seen if one is not None and method.varies(one.output)}
-        found = [f"{name}: {said[label, name]}{words.get(name, '')}" for name in method.names]
-        return {"label": label, "what": what, "problem": "", "verdicts": found}
+        words = {one.output: one.words() for one in seen if one is not None and method.varies(one.output)}
+        found = [". ".join(filter(None, (f"{name}: {said[label, name]}", words.get(name)))) for name in method.names]
+        jumps = [f"{name}: {words[name]}" for name in method.names if name in words]
+        return {"label": label, "what": what, "problem": "", "verdicts": found, "jumps": jumps}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
         problem = f"The chaos of {label} cannot be read: {type(error).__name__}: {error}"
-        return {"label": label, "what": what, "problem": problem, "verdicts": ()}
+        return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
 
 
 def _rows(method: Method) -> list[dict[str, str]]:
