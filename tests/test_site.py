@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import sympy
 
 ROOT = Path(__file__).parents[1]
 
@@ -110,6 +111,32 @@ def test_equations_of_a_component_are_what_it_states(site):
     (line,) = components.equations(Distance)
     for part in (r"r_{jx} - r_{ix}", r"r_{jy} - r_{iy}", r"\mathrm{length}^{2}", "0 ="):
         assert part in line
+
+
+def components_of_plugins(site):
+    names = importlib.import_module("uqmbd_site.names")
+    found = [x for module in names.PLUGINS for x in names.public_names(module).values()]
+    return [x for x in found if site.is_component(x)]
+
+
+def test_every_component_shows_its_equations_in_rows_that_can_be_read(site):
+    components = importlib.import_module("uqmbd_site.components")
+    found = {x.__name__: components.equations(x) for x in components_of_plugins(site)}
+    assert len(found) > 40 and [name for name, lines in found.items() if not lines] == []
+    rows = {name: max(len(row) for line in lines for row in line.split(r" \\ ")) for name, lines in found.items()}
+    assert {name: size for name, size in rows.items() if size > components.LONGEST} == {}
+
+
+def test_named_parts_of_equations_are_what_they_stand_for(site):
+    components = importlib.import_module("uqmbd_site.components")
+    x, y, z = sympy.symbols("x y z", real=True)
+    shared = x * y + x * z + y * z
+    lines = [["0 =", shared * (1 + shared * sympy.sin(x))], ["V =", sympy.cos(shared)]]
+    parts, shown = components.with_named_parts(lines, 6)
+    assert len(parts) == 1 and [line[0] for line in shown] == ["0 =", "V ="]
+    for whole, short in zip(lines, shown, strict=True):
+        assert set(parts) <= short[1].free_symbols
+        assert sympy.expand(short[1].subs(parts) - whole[1]) == 0
 
 
 def test_objects_that_only_functions_return_are_told(pages):

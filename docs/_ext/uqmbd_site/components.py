@@ -5,18 +5,29 @@ from __future__ import annotations
 import inspect
 import textwrap
 import warnings
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import sympy
 
 import uqmbd
 
-__all__ = ["component_page", "draw", "equations", "example_of"]
+__all__ = ["component_page", "draw", "equations", "example_of", "with_named_parts"]
 
-LONGEST = 700
-"""Characters of LaTeX of one equation; a longer one is read in the statement of the terms."""
+Line: TypeAlias = list[Any]
+"""An equation: texts, and expressions of SymPy."""
+
+LONGEST = 450
+"""Characters of LaTeX of one equation; where one is longer, the parts that equations share have names."""
+
+WIDEST = 170
+"""Characters of LaTeX of one row; a sum that is longer takes several."""
+
+FEWEST = (24, 12, 6)
+"""Operations that the name of a part saves, at least: the first number with which no equation is too long."""
 
 PLACES = {"at": ((0.5, 0), (-0.5, 0)), "apart": ((0, 0), (-0.4, 0.1))}
 """Points of body i and body j: where joints are, and where what has a length ends."""
@@ -86,9 +97,11 @@ class _Shown(uqmbd.Frame):
         super().__init__(space)
         self.letter, self.names, self.is_ground = letter, names, False
 
-    def _symbols(self, head: str, below: str) -> sympy.Matrix:
-        below = below if len(below) == 1 else rf"\mathrm{{{below}}},"
-        axes = "xyz"[: self.space.dimension]
+    def _symbols(self, head: str, below: str, ends: Sequence[str] = ()) -> sympy.Matrix:
+        """Symbols of one head with what stands below, by default for each axis."""
+        below = below if len(below) == 1 else rf"\mathrm{{{below}}}"
+        between = "," if len(below) > 1 else ""
+        axes = [f"{between}{end}" if end else "" for end in (ends or "xyz"[: self.space.dimension])]
         return sympy.Matrix([sympy.Symbol(f"{head}_{{{below}{axis}}}", real=True) for axis in axes])
 
     def _of(self, local: Any) -> str:
@@ -105,18 +118,20 @@ class _Shown(uqmbd.Frame):
 
     @property
     def quaternion(self) -> sympy.Matrix:
-        count = self.space.size - self.space.dimension
-        return sympy.Matrix([sympy.Symbol(f"e_{{{self.letter}{k}}}", real=True) for k in range(count)])
+        size = self.space.size - self.space.dimension
+        return self._symbols("e", self.letter, [str(k) for k in range(size)])
 
     @property
     def rotation(self) -> sympy.Matrix:
         d = self.space.dimension
-        return sympy.Matrix(d, d, lambda m, n: sympy.Symbol(f"A_{{{self.letter},{m + 1}{n + 1}}}", real=True))
+        comma = "," if len(self.letter) == 1 else ""
+        entries = [f"{comma}{m}{n}" for m in range(1, d + 1) for n in range(1, d + 1)]
+        return sympy.Matrix(d, d, list(self._symbols("A", self.letter, entries)))
 
     @property
     def angular_velocity(self) -> sympy.Matrix:
         if self.space.dimension == 2:
-            return sympy.Matrix([sympy.Symbol(rf"\omega_{{{self.letter}}}", real=True)])
+            return self._symbols(r"\omega", self.letter, [""])
         return self._symbols(r"\omega", self.letter)
 
     body_angular_velocity = angular_velocity
@@ -157,12 +172,65 @@ def equations(component: type[uqmbd.Component]) -> list[str]:
     spoken: dict[Any, str] = {symbol: rf"\mathrm{{{_words(name)}}}" for name, symbol in local.states.items()}
     for symbol, (kind, expression) in local.quantities.items():
         spoken[symbol] = _rate(expression, spoken) if kind == "rate" else _named(symbol, local)
-    lines = [line for term in terms for line in _lines(term, spoken)]
-    used = {x for _, e in lines for x in sympy.sympify(e).free_symbols}
+    lines = [line for term in terms for line in _lines(term)]
+    used = {x for line in lines for e in line if not isinstance(e, str) for x in e.free_symbols}
     needed = _needed(used, local)
-    lines += [(f"{spoken[x]} =", e) for x, (kind, e) in local.quantities.items() if kind == "value" and x in needed]
-    text = [f"{head} {_latex(e, spoken)}" for head, e in lines]
-    return text if all(len(line) <= LONGEST for line in text) else []
+    lines += [[f"{spoken[x]} =", e] for x, (kind, e) in local.quantities.items() if kind == "value" and x in needed]
+    whole = lines
+    for fewest in FEWEST:
+        long = [k for k, line in enumerate(lines) if len(_row(line, spoken)) > LONGEST]
+        if not long:
+            break
+        long = [k for k, line in enumerate(whole) if len(_row(line, spoken)) > LONGEST]
+        parts, shortened = with_named_parts([whole[k] for k in long], fewest)
+        by_number = dict(zip(long, shortened, strict=True))
+        lines = [by_number.get(k, line) for k, line in enumerate(whole)]
+        lines += [[f"{name} =", e] for name, e in parts.items()]
+    return [_rows(line, spoken) for line in lines]
+
+
+def with_named_parts(lines: Sequence[Line], fewest: int) -> tuple[dict[sympy.Symbol, sympy.Expr], list[Line]]:
+    """Give names, u with a number, to what equations hold more than once; return what they are, and the equations.
+
+    What saves fewer operations by a name stays where it is.
+    """
+    found = [e for line in lines for e in line if not isinstance(e, str)]
+    parts, shared = sympy.cse(found, symbols=(sympy.Symbol(f"u_{{{k}}}", real=True) for k in count(1)), order="none")
+    while True:
+        uses = Counter(x for e in (*shared, *(e for _, e in parts)) for x in _leaves(e))
+        plain = next(((x, e) for x, e in parts if uses[x] < 2 or uses[x] * e.count_ops() < fewest), None)
+        if plain is None:
+            break
+        parts = [(name, e.xreplace(dict([plain]))) for name, e in parts if name != plain[0]]
+        shared = [e.xreplace(dict([plain])) for e in shared]
+    numbers = {name: sympy.Symbol(f"u_{{{k}}}", real=True) for k, (name, _) in enumerate(parts, 1)}
+    values = iter([e.xreplace(numbers) for e in shared])
+    named = [[x if isinstance(x, str) else next(values) for x in line] for line in lines]
+    return {numbers[name]: e.xreplace(numbers) for name, e in parts}, named
+
+
+def _leaves(expression: sympy.Expr) -> Iterator[sympy.Basic]:
+    return (x for x in sympy.preorder_traversal(expression) if x.is_Symbol)
+
+
+def _row(line: Line, spoken: dict[Any, str]) -> str:
+    return " ".join(x if isinstance(x, str) else _latex(x, spoken) for x in line)
+
+
+def _rows(line: Line, spoken: dict[Any, str]) -> str:
+    """Return the LaTeX of an equation; of a long sum a row for as many terms as it holds."""
+    text, last = _row(line, spoken), line[-1]
+    if len(text) <= WIDEST or isinstance(last, str) or not last.is_Add:
+        return text
+    head = _row(line[:-1], spoken)
+    rows = [""] if len(head) < WIDEST // 2 else ["", ""]
+    for k, term in enumerate(last.args):
+        shown = _latex(term, spoken)
+        shown = shown if not k or shown.startswith("-") else f"+ {shown}"
+        if rows[-1] and len(rows[-1]) + len(shown) > WIDEST:
+            rows.append("")
+        rows[-1] += f" {shown}"
+    return rf"{head} &{rows[0]}" + "".join(rf" \\ &\quad{row}" for row in rows[1:]) if len(rows) > 1 else text
 
 
 def _needed(used: set[Any], local: uqmbd.Local) -> set[Any]:
@@ -202,25 +270,25 @@ def _latex_name(key: str, *, bare: bool = False) -> str:
     return rf"\mathrm{{{_words(head)}}}_{{{end}}}" if below else rf"\mathrm{{{_words(key)}}}"
 
 
-def _lines(term: Any, spoken: dict[Any, str]) -> Iterator[tuple[str, Any]]:
-    """Yield the parts of a term: what stands before, and the expression."""
+def _lines(term: Any) -> Iterator[Line]:
+    """Yield the equations of a term, each as texts and expressions in their order."""
     match term:
         case uqmbd.Kinetic(energy=energy):
-            yield "T =", sympy.sympify(energy)
+            yield ["T =", sympy.sympify(energy)]
         case uqmbd.Potential(energy=energy):
-            yield "V =", sympy.sympify(energy)
+            yield ["V =", sympy.sympify(energy)]
         case uqmbd.VirtualWork(force=force, velocity=velocity):
             for f, v in zip(_column(force), _column(velocity), strict=True):
                 if f != 0:
-                    yield rf"\dot s = {_latex(v, spoken)}:\quad F =", f
+                    yield [r"\dot s =", v, r":\quad F =", f]
         case uqmbd.Constraint(equations=found) | uqmbd.VelocityConstraint(equations=found):
             for e in _column(found):
-                yield "0 =", e
+                yield ["0 =", e]
         case uqmbd.Auxiliary(state=state, rate=rate):
-            yield rf"\frac{{\mathrm d}}{{\mathrm dt}}\,{_latex(state, spoken)} =", sympy.sympify(rate)
+            yield [r"\frac{\mathrm d}{\mathrm dt}\,", state, "=", sympy.sympify(rate)]
         case uqmbd.Event(guard=guard, jump=uqmbd.Impact(speed=speed, restitution=restitution)):
-            yield "g =", sympy.sympify(guard)
-            yield rf"\dot g = {_latex(speed, spoken)},\quad \dot g^+ / \dot g^- =", -sympy.sympify(restitution)
+            yield ["g =", sympy.sympify(guard)]
+            yield [r"\dot g =", sympy.sympify(speed), r",\quad \dot g^+ / \dot g^- =", -sympy.sympify(restitution)]
 
 
 def _column(found: Any) -> list[Any]:
