@@ -142,10 +142,8 @@ class Germ:
 
         Parameters
         ----------
-        x : array_like, shape (...)
-            Points.
-        degree : int
-            Highest degree.
+        x, degree
+            As of :meth:`polynomials`.
 
         Returns
         -------

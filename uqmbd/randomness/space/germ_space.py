@@ -242,10 +242,8 @@ class GermSpace:
 
         Parameters
         ----------
-        germs : array_like, shape (K, d)
-            Points.
-        multi_index : array_like of int, shape (P, d)
-            Degrees of the terms.
+        germs, multi_index
+            As of :meth:`evaluate`.
         germ : int
             Number of the germ.
 
