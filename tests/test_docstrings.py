@@ -32,7 +32,13 @@ SECTIONS = "Parameters Attributes Returns Yields Raises Warns Notes References E
 NO_CLASSES = {"uqmbd.typing.Distribution"}
 """Names of types of others: `typing.Any` is told where it is assigned."""
 
-EXAMPLES_OF_METHODS = ("Study", "Mechanism")
+EXAMPLES_OF_METHODS = (
+    "Study",
+    "Mechanism",
+    "Frame",
+    "Surrogate",
+    *(x for x in dir(uqmbd.results) if x.endswith("Chaos")),
+)
 """Classes that users call: their methods have examples of their own, those of others are shown by their class."""
 
 UNITS = {
@@ -74,7 +80,7 @@ def _plain(member):
 def _methods():
     """Public methods of public classes by their full name, without properties and what a base has told."""
     found = {}
-    for name, cls in CLASSES.items():
+    for name, cls in {**CLASSES, "uqmbd.results.Surrogate": uqmbd.results.PolynomialChaos.__mro__[1]}.items():
         for key, member in vars(cls).items():
             inherited = any(key in vars(base) for base in cls.__mro__[1:] if base.__module__.startswith("uqmbd"))
             ours = not key.startswith("_") and not isinstance(member, (property, functools.cached_property))

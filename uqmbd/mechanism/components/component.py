@@ -172,7 +172,15 @@ class Component:
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
-        """Return the declared parameters by name, in the order of their declaration."""
+        """Return the declared parameters by name, in the order of their declaration.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_joints import Revolute
+        >>> sorted(Revolute.parameters())
+        ['axis_i', 'axis_j', 'point_i', 'point_j']
+        """
         found: dict[str, Parameter] = {}
         for base in reversed(cls.__mro__):
             found.update({k: v for k, v in vars(base).items() if isinstance(v, Parameter)})
@@ -180,7 +188,15 @@ class Component:
 
     @classmethod
     def body_of(cls, parameter: str) -> str:
-        """Return the body argument in whose frame a point or an axis is given; see `Parameter`."""
+        """Return the body argument in whose frame a point or an axis is given; see `Parameter`.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_joints import Revolute
+        >>> Revolute.body_of("point_j")
+        'body_j'
+        """
         if stated := cls.parameters()[parameter].body:
             return stated
         ending = parameter.rsplit("_", 1)[-1]
@@ -188,7 +204,14 @@ class Component:
 
     @classmethod
     def radius_of(cls, point: str) -> str:
-        """Return the parameter that is the radius about a point, or nothing; see `Parameter`."""
+        """Return the parameter that is the radius about a point, or nothing; see `Parameter`.
+
+        Examples
+        --------
+        >>> from uqmbd_joints import RollingWheel
+        >>> RollingWheel.radius_of("point_j")
+        'radius'
+        """
         parameters = cls.parameters()
         if any(parameter.about for parameter in parameters.values()):
             return next((name for name, parameter in parameters.items() if parameter.about == point), "")
@@ -197,7 +220,15 @@ class Component:
 
     @classmethod
     def signature(cls) -> str:
-        """Return the argument list as text."""
+        """Return the argument list as text.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_joints import Revolute
+        >>> Revolute.signature()
+        '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
+        """
         words = ["name", *(x for x in cls.bodies if x not in cls.grounded)]
         words += [k if p.required else f"{k}={p.default!r}" for k, p in cls.parameters().items()]
         words += [f"{x}=ground" for x in cls.grounded]

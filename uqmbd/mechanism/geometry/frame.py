@@ -109,27 +109,83 @@ class Frame:
 
     @checked
     def attitude(self, local: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-        """Quaternion, to the world, of a frame whose quaternion relative to this one is given."""
+        """Quaternion, to the world, of a frame whose quaternion relative to this one is given.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
+        >>> arm.attitude((1, 0)) == tuple(arm.quaternion)  # of a frame that is parallel to it
+        True
+        """
         return quaternion_product(self.quaternion, local)
 
     @checked
     def direction(self, local: Vector) -> Matrix:
-        """Turn a vector from body axes to world axes."""
+        """Turn a vector from body axes to world axes.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
+        >>> mechanism.output("y", arm.direction((1, 0))[1])
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1])["y"][0]), 6)
+        1.0
+        """
         return self.rotation * self._column(local, "direction", "vector")
 
     @checked
     def point(self, local: Vector) -> Matrix:
-        """World position of a point given in the body frame."""
+        """World position of a point given in the body frame.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
+        >>> mechanism.output("x", arm.point((2, 0))[0], units="m")
+        >>> mechanism.output("y", arm.point((2, 0))[1], units="m")
+        >>> found = uqmbd.simulate(mechanism, [0, 1])
+        >>> round(float(found["x"][0]), 6), round(float(found["y"][0]), 6)
+        (0.0, 2.0)
+        """
         return self.position + self.rotation * self._column(local, "point", "point")
 
     @checked
     def point_velocity(self, local: Vector) -> Matrix:
-        """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
+        """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
+        >>> mechanism.output("speed", arm.point_velocity((2, 0))[0], units="m/s")
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1])["speed"][0]), 6)
+        -6.0
+        """
         return self._rate(self.point(local))
 
     @checked
     def point_acceleration(self, local: Vector) -> Matrix:
-        """World acceleration of a point fixed in the body (outputs only)."""
+        """World acceleration of a point fixed in the body (outputs only).
+
+        Examples
+        --------
+        >>> import sympy
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("arm", uqmbd.Planar())
+        >>> arm = mechanism.body("arm", mass=1, inertia=1, angle=sympy.pi / 2, angular_velocity=3)
+        >>> mechanism.output("a", arm.point_acceleration((2, 0))[1], units="m/s^2")
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1])["a"][0]), 4)  # -3^2 * 2
+        -18.0
+        """
         return self._rate(self.point_velocity(local))
 
     def _column(self, local: Any, method: str, kind: str) -> Matrix:

@@ -111,11 +111,49 @@ class AlignedChaos(SampledSurrogate):
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
 
     def edges(self, inputs: ArrayLike) -> Array:
-        """Return times of landmarks at inputs (K, d), with begin and end, (K, S + 1), s; NaN behind the last one."""
+        """Return times of landmarks at inputs (K, d), with begin and end, (K, S + 1), s; NaN behind the last one.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> chaos.edges([[0.0], [1.0]]).round(4).tolist()  # psi is the root of 3 at the end
+        [[0.0, 1.0, 2.0], [0.0, 1.1732, 2.0]]
+        """
         return self.edges_at_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
 
     def edges_at_germs(self, germs: Array) -> Array:
-        """Return times of the landmarks at germ points (K, d); see :meth:`edges`."""
+        """Return times of the landmarks at germ points (K, d); see :meth:`edges`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> chaos.edges_at_germs(np.array([[0.0]])).round(4).tolist()
+        [[0.0, 1.0, 2.0]]
+        """
         most = max(e.edges.shape[1] for e in self.elements)
         found = np.full((len(germs), most), np.nan)
         for sampled in self._sampled(germs):
@@ -136,6 +174,24 @@ class AlignedChaos(SampledSurrogate):
         -------
         array, shape (K, S, O, N)
             In the units of the outputs.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> chaos.aligned([[0.0]], [0.5]).ravel().round(4).tolist()  # in the middle of each segment
+        [1.0, 2.0]
         """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         most = max(e.segments.shape[1] for e in self.elements)
@@ -163,6 +219,25 @@ class AlignedChaos(SampledSurrogate):
         -------
         AlignedChaos
             On the whole germ space.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> def half(box, level):  # a constant in half of the germ space
+        ...     values, edges = np.full((1, 1, 1, 3), level), np.array([[0.0, 1.0]])
+        ...     element = AlignedElement.through(uqmbd.GermBox.whole(box.local), ("",), edges, values, "time")
+        ...     return AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.5]))
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> chaos = AlignedChaos.joined([half(box, level) for box, level in zip(boxes, (-1.0, 1.0))], boxes)
+        >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
+        [-1.0, 1.0]
         """
         terms, places = terms_of_all(chaoses)
         elements = []
@@ -175,12 +250,50 @@ class AlignedChaos(SampledSurrogate):
         return cls(tuple(elements), terms, chaoses[0].labels, **known)
 
     def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`."""
+        """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> dict(chaos.to_dataset().sizes)["term"]
+        2
+        """
         return aligned_dataset(self, self.elements)
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> AlignedChaos:
-        """Make it from the dataset `aligned` of a result, without the mechanism."""
+        """Make it from the dataset `aligned` of a result, without the mechanism.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> AlignedChaos.from_dataset(chaos.to_dataset()).edges([[0.0]]).round(4).tolist()
+        [[0.0, 1.0, 2.0]]
+        """
         return cls(**aligned_arguments(dataset))
 
     def _evaluate(self, germs: Array) -> Array:
@@ -263,6 +376,24 @@ class AlignedChaos(SampledSurrogate):
 
         The samples are those of all statistics, and the verification points: mean, quantiles, Sobol' indices and the
         stated error are NaN at times that one of them does not reach.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.zeros((2, 2, 1, 3))
+        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
+        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
+        >>> float(chaos.late().max())  # the last landmark is at 2 s, behind the last time
+        0.0
         """
         a, b = self._frozen
         mixed = [np.where(np.arange(a.shape[1]) == k, b, a) for k in range(a.shape[1])]

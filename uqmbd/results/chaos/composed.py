@@ -205,7 +205,23 @@ class ComposedChaos(Surrogate):
         return self._gathered(lambda part: part.sobol_total_germ, 1)
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
-        """Suspect each output of a discontinuity in the germ space, or not (None), where it is a plain polynomial."""
+        """Suspect each output of a discontinuity in the germ space, or not (None), where it is a plain polynomial.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> def part(name, mean):
+        ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
+        >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))
+        >>> chaos.discontinuities()  # none is suspected
+        (None, None)
+        """
         found: list[Discontinuity | None] = [None] * len(self.outputs)
         for part, rows in zip(self.parts.values(), self._rows, strict=True):
             if isinstance(part, PolynomialChaos):
@@ -214,7 +230,23 @@ class ComposedChaos(Surrogate):
         return tuple(found)
 
     def to_datasets(self) -> dict[str, xr.Dataset]:
-        """Build the datasets of a propagator's node, by their paths under it; see :meth:`from_datasets`."""
+        """Build the datasets of a propagator's node, by their paths under it; see :meth:`from_datasets`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> def part(name, mean):
+        ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
+        >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))
+        >>> sorted(chaos.to_datasets())
+        ['composed/first/chaos', 'composed/second/chaos']
+        """
         found = {}
         for (name, part), rows in zip(self.parts.items(), self._rows, strict=True):
             place = ("output", np.array(rows), {"long_name": "number of the output in the study"})
@@ -223,7 +255,25 @@ class ComposedChaos(Surrogate):
 
     @classmethod
     def from_datasets(cls, datasets: Mapping[str, tuple[str, xr.Dataset]]) -> ComposedChaos:
-        """Make it from the datasets of its parts, each with the name of its kind, without the mechanism."""
+        """Make it from the datasets of its parts, each with the name of its kind, without the mechanism.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> def part(name, mean):
+        ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
+        >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))
+        >>> stored = chaos.to_datasets()
+        >>> parts = {name: ("chaos", stored[f"composed/{name}/chaos"]) for name in ("first", "second")}
+        >>> ComposedChaos.from_datasets(parts).mean.ravel().tolist()
+        [2.0, 1.0]
+        """
         places = {
             str(name): int(place)
             for _, data in datasets.values()

@@ -282,6 +282,19 @@ class Surrogate(Verified, ABC):
         ------
         StudyError
             If the shape is another one, or a germ lies outside its support.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.evaluate_germs([[0.0], [2.0]]).ravel().tolist()
+        [1.0, 2.0]
         """
         points = np.asarray(germs, dtype=float)
         if points.ndim != 2 or points.shape[1] != len(self.germ_names):
@@ -297,7 +310,36 @@ class Surrogate(Verified, ABC):
         return self._evaluate(points)
 
     def sample(self, count: int, seed: int) -> tuple[Array, Array]:
-        """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T)."""
+        """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T).
+
+        Parameters
+        ----------
+        count : int
+            How many, K.
+        seed : int
+            Of the random numbers.
+
+        Returns
+        -------
+        inputs : array, shape (K, d)
+            In their units.
+        outputs : array, shape (K, O, T)
+            In their units.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> inputs, outputs = chaos.sample(100, seed=1)
+        >>> inputs.shape, outputs.shape
+        ((100, 1), (100, 1, 1))
+        """
         germs = random_germs(self.space, count, seed)
         return np.asarray(self.space.to_inputs(germs), dtype=float), self.evaluate_germs(germs)
 
@@ -310,6 +352,31 @@ class Surrogate(Verified, ABC):
         go block by block, so that memory does not grow with them.  The probability of what is found differs from that
         asked for by less than 2 / N where there is one germ.  Where there are several it has a random error whose
         standard deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
+
+        Parameters
+        ----------
+        probabilities : sequence of float, length N
+            From 0 to 1.
+        samples, seed : int
+            Samples of the surrogate, and the number that they begin from.
+
+        Returns
+        -------
+        array, shape (N, O, T)
+            In the units of the outputs.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.quantiles([0.5, 0.975]).round(1).ravel().tolist()  # 1 and 1 + 1.96 * 0.5
+        [1.0, 2.0]
         """
         germs = spread_germs(self.space, samples, seed)
         columns, single = int(np.prod(self.labels.shape)), germs.shape[1] == 1
@@ -323,6 +390,30 @@ class Surrogate(Verified, ABC):
         """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples.
 
         NaN for other outputs; nothing where no output is an angle. The samples are those of :meth:`quantiles`.
+
+        Parameters
+        ----------
+        samples, seed : int
+            As for :meth:`quantiles`.
+
+        Returns
+        -------
+        dict of str to array
+            In the units of the outputs.
+
+        Examples
+        --------
+        >>> import math
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels([("y", "rad", 2 * math.pi)], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.circular()["circular_mean"].round(2).tolist()  # rad
+        [[1.0]]
         """
         if not np.any(self.labels.turns):
             return {}
@@ -360,6 +451,19 @@ class Surrogate(Verified, ABC):
         ------
         StudyError
             If output or time are unknown, or the output does not vary there.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.density([1.0], "y", 0.0).round(2).tolist()  # 0.8 in theory: of the normal distribution
+        [0.79]
         """
         where = (output_index(self.labels, output), *time_index(self.labels, time, needed=True))
         if self.std[where] <= 32 * np.finfo(float).eps * abs(self.mean[where]):
@@ -373,6 +477,13 @@ class Surrogate(Verified, ABC):
     ) -> xr.Dataset:
         """Build the dataset `statistics` of a propagator's node.
 
+        Parameters
+        ----------
+        probabilities : sequence of float
+            Of the quantiles.
+        samples, seed : int
+            As for :meth:`quantiles`.
+
         Returns
         -------
         xarray.Dataset
@@ -381,6 +492,20 @@ class Surrogate(Verified, ABC):
             known, and `circular_mean` and `circular_std` where an output is an angle.  Where skewness and kurtosis are
             those of samples, or a surrogate of very many terms allows fewer samples than are asked for, the attribute
             ``samples`` of the variable says how many there are, and its ``comment`` why.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> found = chaos.statistics(samples=256)
+        >>> float(found["mean"].item()), float(found["std"].item())
+        (1.0, 0.5)
         """
         independent = self.space.independent
         wanted, samples = samples, affordable(samples, len(self.multi_index), self.mean.size)
@@ -457,6 +582,20 @@ class Surrogate(Verified, ABC):
         Returns
         -------
         tuple of str, length O
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a, units="m/s")
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> verdict, = chaos.verdicts()
+        >>> print(verdict.partition(":")[0])
+        order 1 is not enough for y at any time
         """
         if self.verification_germs is None:
             return self._verdicts_of_decay(tolerance)

@@ -184,6 +184,23 @@ class PiecewiseChaos(Surrogate):
         array, shape (E, O, T)
             The root mean square at the verification realisations of the element; 0 where it has none.  With the
             probabilities as weights their mean square is that of :meth:`verification_error`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> def part(sign, box):
+        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
+        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
+        >>> chaos = PiecewiseChaos(parts, boxes)
+        >>> chaos.element_errors().shape
+        (2, 1, 1)
         """
         shape = (len(self.labels.outputs), -1)
         spread = reference_spread(self.std.reshape(shape)).reshape(self.labels.shape)
@@ -200,6 +217,23 @@ class PiecewiseChaos(Surrogate):
         -------
         xarray.Dataset
             As of :meth:`PolynomialChaos.decay`; of each element its probability is the weight.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> def part(sign, box):
+        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
+        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
+        >>> chaos = PiecewiseChaos(parts, boxes)
+        >>> sorted(chaos.decay().data_vars)
+        ['energy', 'energy_germ', 'rate']
         """
         return decay_dataset(
             self.labels,
@@ -212,7 +246,25 @@ class PiecewiseChaos(Surrogate):
         )
 
     def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""
+        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> def part(sign, box):
+        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
+        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
+        >>> chaos = PiecewiseChaos(parts, boxes)
+        >>> dict(chaos.to_dataset().sizes)["element"]
+        2
+        """
         return piecewise_dataset(self, self.boxes, self.coefficients, self.has_term, self.element_errors)
 
     @classmethod
@@ -223,6 +275,24 @@ class PiecewiseChaos(Surrogate):
         ------
         StudyError
             If it is no such dataset.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> def part(sign, box):
+        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
+        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
+        >>> chaos = PiecewiseChaos(parts, boxes)
+        >>> again = PiecewiseChaos.from_dataset(chaos.to_dataset())
+        >>> again.evaluate([[-0.5], [0.5]]).ravel().tolist()
+        [-1.0, 1.0]
         """
         boxes, elements = piecewise_arguments(dataset)
         return cls(tuple(PolynomialChaos(**element) for element in elements), boxes)

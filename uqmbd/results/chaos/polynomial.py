@@ -1,4 +1,7 @@
-"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with what their coefficients tell."""
+"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with what their coefficients tell.
+
+Length: it is one class, whose public methods have examples.
+"""
 
 from __future__ import annotations
 
@@ -209,6 +212,20 @@ class PolynomialChaos(Surrogate):
         ------
         StudyError
             If a name is unknown or given twice, or there is none.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[1.2]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> chaos.sobol_interaction("a", "b").round(4).tolist()  # 1.44 / 1.69
+        [[0.8521]]
         """
         return np.asarray(self._shares(interaction_mask(self.multi_index, self._columns(names))[None])[0])
 
@@ -222,6 +239,21 @@ class PolynomialChaos(Surrogate):
         ------
         StudyError
             If a name is unknown or given twice, or there is none.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> alone = chaos.marginal("a")
+        >>> alone.std.tolist(), alone.labels.inputs[0].name
+        ([[0.3]], 'a')
         """
         others = np.delete(self.multi_index, self._columns(names), axis=1)
         kept = ~np.any(others > 0, axis=1)
@@ -257,6 +289,21 @@ class PolynomialChaos(Surrogate):
             `energy` (order, output, time), the sum of squared coefficients of each total degree, and `energy_germ`
             (germ, degree, output, time), that of each degree in a germ, both in squared units; `rate` (output, time),
             by how many decades the remaining standard deviation falls with each order (NaN: cannot be told).
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> found = chaos.decay()
+        >>> sorted(found.data_vars)
+        ['energy', 'energy_germ', 'rate']
         """
         return decay_dataset(
             self.labels,
@@ -277,6 +324,20 @@ class PolynomialChaos(Surrogate):
         Returns
         -------
         tuple of Discontinuity or None, length O
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> chaos.discontinuities()  # none is suspected
+        (None,)
         """
         if self.verification_germs is None:
             return (None,) * len(self.labels.outputs)
@@ -289,7 +350,22 @@ class PolynomialChaos(Surrogate):
         )
 
     def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""
+        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> chaos.to_dataset()["coefficients"].sizes["term"]
+        4
+        """
         return chaos_dataset(self, self.coefficients)
 
     def to_chaospy(self) -> Any:
@@ -328,6 +404,21 @@ class PolynomialChaos(Surrogate):
         ------
         StudyError
             If it is no such dataset.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("sum", a + b)
+        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> again = PolynomialChaos.from_dataset(chaos.to_dataset())
+        >>> bool((again.coefficients == chaos.coefficients).all())
+        True
         """
         return cls(**chaos_arguments(dataset))
 

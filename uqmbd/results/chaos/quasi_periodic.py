@@ -111,7 +111,26 @@ class QuasiPeriodicChaos(SampledSurrogate):
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({numbers})>"
 
     def frequencies(self, inputs: ArrayLike) -> Array:
-        """Return the base frequencies (K, M) at inputs (K, d), rad/s."""
+        """Return the base frequencies (K, M) at inputs (K, d), rad/s.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
+        >>> zero = np.zeros((2, 1))
+        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
+        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
+        >>> chaos.frequencies([[0.0], [1.0]]).round(4).tolist()  # rad/s; psi is the root of 3 at the end
+        [[2.0], [2.1732]]
+        """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         found = np.empty((len(germs), self.lattice.shape[1]))
         for one in self._sampled(germs):
@@ -119,7 +138,26 @@ class QuasiPeriodicChaos(SampledSurrogate):
         return found
 
     def amplitudes(self, inputs: ArrayLike) -> Array:
-        """Return the size (K, O, H) of each harmonic at inputs (K, d), in the units of the outputs."""
+        """Return the size (K, O, H) of each harmonic at inputs (K, d), in the units of the outputs.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
+        >>> zero = np.zeros((2, 1))
+        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
+        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
+        >>> chaos.amplitudes([[0.0]]).round(4).tolist()
+        [[[1.0]]]
+        """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         found = np.empty((len(germs), len(self.labels.outputs), len(self.lattice)))
         for one in self._sampled(germs):
@@ -141,6 +179,25 @@ class QuasiPeriodicChaos(SampledSurrogate):
         -------
         QuasiPeriodicChaos
             On the whole germ space.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> def half(box, size):  # size times cos(2 t) in half of the germ space
+        ...     zero, waves = np.zeros((1, 1)), np.array([[[size + 0j]]])
+        ...     element = QuasiPeriodicElement(uqmbd.GermBox.whole(box.local), np.array([[2.0]]), zero, zero, waves)
+        ...     return QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0]]), labels(["x"], ["a"], [0.0]))
+        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> chaos = QuasiPeriodicChaos.joined([half(box, size) for box, size in zip(boxes, (1.0, 3.0))], boxes)
+        >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
+        [1.0, 3.0]
         """
         terms, places = terms_of_all(chaoses)
         elements = []
@@ -155,12 +212,50 @@ class QuasiPeriodicChaos(SampledSurrogate):
         return cls(tuple(elements), first.lattice, first.origin, terms, first.labels, **known)
 
     def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`."""
+        """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
+        >>> zero = np.zeros((2, 1))
+        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
+        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
+        >>> dict(chaos.to_dataset().sizes)["harmonic"]
+        1
+        """
         return quasi_periodic_dataset(self, self.elements, self.lattice, self.origin)
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> QuasiPeriodicChaos:
-        """Make it from the dataset `quasi_periodic` of a result, without the mechanism."""
+        """Make it from the dataset `quasi_periodic` of a result, without the mechanism.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
+        >>> zero = np.zeros((2, 1))
+        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
+        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
+        >>> QuasiPeriodicChaos.from_dataset(chaos.to_dataset()).frequencies([[0.0]]).round(4).tolist()
+        [[2.0]]
+        """
         return cls(**quasi_periodic_arguments(dataset))
 
     def _evaluate(self, germs: Array) -> Array:
