@@ -58,7 +58,7 @@ class Integrator(Protocol):
 
     Examples
     --------
-    Euler's method, which a plugin gives by `uqmbd_integrators`; here it is called by hand:
+    Euler's method, which a plugin gives by the hook ``uqmbd_integrators``; here it is called by hand:
 
     >>> import chaospy
     >>> import numpy as np

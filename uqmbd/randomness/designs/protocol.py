@@ -35,7 +35,7 @@ class SamplingDesign(Protocol):
 
     Examples
     --------
-    Points that are evenly spread by irrational steps, which a plugin gives by `uqmbd_designs`:
+    Points that are evenly spread by irrational steps, which a plugin gives by the hook ``uqmbd_designs``:
 
     >>> import numpy as np
     >>> import uqmbd

@@ -29,7 +29,7 @@ class Section(Protocol):
 
     Examples
     --------
-    What a plugin gives by `uqmbd_report_sections`:
+    What a plugin gives by the hook ``uqmbd_report_sections``:
 
     >>> import html
     >>> import xarray as xr

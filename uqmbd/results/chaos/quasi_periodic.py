@@ -193,7 +193,8 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> def half(box, size):  # size times cos(2 t) in half of the germ space
         ...     zero, waves = np.zeros((1, 1)), np.array([[[size + 0j]]])
         ...     element = QuasiPeriodicElement(uqmbd.GermBox.whole(box.local), np.array([[2.0]]), zero, zero, waves)
-        ...     return QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0]]), labels(["x"], ["a"], [0.0]))
+        ...     axes = labels(["x"], ["a"], [0.0])
+        ...     return QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0]]), axes)
         >>> boxes = uqmbd.GermBox.whole(space).split(0)
         >>> chaos = QuasiPeriodicChaos.joined([half(box, size) for box, size in zip(boxes, (1.0, 3.0))], boxes)
         >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
