@@ -20,10 +20,10 @@ __all__ = ["component_page", "draw", "equations", "example_of", "with_named_part
 Line: TypeAlias = list[Any]
 """An equation: texts, and expressions of SymPy."""
 
-LONGEST = 450
+LONGEST = 500
 """Characters of LaTeX of one equation; where one is longer, the parts that equations share have names."""
 
-WIDEST = 170
+WIDEST = 150
 """Characters of LaTeX of one row; a sum that is longer takes several."""
 
 FEWEST = (24, 12, 6)
@@ -230,7 +230,10 @@ def _rows(line: Line, spoken: dict[Any, str]) -> str:
         if rows[-1] and len(rows[-1]) + len(shown) > WIDEST:
             rows.append("")
         rows[-1] += f" {shown}"
-    return rf"{head} &{rows[0]}" + "".join(rf" \\ &\quad{row}" for row in rows[1:]) if len(rows) > 1 else text
+    if len(rows) == 1:
+        return text
+    # empty groups: relations and signs at the ends of rows have the space beside them that they have within
+    return rf"{head} {{}}&{rows[0]}" + "".join(rf" \\ &\quad {{}}{row}" for row in rows[1:])
 
 
 def _needed(used: set[Any], local: uqmbd.Local) -> set[Any]:
@@ -257,7 +260,7 @@ def _rate(expression: Any, spoken: dict[Any, str]) -> str:
 
 
 def _latex(expression: Any, spoken: dict[Any, str]) -> str:
-    return str(sympy.latex(expression, symbol_names=spoken, order="none"))
+    return str(sympy.latex(expression, symbol_names=spoken, order="none", mul_symbol=r"\,"))
 
 
 def _words(name: str) -> str:
