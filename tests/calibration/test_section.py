@@ -12,6 +12,7 @@ import uqmbd
 from uqmbd.report import write_report
 from uqmbd_calibration import Calibrated, Record, Series, calibrate
 from uqmbd_calibration.reporting import CalibrationSection
+from uqmbd_calibration.reporting.charts import learned_chart, posterior_charts, record_charts
 from uqmbd_collocation import Collocation
 
 pytestmark = pytest.mark.thorough
@@ -43,7 +44,9 @@ def section_of(page):
 def test_it_says_and_shows_what_was_learned(tmp_path):
     noise = 0.02 * np.random.default_rng(1).standard_normal(21)
     section = section_of(page_of(0.6 + 2.2 * TIMES + noise, tmp_path / "report.html"))
-    assert section.count("<figure>") == 3 and "could not be drawn" not in section
+    assert (
+        section.count('<figure class="charted"') == 4 and "<img" not in section and "could not be drawn" not in section
+    )
     assert "after takes the inputs from the record run &amp; 1: 21 values of &lt;x&gt;" in section
     assert "<x>" not in section and "<place>" not in section
     assert "The residuals of &lt;x&gt; in record run &amp; 1 are those of the noise" in section
@@ -64,3 +67,25 @@ def test_without_a_calibration_there_is_no_section(tmp_path):
     tree = study().with_propagators([Collocation(order=1)]).run()
     page = write_report(tree, tmp_path / "report.html", sections=[CalibrationSection()]).read_text(encoding="utf-8")
     assert "Calibration" not in page
+
+
+def test_its_charts_are_those_of_the_calibration(tmp_path):
+    """What was measured, the ends of bands and the densities are those of the draws; each density has its maximum."""
+    values = 0.6 + 2.2 * TIMES + 0.02 * np.random.default_rng(1).standard_normal(21)
+    found = calibrate(study(), Record("run", [Series("<x>", TIMES, values, "m", 0.02)]))
+    tree = study([0.0, 3.0]).with_propagators([Calibrated(Collocation(order=1), found, label="after")]).run()
+    part = next(one for one in tree.subtree if one.name == "calibration")
+    after, before, measured = record_charts(part, "<x>")[0].curves
+    np.testing.assert_array_equal(measured.values, values)
+    draws = part["posterior_predictive"].to_dataset()["<x>"].values.reshape(-1, 21)
+    np.testing.assert_allclose(after.bands[0].low, np.quantile(draws, 0.025, axis=0))
+    assert np.all(np.asarray(before.bands[0].high) > np.asarray(after.bands[0].high))
+    for chart in posterior_charts(part):
+        assert [float(np.max(curve.values)) for curve in chart.curves] == pytest.approx([1.0, 1.0])
+        own = part["posterior"].to_dataset()[chart.title].values
+        middle, level = np.asarray(chart.places), np.asarray(chart.curves[0].values)
+        assert np.average(middle, weights=level) == pytest.approx(own.mean(), abs=0.2 * own.std())
+    (bars,) = learned_chart(part).curves
+    summary = part["summary"].to_dataset()
+    ratio = [float(summary["sd"].sel(input=n) / summary["prior_sd"].sel(input=n)) for n in learned_chart(part).places]
+    np.testing.assert_allclose(bars.values, 100 * np.array(ratio), rtol=0.05)

@@ -27,13 +27,14 @@ from uqmbd.report.figures import (
 )
 from uqmbd.report.html import write_report
 from uqmbd.report.installed import installed_sections
-from uqmbd.report.live import chart_html, with_poses
+from uqmbd.report.live import Chart, chart_html, charts_html, with_poses
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.notebook import Shown, load_ipython_extension, show, unload_ipython_extension
 from uqmbd.report.sections import Section
 
 __all__ = [
     "Band",
+    "Chart",
     "Curve",
     "Section",
     "Shown",
@@ -42,6 +43,7 @@ __all__ = [
     "axes_grid",
     "bands",
     "chart_html",
+    "charts_html",
     "coefficient_decay",
     "convergence",
     "differences",

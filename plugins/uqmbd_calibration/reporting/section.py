@@ -5,14 +5,13 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figure_html, with_units
-from uqmbd_calibration.reporting.figures import draw_learned, draw_pairs, draw_record, inputs_of
+from uqmbd.report import charts_html, with_units
+from uqmbd_calibration.reporting.charts import learned_chart, pair_charts, posterior_charts, record_charts
 
 __all__ = ["CalibrationSection"]
 
@@ -55,30 +54,41 @@ def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
     parts.append(_table(tree))
     names = [str(name) for name in tree["observed_data"].data_vars]
     parts += [
-        figure_html(
-            partial(draw_record, tree, name),
+        charts_html(
+            record_charts(tree, name),
             f"What was measured of {name}, with predictions before and after, and residuals.",
             f"{name}: what was measured, with the bands in which 95 % of measurements are expected before and after "
-            "the calibration; beneath, what the fit at the posterior's mean leaves, over the standard deviation of "
-            "the noise: of right models 95 % lie in the grey band.",
+            "the calibration. Residuals are what the fit at the posterior's mean leaves, over the standard deviation "
+            "of the noise: of right models 95 % lie in the band.",
+            choose="What is shown",
         )
         for name in names
     ]
     parts.append(
-        figure_html(
-            partial(draw_learned, tree),
+        charts_html(
+            [learned_chart(tree)],
             "Width of the posterior over that of the prior.",
-            "What was learned: the standard deviation of each input after the calibration over that before. At the "
-            "line nothing was learned.",
+            "What was learned: the standard deviation of each input after the calibration over that before. At 100 % "
+            "nothing was learned.",
         )
     )
-    if len(inputs_of(tree)) > 1:
+    parts.append(
+        charts_html(
+            posterior_charts(tree),
+            "The density of each input before and after the calibration.",
+            "The inputs before and after the calibration: densities, each over its own maximum, so that areas are not "
+            "comparable.",
+            choose="Input",
+        )
+    )
+    if pairs := pair_charts(tree):
         parts.append(
-            figure_html(
-                partial(draw_pairs, tree),
-                "The posterior of each input and pair of inputs.",
-                "The inputs after the calibration, in standard deviations about their means: densities, with those "
-                "before, and draws of pairs. What lies along a line is known better together than each input alone.",
+            charts_html(
+                pairs,
+                "Draws of each pair of inputs after the calibration.",
+                "Draws of pairs of inputs after the calibration. What lies along a line is known better together than "
+                "each input alone.",
+                choose="Pair of inputs",
             )
         )
     return parts

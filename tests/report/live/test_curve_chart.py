@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uqmbd import StudyError, report, results
-from uqmbd.report import Band, Curve, chart_html
+from uqmbd.report import Band, Chart, Curve, chart_html, charts_html
 from uqmbd.report.live import unpacked
 
 from ..test_hostile_names import HOSTILE
@@ -197,3 +197,73 @@ def test_hostile_names_are_texts_in_a_browser(opened, tmp_path):
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page = opened(path, java_script_enabled=False)
     assert page.locator("figure.charted img").is_visible() and page.locator("canvas").count() == 0
+
+
+def view_of(*charts, **more):
+    return data_of(charts_html(charts, "alt", "caption", **more))
+
+
+def test_categories_are_places_with_names():
+    names = [HOSTILE["script"], "b", "c"]
+    html = charts_html([Chart("error", names, [Curve("mine", [3.0, 2.0, 1.0], drawn="bars")], "t", "%")], "a", "c")
+    assert "<script>alert" not in html and 'data-alt="a"' in html and "<img" not in html
+    (view,) = data_of(html)["views"]
+    assert view["across"]["texts"] == names and view["across"]["ends"] == [0.5, 3.5] and view["methods"][0]["bars"]
+    np.testing.assert_array_equal(unpacked(view["time"]), [1, 2, 3])
+    np.testing.assert_array_equal(unpacked(view["methods"][0]["lines"][0]["values"]), [3, 2, 1])
+
+
+def test_several_charts_have_axes_of_their_own():
+    dots = Curve("draws", [1.0, 3.0, 2.0], drawn="points")
+    data = view_of(
+        Chart("y", [0.0, 1.0, 1.0], [dots], "pairs", "m", "x", "kg", ends=(0.1, 10.0), log=True, limits={"most": 5.0}),
+        Chart("z", TIMES, [Curve("a", SIN)], "over time"),
+        choose="What",
+    )
+    first, second = data["views"]
+    assert data["choose"] == "What" and [one["title"] for one in data["views"]] == ["pairs", "over time"]
+    assert (first["across"]["name"], first["across"]["units"], first["units"]) == ("x", "kg", "m")
+    assert first["up"] == {"low": 0.1, "high": 10.0, "log": True} and first["methods"][0]["dots"]
+    assert first["limits"] == [{"name": "most", "value": 5.0}]
+    assert first["across"]["ends"][0] < 0 and first["across"]["ends"][1] > 1
+    # over time it has that of the page
+    assert "across" not in second and "up" not in second
+
+
+@pytest.mark.parametrize(
+    ("chart", "expected"),
+    [
+        (Chart("y", [1.0, 0.0], [Curve("a", [1, 2])], "t", across="x"), "do not decrease"),
+        (Chart("y", [0.0, 0.0], [Curve("a", [1, 2])], "t"), "increasing, in s"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2, 3])], "t"), "shape of times"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2], drawn="pie")], "t"), "line, points or bars"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two above zero"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "ends that increase"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", limits={"x": np.inf}), "finite"),
+    ],
+)
+def test_charts_that_do_not_fit_together_are_refused(chart, expected):
+    with pytest.raises(StudyError, match=expected):
+        charts_html([chart], "", "")
+    with pytest.raises(StudyError, match="has no charts"):
+        charts_html([], "", "")
+
+
+def test_bars_stand_beside_one_another_and_ranges_at_their_places(node):
+    curves = [Curve(n, [1.0, 2.0], (Band("r", [0.5, np.nan], [1.5, np.nan], bars=True),), drawn="bars") for n in "ab"]
+    (view,) = view_of(Chart("y", ["one", "two"], curves, "t"))["views"]
+    lines = """
+    const model = chartModel(given);
+    answer = [barsOf(model), rangesOf(model), [placeAt(model, 1), csvText(model).split("\\r\\n")[2].split(",")[0]], model.whole];
+    model.methods[0].shown = false;
+    answer.push(barsOf(model));
+    """
+    bars, ranges, told, whole, left = node(["chart_model.js", "chart_layers.js"], lines, view)
+    sides = sorted((bar["left"], bar["right"]) for bar in bars)
+    assert all(one[1] <= other[0] for one, other in zip(sides[:-1], sides[1:], strict=True)) and len(sides) == 4
+    assert sides[0][0] > 0.5 and sides[-1][1] < 2.5 and whole == [0.5, 2.5]
+    assert [(r["place"], r["ends"]) for r in ranges] == [(1, [0.5, 1.5])] * 2 and ranges[0]["shift"] < ranges[1][
+        "shift"
+    ]
+    assert told == ["two", "two"]
+    assert len(left) == 2 and left[0]["right"] - left[0]["left"] > bars[0]["right"] - bars[0]["left"]

@@ -23,6 +23,9 @@ __all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "still_im
 CHARTED = '<figure class="charted"'
 """How the figure of a chart begins; scripts of the page look for it."""
 
+UNSEEN = "(A chart that a script draws; its numbers are in the tables.) "
+"""What stands where no script draws a chart that has no picture."""
+
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
@@ -158,9 +161,9 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
         told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
         return f'<p class="problem">{told}</p>'
     data = f'<script type="application/json">{chart}</script>' if chart else ""
-    picture = f'<img src="{text["source"]}" alt="{text["alt"]}">' if found["source"] else ""
-    told = "" if picture else f' data-alt="{text["alt"]}"'
-    begin = f"{CHARTED}{told}>" if chart else "<figure>"
+    begin, picture = f"{CHARTED}>" if chart else "<figure>", f'<img src="{text["source"]}" alt="{text["alt"]}">'
+    if chart and not found["source"]:
+        begin, picture = f'{CHARTED} data-alt="{text["alt"]}">', f"<noscript>{UNSEEN}</noscript>"
     return f"{begin}{picture}<figcaption>{text['caption']}</figcaption>{data}</figure>"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +63,8 @@ class Curve:
         the ends of the outer band are thin lines.
     quantity : str
         What the values are, such as ``mean``: the head of their column in the table.
+    drawn : {"line", "points", "bars"}
+        How: points have no line between them, and bars stand on zero, or on the lower end of a logarithmic axis.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class Curve:
     values: ArrayLike
     bands: tuple[Band, ...] = ()
     quantity: str = "value"
+    drawn: Literal["line", "points", "bars"] = "line"
 
     def at(self, places: NDArray[np.intp]) -> Curve:
         """Return the curve at some of its times only."""
@@ -81,8 +84,8 @@ class Curve:
         return replace(self, values=np.asarray(self.values)[places], bands=bands)
 
 
-def checked(name: str, times: ArrayLike, given: Sequence[Curve]) -> tuple[_Array, list[Curve]]:
-    """Return the times and curves of a chart as arrays.
+def checked(name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "") -> tuple[_Array, list[Curve]]:
+    """Return the times and curves of a chart as arrays; of another axis places may be equal, and one is enough.
 
     Raises
     ------
@@ -93,7 +96,12 @@ def checked(name: str, times: ArrayLike, given: Sequence[Curve]) -> tuple[_Array
     if not isinstance(name, str):
         raise StudyError(f"{where}: its name is a {type(name).__name__}; expected a text.")
     moments = _numbers(f"{where}: times", times)
-    if moments.ndim != 1 or len(moments) < 2 or not np.isfinite(moments).all() or np.any(np.diff(moments) <= 0):
+    numbers = moments.ndim == 1 and bool(np.isfinite(moments).all())
+    if axis and not (numbers and len(moments) > 0 and np.all(np.diff(moments) >= 0)):
+        raise StudyError(
+            f"{where}: places of shape {moments.shape} along {axis!r}; expected numbers that do not decrease, or names."
+        )
+    if not axis and not (numbers and len(moments) > 1 and np.all(np.diff(moments) > 0)):
         raise StudyError(f"{where}: times of shape {moments.shape}; expected two or more, finite and increasing, in s.")
     if isinstance(given, Curve) or not given or not all(isinstance(curve, Curve) for curve in given):
         raise StudyError(f"{where}: curves is {given!r:.80}; expected a sequence of one or more uqmbd.report.Curve.")
@@ -110,17 +118,21 @@ def checked(name: str, times: ArrayLike, given: Sequence[Curve]) -> tuple[_Array
         texts = [curve.name, curve.quantity, *(band.name for band in curve.bands)]
         if not all(isinstance(text, str) for text in texts):
             raise StudyError(f"{where}: the names of a curve and its bands are {texts!r}; expected texts.")
+        if curve.drawn not in ("line", "points", "bars"):
+            raise StudyError(
+                f"{where}: curve {curve.name!r} is drawn as {curve.drawn!r}; expected line, points or bars."
+            )
         if len(curve.bands) > 2:
             raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected two at most.")
         bands = tuple(
-            Band(
-                band.name,
-                fitting(f"the lower end of {band.name!r} of {curve.name!r}", band.low),
-                fitting(f"the upper end of {band.name!r} of {curve.name!r}", band.high),
+            replace(
+                band,
+                low=fitting(f"the lower end of {band.name!r} of {curve.name!r}", band.low),
+                high=fitting(f"the upper end of {band.name!r} of {curve.name!r}", band.high),
             )
             for band in curve.bands
         )
-        made.append(Curve(curve.name, fitting(f"curve {curve.name!r}", curve.values), bands, curve.quantity))
+        made.append(replace(curve, values=fitting(f"curve {curve.name!r}", curve.values), bands=bands))
     names = [curve.name for curve in made]
     if len(set(names)) < len(names):
         raise StudyError(f"{where}: its curves are named {names}; expected a name of its own for each.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.convergence_charts import decay_data, errors_data, orders_data, settling_data
-from uqmbd.report.live.curve_chart import chart_html
+from uqmbd.report.live.curve_chart import Chart, chart_html, charts_html
 from uqmbd.report.live.distribution_charts import densities_data, events_data, inputs_data, scalars_data
 from uqmbd.report.live.element_charts import elements_data
 from uqmbd.report.live.explorer_data import explorer_data
@@ -26,11 +26,13 @@ from uqmbd.report.live.still import still_chart
 from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [
+    "Chart",
     "MOST_TIMES",
     "PageScripts",
     "bands_data",
     "cell_html",
     "chart_html",
+    "charts_html",
     "decay_data",
     "densities_data",
     "difference_data",

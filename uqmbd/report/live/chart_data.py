@@ -147,6 +147,7 @@ def curve_data(
             # where only the band is known, its ends stand themselves
             away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(values))
             lines.append({"name": f"{end} end of {band.name}", "values": away})
+    drawn: dict[str, bool] = {"points": {"dots": True}, "bars": {"bars": True}}.get(curve.drawn, {})
     return {
         "label": curve.name,
         "colours": [colour, ON_DARK[k % len(ON_DARK)]],
@@ -155,7 +156,7 @@ def curve_data(
         "lines": lines,
         "bands": bands,
         "columns": [{"name": name, "values": _distance(column, 0.0)} for name, column in (told or {}).items()],
-    }
+    } | drawn
 
 
 def at_times(data: xr.Dataset, times: _Array, values: _Array) -> _Array:

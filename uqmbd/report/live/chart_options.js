@@ -61,7 +61,7 @@ function acrossAxis(model, width, scale) {
   if (across.whole) axis.incrs = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
   if (across.categories) {
     const letters = Math.max(...across.texts.map((text) => Array.from(text).length));
-    const room = width / (across.texts.length * 7.5 * scale);
+    const room = (width / scale - 70) / (across.texts.length * 7.8);
     axis.splits = () => across.texts.map((_, k) => k + 1);
     axis.filter = (_, ticks) => ticks;
     axis.values = (u, ticks) =>

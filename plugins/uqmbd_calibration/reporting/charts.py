@@ -1,0 +1,153 @@
+"""Charts of a calibration: records against predictions, residuals, pairs of inputs, and what was learned."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report import Band, Chart, Curve
+from uqmbd.typing import Array
+
+__all__ = ["inputs_of", "learned_chart", "pair_charts", "posterior_charts", "record_charts"]
+
+
+MOST_INPUTS = 5
+"""Inputs of which pairs are drawn."""
+
+POINTS = 600
+"""Draws in a chart of a pair."""
+
+OUTER = 4.0
+"""Residuals, over the noise, from which on they are drawn at the edge."""
+
+REACH = 4.0
+"""Standard deviations about the mean that are drawn of each input."""
+
+POINTS_OF_DENSITY = 160
+"""Of the density of an input."""
+
+
+def inputs_of(tree: xr.DataTree) -> list[str]:
+    """Names of the inputs that were found, those of which most was learned first."""
+    data = tree["summary"].to_dataset()
+    chosen = data.isel(input=np.flatnonzero(~data["noise"].values))
+    order = np.argsort(-chosen["learned"].values, kind="stable")
+    return [str(name) for name in chosen["input"].values[order]]
+
+
+def record_charts(tree: xr.DataTree, name: str) -> list[Chart]:
+    """Return what was measured of an output, with bands of predictions before and after, and the residuals.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Of a calibration.
+    name : str
+        Of a variable of the observed data.
+    """
+    values = tree["observed_data"].to_dataset()[name]
+    (along,) = values.dims
+    timeless = str(along).endswith("_repetition")
+    at = np.arange(1.0, values.size + 1) if timeless else np.asarray(values[along].values, dtype=float)
+    units, across = str(values.attrs.get("units", "")) or "1", "measurement" if timeless else ""
+    unknown = np.full(values.size, np.nan)
+    after = Curve("after: fit", _of(tree, "fit", name), (_band(tree, "posterior_predictive", name, timeless),), "fit")
+    before = Curve("before", unknown, (_band(tree, "prior_predictive", name, timeless),))
+    measured = Curve("measured", values.values, (), "measured", drawn="points")
+    residuals = _of(tree, "residuals", name)
+    inner = np.abs(residuals) <= OUTER
+    expected = Band("95 % of a right model", np.full(values.size, -1.96), np.full(values.size, 1.96))
+    zero = Curve("right model", np.zeros(values.size), (expected,))
+    near = Curve("residual", np.where(inner, residuals, np.nan), drawn="points")
+    curves = [zero, near]
+    if not inner.all():
+        far = np.where(inner, np.nan, np.clip(residuals, -OUTER, OUTER))
+        curves.append(Curve(f"beyond {OUTER:g}, drawn at the edge", far, drawn="points"))
+    ends = (-OUTER - 0.4, OUTER + 0.4)
+    return [
+        Chart(name, at, [after, before, measured], "measured and predicted", units, across),
+        Chart(f"residual of {name} over noise", at, curves, "residuals", across=across, ends=ends),
+    ]
+
+
+def _of(tree: xr.DataTree, group: str, name: str) -> Array:
+    return np.asarray(tree[group].to_dataset()[name].values, dtype=float)
+
+
+def _band(tree: xr.DataTree, group: str, name: str, timeless: bool) -> Band:
+    """Return where 95 % of measurements are expected; of repetitions all are alike."""
+    draws = _of(tree, group, name)
+    low, high = np.nanquantile(draws.reshape(-1, draws.shape[-1]), [0.025, 0.975], axis=0)
+    if timeless:
+        low, high = np.full_like(low, low.mean()), np.full_like(high, high.mean())
+    return Band("95 % of measurements", low, high)
+
+
+def learned_chart(tree: xr.DataTree) -> Chart:
+    """Return the width of the posterior over that of the prior, for each input that was found."""
+    data = tree["summary"].to_dataset()
+    names = inputs_of(tree)
+    left = 100 * np.maximum(1 - data["learned"].sel(input=names).values, 1e-9)
+    low = 10 ** np.floor(np.log10(min(float(left.min()), 50.0)) - 0.3)
+    high = max(200.0, 1.3 * float(left.max()))
+    bars = Curve("after over before", left, (), "after over before", drawn="bars")
+    return Chart("std after / before", names, [bars], "what was learned", "%", "input",
+                 ends=(float(low), high), log=True, limits={"nothing learned": 100.0})  # fmt: skip
+
+
+def posterior_charts(tree: xr.DataTree) -> list[Chart]:
+    """Return the density of each input before and after, each over its own maximum."""
+    posterior, prior = tree["posterior"].to_dataset(), tree["prior"].to_dataset()
+    units = _units(tree)
+    charts = []
+    for name in inputs_of(tree)[:MOST_INPUTS]:
+        found, before = (np.ravel(group[name].values) for group in (posterior, prior))
+        mean, deviation = float(found.mean()), float(found.std()) or 1.0
+        # as wide as what was known, but not so wide that nothing is seen of what is
+        reach = np.clip(3 * before.std(), REACH * deviation, 10 * REACH * deviation)
+        edges = np.linspace(mean - reach, mean + reach, POINTS_OF_DENSITY + 1)
+        curves = [
+            Curve(label, _over_maximum(values, edges), (), "density over its maximum")
+            for label, values in (("after", found), ("before", before))
+        ]
+        chart = Chart("density over its maximum", (edges[1:] + edges[:-1]) / 2, curves, name, "1", name, units[name],
+                      ends=(0.0, 1.08))  # fmt: skip
+        charts.append(chart)
+    return charts
+
+
+def _over_maximum(values: Array, edges: Array) -> Array:
+    """Return the density of values at the middles of cells, by Gaussian kernels, over its maximum."""
+    middle = (edges[1:] + edges[:-1]) / 2
+    wide = max(1.06 * float(values.std()) * len(values) ** -0.2, 0.5 * float(edges[1] - edges[0]))
+    low, high = float(values.min()), float(values.max())
+    counts, own = np.histogram(values, 400, (low, high if high > low else low + 1.0))
+    centres = (own[1:] + own[:-1]) / 2
+    summed = np.exp(-0.5 * ((middle[:, None] - centres) / wide) ** 2) @ counts
+    largest = float(summed.max())
+    return np.asarray(summed / largest if largest > 0 else np.zeros(len(middle)))
+
+
+def pair_charts(tree: xr.DataTree) -> list[Chart]:
+    """Return draws of each pair of inputs after the calibration."""
+    posterior, units = tree["posterior"].to_dataset(), _units(tree)
+    names = inputs_of(tree)[:MOST_INPUTS]
+    draws = {name: np.ravel(posterior[name].values) for name in names}
+    charts = []
+    for one, other in combinations(names, 2):
+        chosen = np.linspace(0, len(draws[one]) - 1, min(POINTS, len(draws[one]))).astype(int)
+        across, up = draws[one][chosen], draws[other][chosen]
+        order = np.argsort(across)
+        correlation = float(np.corrcoef(draws[one], draws[other])[0, 1])
+        written = f"{correlation:.2f}".replace("-", "\N{MINUS SIGN}")
+        dots = Curve(f"draws, correlation {written}", up[order], (), other, drawn="points")
+        charts.append(Chart(other, across[order], [dots], f"{other} over {one}", units[other], one, units[one]))
+    return charts
+
+
+def _units(tree: xr.DataTree) -> dict[str, str]:
+    data = tree["summary"].to_dataset()
+    pairs = zip(data["input"].values.tolist(), data["units"].values.tolist(), strict=True)
+    return {str(name): str(units) or "1" for name, units in pairs}
