@@ -371,5 +371,5 @@ def test_hostile_names_are_texts(opened, tmp_path):
         head = next(csv.reader(io.StringIO(content.decode("utf-8"), newline="")))
         assert all(f" of {name} by " in text for text in head[1:])
         elements |= set(figure.locator(".chart *").evaluate_all("(all) => all.map((one) => one.localName)"))
-    assert elements <= set("div canvas table caption thead tbody tr th td button span svg line".split())
+    assert elements <= set("div canvas table caption thead tbody tr th td button span svg line path".split())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390 and not asked

@@ -42,6 +42,9 @@ export function verticalRange(low, high) {
 /** Ends of a horizontal axis that data end: all of it, or what is zoomed in. */
 const wholeRange = ({ time, whole }, low, high) => (low === time[0] && high === time[time.length - 1] ? whole : [low, high]);
 
+/** Where bars are, zero is: they stand on it. */
+const fromZero = ({ methods, up }, low, high) => (low !== null && !up && methods.some(({ bars }) => bars) ? [Math.min(low, 0), Math.max(high, 0)] : [low, high]);
+
 /** Ends of a chart's vertical axis: its own, or those of what is drawn, and not beyond where the data end the axis. */
 function upRange(up, low, high) {
   if (up?.log) return [up.low, up.high];
@@ -195,7 +198,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     legend: { show: false },
     scales: {
       x: { time: false, ...(model.across.ends && !model.plane ? { range: (_, low, high) => wholeRange(model, low, high) } : {}) },
-      y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, low, high) },
+      y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, ...fromZero(model, low, high)) },
     },
     hooks: model.plane
       ? { draw: [(u) => drawPlane(u, model, palette, scale)] }
