@@ -5,6 +5,7 @@ Every import counts: those for types alone and those inside functions, too.  Wha
 """
 
 import ast
+import functools
 import re
 import tomllib
 from pathlib import Path
@@ -33,26 +34,29 @@ def _modules():
 
 MODULES = _modules()
 PACKAGES = {name for name, path in MODULES.items() if path.name == "__init__.py"}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
+@functools.cache
+def _trees():
+    """Parse all modules, once, when the first test wants them: runs that only look for tests have no use for it."""
+    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+
+@functools.cache
 def _face(package):
     """Find the names that a package exports."""
     lists = [
         node.value
-        for node in TREES[package].body
+        for node in _trees()[package].body
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
     ]
     return {x.value for found in lists for x in ast.walk(found) if isinstance(x, ast.Constant)}
 
 
-FACES = {package: _face(package) for package in PACKAGES}
-
-
 def _imports(name):
     """Find the modules that a module imports, by whatever statement, with the lines."""
     package = name if name in PACKAGES else name.rpartition(".")[0]
-    for node in ast.walk(TREES[name]):
+    for node in ast.walk(_trees()[name]):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -61,7 +65,7 @@ def _imports(name):
                 above = package.split(".")[: len(package.split(".")) - node.level + 1]
                 base = ".".join([*above, *([base] if base else [])])
             whole = [f"{base}.{alias.name}" for alias in node.names]
-            exported = FACES.get(base, set())
+            exported = _face(base) if base in PACKAGES else set()
             names = [x if x in MODULES and x.rpartition(".")[2] not in exported else base for x in whole]
         else:
             continue
@@ -70,7 +74,9 @@ def _imports(name):
                 yield other, node.lineno
 
 
-IMPORTS = {name: list(_imports(name)) for name in MODULES}
+@functools.cache
+def _all_imports():
+    return {name: list(_imports(name)) for name in MODULES}
 
 
 def _circles(graph):
@@ -111,7 +117,7 @@ def test_the_search_for_circles_finds_them():
 
 def test_no_module_imports_in_a_circle():
     # the face of the whole package names modules without importing them: its names are loaded when they are used
-    graph = {name: [x for x, _ in IMPORTS[name] if x != "uqmbd"] for name in MODULES if name != "uqmbd"}
+    graph = {name: [x for x, _ in _all_imports()[name] if x != "uqmbd"] for name in MODULES if name != "uqmbd"}
     assert not (found := _circles(graph)), "\n".join(", ".join(sorted(circle)) for circle in found)
 
 
@@ -125,7 +131,7 @@ def test_no_folder_imports_in_a_circle():
             mine = ".".join(name.split(".")[:depth])
             graph[mine] |= {
                 theirs
-                for other, _ in IMPORTS[name]
+                for other, _ in _all_imports()[name]
                 if other.startswith(package + ".") and (theirs := ".".join(other.split(".")[:depth])) != mine
             }
         wrong += [", ".join(sorted(circle)) for circle in _circles(graph)]
@@ -134,7 +140,7 @@ def test_no_folder_imports_in_a_circle():
 
 def test_a_folder_is_imported_through_its_face_only():
     wrong = []
-    for name, others in IMPORTS.items():
+    for name, others in _all_imports().items():
         for other, line in others:
             if other in PACKAGES:
                 continue
@@ -148,7 +154,7 @@ def test_plugins_import_what_is_public_only():
     public = {"uqmbd", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing"}
     wrong = [
         f"{name}:{line} imports {other}"
-        for name, others in IMPORTS.items()
+        for name, others in _all_imports().items()
         if not name.startswith("uqmbd.")
         for other, line in others
         if other.startswith("uqmbd.") and other not in public
@@ -169,7 +175,7 @@ def test_what_an_extra_installs_is_imported_where_it_is_used():
     extras = _extras()
     assert {"distributed", "mpi4py", "openturns", "emcee"} <= extras
     found = []
-    for name, tree in TREES.items():
+    for name, tree in _trees().items():
         for node in tree.body:
             modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             modules += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
@@ -190,14 +196,14 @@ def test_no_module_is_long_without_a_reason():
     wrong = {}
     for name, path in MODULES.items():
         lines = len(path.read_text(encoding="utf-8").splitlines())
-        if lines > MOST_LINES and "\n\nLength:" not in (ast.get_docstring(TREES[name]) or ""):
+        if lines > MOST_LINES and "\n\nLength:" not in (ast.get_docstring(_trees()[name]) or ""):
             wrong[name] = lines
     assert not wrong
 
 
 def test_nothing_of_the_project_is_imported_by_string():
     wrong = []
-    for name, tree in TREES.items():
+    for name, tree in _trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
                 "import_module",
