@@ -188,7 +188,7 @@ def test_an_outlier_does_not_move_a_robust_result():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("noise", ["normal", "student"])
+@pytest.mark.parametrize("noise", ["normal", pytest.param("student", marks=pytest.mark.slow)])
 def test_an_offset_is_a_bias(noise):
     shifted = Record("shifted", [Series("x", TIMES, record()["x"].values + 0.01, "m", noise=0.005)])
     with pytest.warns(uqmbd.StudyWarning, match="does not give such values"):
