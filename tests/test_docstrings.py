@@ -50,6 +50,9 @@ UNITS = {
 """Parameters and fields of these names have these units, which their description says, or whose they are."""
 
 
+RETURNED = frozenset(returned())
+
+
 def _public():
     """Every public class and function by its full name, and the classes that only functions return."""
     found = {}
@@ -57,7 +60,7 @@ def _public():
         for name, thing in public_names(module).items():
             if kind(thing) != "data" and f"{module}.{name}" not in NO_CLASSES:
                 found.setdefault(id(thing), (f"{module}.{name}", thing))
-    for cls in returned():
+    for cls in RETURNED:
         found[id(cls)] = (f"{cls.__module__}.{cls.__qualname__}", cls)
     return dict(sorted(found.values()))
 
@@ -135,7 +138,7 @@ def fields_told_below(cls):
 
 def constructor(cls):
     """What is given where an object is made, of classes that are made by name."""
-    if issubclass(cls, (BaseException, uqmbd.Component)) or getattr(cls, "_is_protocol", False) or cls in returned():
+    if issubclass(cls, (BaseException, uqmbd.Component)) or getattr(cls, "_is_protocol", False) or cls in RETURNED:
         return []
     if dataclasses.is_dataclass(cls):
         return [f.name for f in dataclasses.fields(cls) if f.init and not f.name.startswith("_")]
@@ -198,7 +201,8 @@ def test_classes_tell_what_they_are_made_of():
     for name, cls in CLASSES.items():
         found = sections(inspect.getdoc(cls))
         known = told(found.get("Parameters", "")) | told(found.get("Attributes", ""))
-        missing = [x for x in constructor(cls) if x not in known and x not in fields_told_below(cls)]
+        missing = set(constructor(cls)) - set(known)
+        missing -= fields_told_below(cls) if missing else set()
         wrong |= {name: missing} if missing else {}
     assert wrong == {}
 
