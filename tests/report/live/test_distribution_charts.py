@@ -137,3 +137,13 @@ def test_outputs_without_a_time_are_those_of_the_figure():
             drawn = np.interp(places, x[1:-1], f[1:-1])
             np.testing.assert_allclose(curves[name][inner], drawn[inner], rtol=1e-6)
     assert scalars_data({"a": sampled("a", np.ones((5, 2)))}) is None
+
+
+def test_a_page_of_outputs_without_a_time_has_their_table_and_chart(tmp_path):
+    rng = np.random.default_rng(0)
+    node = scalar_method("a", {"f1": rng.normal(5, 1, 200)})
+    page = report.write_report(results.study_tree([node], study="s", mechanism="m"), tmp_path / "report.html")
+    text = page.read_text(encoding="utf-8")
+    section = text[text.index("<h2>Outputs without a time") :]
+    assert 'data-name="standard deviation"' in section and "could not be drawn" not in text
+    assert 'data-alt="Probability densities of f1."' in section
