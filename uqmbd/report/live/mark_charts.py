@@ -183,23 +183,25 @@ def error_cost_data(convergence: xr.Dataset, output: str) -> dict[str, Any]:
         ("by realisations", "realisations", {"name": "realisations", "units": "", "log": True, "whole": True}),
         ("by wall time", "wall_time", {"name": "wall time", "units": "s", "log": True}),
     ):
-        rows = [(k, one, *one.along(cost)) for k, one in enumerate(found)]
-        rows = [row for row in rows if len(row[2])]
+        # in the order of levels, which every row of the table has: a line goes back where a finer level cost less
+        rows = [(k, one, np.where(np.isfinite(one.errors), getattr(one, cost), np.nan)) for k, one in enumerate(found)]
+        rows = [row for row in rows if np.isfinite(row[2]).any()]
         if not rows:
             continue
-        errors, spent = (np.concatenate([row[k] for row in rows]) for k in (3, 2))
+        errors = np.concatenate([one.errors[np.isfinite(costs)] for _, one, costs in rows])
+        spent = np.concatenate([costs[np.isfinite(costs)] for *_, costs in rows])
         up = percent_axis((float(errors.min()), float(errors.max())))
-        count = max(len(row[2]) for row in rows)
+        count = len(rows[0][2])
+        known = np.sum([np.isfinite(one.errors) & np.isfinite(costs) for _, one, costs in rows], axis=0)
         methods = []
-        for k, one, costs, values, levels in rows:
+        for k, one, costs in rows:
             deviation = one.quantity == "std"
             name = f"{one.method}: {'standard deviation' if deviation else 'mean'}"
-            curve = Curve(name, _filled(100 * values, count), (), "")
             methods.append(
-                curve_data(k // 2, len(found) // 2, curve)
+                curve_data(k // 2, len(found) // 2, Curve(name, 100 * one.errors, (), ""))
                 | {"dash": [4, 2] if deviation else [], "width": 1.6, "hollow": deviation}
-                | {"places": packed(_filled(costs, count)), "shape": shapes[k // 2 % len(shapes)], "joined": True}
-                | {"texts": [{"name": "level", "values": [*levels, *[""] * (count - len(levels))]}]}
+                | {"places": packed(costs), "shape": shapes[k // 2 % len(shapes)], "joined": True}
+                | {"texts": [{"name": "level", "values": list(one.levels)}]}
             )
         for quantity, name in (("mean", "mean"), ("std", "standard deviation")):
             own = 100 * own_error(convergence, output, quantity)
@@ -219,7 +221,8 @@ def error_cost_data(convergence: xr.Dataset, output: str) -> dict[str, Any]:
                 "time": packed(np.arange(1.0, count + 1)),
                 "of": count,
                 "digits": 2,
-                "start": count - 1,
+                # the finest of the levels that most methods have
+                "start": count - 1 - int(known[::-1].argmax()),
                 "across": {"name": "level", "units": "", "told": "", "before": "level ", "whole": True},
                 "plane": place,
                 "methods": methods,
@@ -227,11 +230,6 @@ def error_cost_data(convergence: xr.Dataset, output: str) -> dict[str, Any]:
             }
         )
     return {"choose": "What it costs", "seen": 0, "views": views}
-
-
-def _filled(values: Array, count: int) -> Array:
-    """Return values, and NaN where there are fewer than elsewhere."""
-    return np.concatenate([values, np.full(count - len(values), np.nan)])
 
 
 def failures_data(node: Samples, reason: Reason) -> dict[str, Any]:
