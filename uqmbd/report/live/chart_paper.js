@@ -5,7 +5,7 @@ import { shownOf } from "./chart_model.js";
 import { chartOptions, limitLook, limitName, dotSize, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
 import { markLook, markPath, planeLayers } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
-import { formatError } from "./numbers.js";
+import { formatError, withUnits } from "./numbers.js";
 
 const PAPER = { width: 660, height: 290 };
 // half as wide as the page, beside another one
@@ -172,7 +172,7 @@ function drawingOf(model, plot, size) {
 
 function shadesRow({ name, units, ends }, row) {
   const parts = Array.from({ length: 12 }, (_, k) => shape("rect", { x: 12 + 6 * k, y: row - 5, width: 6, height: 10, fill: shadeColour(k / 11, false) }));
-  return [...parts, shape("text", { x: 92, y: row + 4, fill: LIGHT.ink }, `${name}: ${ends.map((end) => formatError(end, units)).join(" to ")}`)];
+  return [...parts, shape("text", { x: 92, y: row + 4, fill: LIGHT.ink }, `${withUnits(name, units)}: ${ends.map((end) => formatError(end)).join(" to ")}`)];
 }
 
 /** A text in rows of so many letters at most, where its words allow it. */
