@@ -69,7 +69,11 @@ def test_all_sliders_are_seen_and_what_matters_most_comes_first(opened, page_fil
 
 def test_a_limit_that_is_far_away_is_told_and_leaves_the_curve_its_height(opened, page_file):
     page = opened(page_file)
-    assert page.locator("#in-view .beyond").inner_text() == "Too far away to be drawn: the limit of cellar (−50 m)."
+    assert page.locator("#in-view .limits").inner_text().strip() == "limit: floor (\N{MINUS SIGN}0.53 m)"
+    assert (
+        page.locator("#in-view .beyond:not(.lines)").inner_text()
+        == "Too far away to be drawn: the limit of cellar (−50 m)."
+    )
     figure = page.locator("#in-view")
     rows = figure.locator("canvas").evaluate(
         """(canvas) => {
