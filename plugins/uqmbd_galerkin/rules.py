@@ -15,7 +15,7 @@ Terms = Literal["total", "tensor", "hyperbolic"]
 
 MOST_NODES = 20_000
 """Nodes beyond which the coupled problem is not set up."""
-MOST_WORK = 5e10
+MOST_WORK = 2e10
 """Products that a remedy may be sought with: about a second."""
 STREAM = 0x6A1E12
 """Of the verification points."""
@@ -159,11 +159,11 @@ class Discretisation:
         return list(self.nodes) * (space.dimension if len(self.nodes) == 1 else 1)
 
     def _remedy(self, space: uqmbd.GermSpace) -> str:
-        """Options that this basis, or a smaller one, works with: tried, not guessed."""
+        """Options that this basis, or a smaller one, works with: tried, not guessed, from order 1 upwards."""
         given: tuple[Terms | None, ...] = ("total",) if self.elements is not None else (self.index_set, "total")
         plain = replace(self, rule="sobol", samples=1, level=None, nodes=None, elements=None)
-        work = MOST_WORK
-        for order in range(self.order, 0, -1):
+        work, found = MOST_WORK, "Use weights=, so that inputs of little influence get fewer nodes, or collocation."
+        for order in range(1, self.order + 1):
             for kind in dict.fromkeys(given):
                 try:
                     terms = replace(plain, order=order, index_set=kind).basis(space)
@@ -183,5 +183,8 @@ class Discretisation:
                 changed += ["rule='sobol'", f"samples={count}"]
                 without = " without nodes=" if self.nodes else ""
                 without = without if self.elements is None else " without elements="
-                return f"Use {', '.join(changed)}{without} ({len(terms)} terms), or weights=, or collocation."
-        return "Use weights=, so that inputs of little influence get fewer nodes, or collocation."
+                found = f"Use {', '.join(changed)}{without} ({len(terms)} terms), or weights=, or collocation."
+                break
+            else:
+                break  # nor does any higher order
+        return found
