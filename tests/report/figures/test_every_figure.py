@@ -229,3 +229,23 @@ def test_every_figure_is_a_file(tree: xr.DataTree, tmp_path: Path) -> None:
     names = {file.name for file in files}
     assert {"height-bands.svg", "event-aligned-event-times.svg", "motion.gif", "split-elements.svg"} <= names
     assert "When events happen" in page and "no. 1" in page
+
+
+def test_a_figure_that_cannot_be_drawn_is_told_and_costs_no_other(tmp_path: Path) -> None:
+    """A warning has its name, the folder and the reason; so has one of a film."""
+    from uqmbd.report.drawing import write_images
+
+    def fails() -> Figure:
+        raise ValueError("no room")
+
+    content = [
+        {"rows": [{"name": "first", "draw": fails}]},
+        {"name": "second", "draw": Figure},
+        {"name": "third", "draw": Figure, "moving": fails},
+    ]
+    with pytest.warns(UserWarning) as told:
+        files = write_images(content, tmp_path)
+    assert sorted(file.name for file in files) == ["second.svg", "third.svg"]
+    said = [str(one.message) for one in told]
+    assert len(said) == 2 and all(str(tmp_path) in one and one.endswith("ValueError: no room") for one in said)
+    assert "'first'" in said[0] and "'third'" in said[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image, image_html, still_image, write_images
+from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image_html, still_image, write_images
 from uqmbd.report.drawing.scales import decades, log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
@@ -50,7 +50,6 @@ __all__ = [
     "histogram",
     "finish_single",
     "figure_html",
-    "image",
     "image_html",
     "limit_times",
     "line_width",

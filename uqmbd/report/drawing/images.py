@@ -9,6 +9,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from uqmbd.report.drawing.vectors import UNWRITABLE, Drawing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "still_image", "svg", "write_images"]
+__all__ = ["CHARTED", "charted", "figure_html", "image_html", "still_image", "svg", "write_images"]
 
 CHARTED = '<figure class="charted"'
 """How the figure of a chart begins; scripts of the page look for it."""
@@ -47,24 +48,13 @@ def _rounded(found: re.Match[str]) -> str:
     return " " + (text if _CURVED.search(text) else text.replace(" L ", " "))
 
 
-def image(draw: Callable[[], Figure], alt: str, caption: str) -> dict[str, str]:
-    """Return a figure as a data URI; one that cannot be drawn is a note in its place.
-
-    Parameters
-    ----------
-    draw : callable
-        Makes the figure.
-    alt, caption : str
-        What stands for it, and beneath it.
-    """
+def _drawn(draw: Callable[[], Figure]) -> str:
+    """Return a figure as a data URI."""
     # A figure is thousands of objects in cycles: looking for garbage once after each, not all the while, saves a sixth.
     collecting = gc.isenabled()
     gc.disable()
     try:
-        return {"source": svg(draw()), "alt": alt, "caption": caption, "problem": ""}
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
-        problem = f"{type(error).__name__}: {error}"
-        return {"source": "", "alt": alt, "caption": caption, "problem": problem}
+        return svg(draw())
     finally:
         if collecting:
             gc.enable()
@@ -86,7 +76,7 @@ def still_image(
     draw : callable
         Makes the figure that is written to a file, if that is asked for.
     """
-    found = {"source": "", "drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
+    found = {"drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
         return found | {"drawing": make().inline(alt), "draw": draw}
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
@@ -149,11 +139,16 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     >>> figure_html(draw, "A line.", "It rises.").endswith('alt="A line."><figcaption>It rises.</figcaption></figure>')
     True
     """
-    return image_html(image(draw, alt, caption))
+    found = {"source": "", "alt": alt, "caption": caption, "problem": ""}
+    try:
+        found["source"] = _drawn(draw)
+    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+        found["problem"] = f"{type(error).__name__}: {error}"
+    return image_html(found)
 
 
 def image_html(found: Mapping[str, Any], chart: str = "") -> str:
-    """Return what `image` or `charted` made as HTML; ``chart``: JSON, safe in HTML, of the chart that stands for it."""
+    """Return a picture, or what `charted` made, as HTML; ``chart``: JSON, safe in HTML, of the chart in its place."""
     text = {key: html.escape(found[key]) for key in ("source", "alt", "caption", "problem")}
     if found.get("note"):
         return f'<p class="note">{html.escape(found["note"])}</p>'
@@ -168,7 +163,9 @@ def image_html(found: Mapping[str, Any], chart: str = "") -> str:
 
 
 def write_images(content: object, folder: Path) -> list[Path]:
-    """Write all images that have a name, anywhere in nested lists and dictionaries, to files.
+    """Write all figures and films that have a name, anywhere in nested lists and dictionaries, to files.
+
+    One that cannot be drawn is a warning; the others are written.
 
     Parameters
     ----------
@@ -183,7 +180,13 @@ def write_images(content: object, folder: Path) -> list[Path]:
         In the order of the content.
     """
     written: dict[Path, None] = {}
-    for name, source in _named(content):
+    for name, make in _named(content):
+        try:
+            source = make()
+        except Exception as error:  # noqa: BLE001 - whatever a figure of other packages' results raises; others are written
+            told = f"figure {name!r} is not written to {str(folder)!r}: {type(error).__name__}: {error}"
+            warnings.warn(told, UserWarning, stacklevel=3)
+            continue
         kind, data = source.removeprefix("data:image/").split(";base64,", 1)
         plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.")
         # a long one keeps its end, which tells the figures of an output apart
@@ -198,15 +201,14 @@ def write_images(content: object, folder: Path) -> list[Path]:
     return list(written)
 
 
-def _named(content: object) -> Iterator[tuple[str, str]]:
+def _named(content: object) -> Iterator[tuple[str, Callable[[], str]]]:
+    """Yield the name of each figure and film, and what makes it as a data URI: only who asks for files waits for it."""
     if isinstance(content, Mapping):
-        sources = {key: content.get(key) for key in ("source", "moving")}
-        if content.get("draw") and not sources["source"] and not content.get("problem"):
-            sources["source"] = image(content["draw"], "", "")["source"]
-        for source in sources.values():
-            if content.get("name") and source:
-                # what only files show is made when they are asked for
-                yield str(content["name"]), str(source() if callable(source) else source)
+        name = str(content.get("name") or "")
+        if name and content.get("draw"):
+            yield name, partial(_drawn, content["draw"])
+        if name and content.get("moving"):
+            yield name, content["moving"]
         for value in content.values():
             yield from _named(value)
     elif isinstance(content, (list, tuple)):

@@ -15,10 +15,11 @@ from uqmbd.report.mechanisms.animation import (
     poses,
     with_motion,
 )
+from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.picture import mechanism
 from uqmbd.report.mechanisms.sketch import Part
-from uqmbd.report.mechanisms.still import still
+from uqmbd.report.mechanisms.still import pose_still, still
 
 __all__ = [
     "SECONDS",
@@ -27,12 +28,14 @@ __all__ = [
     "animate",
     "check_target",
     "coordinate_names",
+    "drawn_pose",
     "gif",
     "integrated_bodies",
     "marked_points",
     "mechanism",
     "motion",
     "observed_bodies",
+    "pose_still",
     "poses",
     "still",
     "with_motion",

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.report.mechanisms.sheet import Shape
 from uqmbd.typing import Array
 
-__all__ = ["Label", "Placed", "place"]
+__all__ = ["Label", "Placed", "place", "placed_names"]
+
+MOST_NAMES = 60
+"""Names in a picture; of more, bodies come first."""
 
 
 DISTANCES = (0.11, 0.17, 0.25, 0.36, 0.5, 0.7, 0.95, 1.25)  # inches
@@ -92,3 +96,47 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
         best = int(np.argmin(cost))
         done.append(Placed(label, centres[best], float(distances[best])))
     return done
+
+
+def placed_names(
+    labels: Sequence[Label], shapes: Sequence[Shape], box: tuple[float, float, float, float]
+) -> tuple[list[Placed], list[Shape]]:
+    """Put names beside what they name, clear of shapes.
+
+    Parameters
+    ----------
+    labels : sequence of Label
+        The most important first; those beyond `MOST_NAMES` are left out.
+    shapes : sequence of Shape
+        What names should not cover.
+    box : (left, bottom, right, top)
+        Where they have room, inches.
+
+    Returns
+    -------
+    (list of Placed, list of Shape)
+        The names, and thin lines from those that are not at hand to what they name.
+    """
+    placed = place(labels[:MOST_NAMES], _obstacles(shapes), box)
+    lines = []
+    for one in placed:
+        if one.distance > 0.2:
+            half = one.label.extent / 2
+            away = one.label.anchor - one.centre
+            share = 1 / max(1.0, float(np.max(abs(away) / np.maximum(half, 1e-9))))
+            start = one.centre + share * away
+            lines.append(Shape(np.array([start, one.label.anchor]), "0.6", None, 0.6, order=4.9))
+    return placed, lines
+
+
+def _obstacles(shapes: Sequence[Shape]) -> Array:
+    """Points on the page, a twelfth of an inch apart, that names should not cover."""
+    found = [np.zeros((0, 2))]
+    for shape in shapes:
+        corners = np.concatenate([shape.vertices, shape.vertices[:1]]) if shape.closed else shape.vertices
+        lines = np.stack([corners[:-1], corners[1:]], axis=1)
+        for a, b in lines[np.isfinite(lines).all(axis=(1, 2))]:
+            count = int(np.hypot(*(b - a)) / 0.083) + 1
+            found.append(a + np.linspace(0, 1, count, endpoint=False)[:, None] * (b - a))
+    every = np.concatenate(found)
+    return np.unique(np.round(every / 0.04), axis=0) * 0.04

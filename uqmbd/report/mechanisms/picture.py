@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for
-from uqmbd.report.mechanisms.labels import Placed, place
+from uqmbd.report.mechanisms.labels import Placed, placed_names
 from uqmbd.report.mechanisms.sheet import Shape
 from uqmbd.report.mechanisms.sketch import Sketch, world
-from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,10 +16,6 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
 
 __all__ = ["mechanism"]
-
-
-MOST_NAMES = 60
-"""Names in a picture; of more, bodies come first."""
 
 
 def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> Figure:
@@ -67,9 +60,8 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     sketch, points = Sketch(data), world(data)[0, 0]
     made = canvas_for(sketch.extent(points))
     pen = sketch.draw(made.sheet, points)
-    labels = sketch.labels(made.sheet, points)[:MOST_NAMES]
     made.draw(pen.shapes)
-    _write(made, place(labels, _obstacles(pen.shapes), made.sheet.box))
+    _write(made, *placed_names(sketch.labels(made.sheet, points), pen.shapes, made.sheet.box))
     note = f"{mechanism.name} – as drawn: it cannot be assembled" if data.attrs["note"] else mechanism.name
     _title(made, note, warning=bool(data.attrs["note"]))
     return made.figure
@@ -89,32 +81,12 @@ def _title(made: Canvas, text: str, *, warning: bool) -> None:
     shown.set_parse_math(False)
 
 
-def _obstacles(shapes: Sequence[Shape]) -> Array:
-    """Points on the page, a twelfth of an inch apart, that names should not cover."""
-    found = [np.zeros((0, 2))]
-    for shape in shapes:
-        corners = np.concatenate([shape.vertices, shape.vertices[:1]]) if shape.closed else shape.vertices
-        lines = np.stack([corners[:-1], corners[1:]], axis=1)
-        for a, b in lines[np.isfinite(lines).all(axis=(1, 2))]:
-            count = int(np.hypot(*(b - a)) / 0.083) + 1
-            found.append(a + np.linspace(0, 1, count, endpoint=False)[:, None] * (b - a))
-    every = np.concatenate(found)
-    return np.unique(np.round(every / 0.04), axis=0) * 0.04
-
-
-def _write(made: Canvas, placed: Sequence[Placed]) -> None:
+def _write(made: Canvas, names: Sequence[Placed], lines: Sequence[Shape]) -> None:
     """Write names, and a thin line to what they name where that is not at hand."""
     from matplotlib.patheffects import withStroke
 
-    lines = []
-    for one in placed:
+    for one in names:
         label = one.label
-        if one.distance > 0.2:
-            half = label.extent / 2
-            away = label.anchor - one.centre
-            share = 1 / max(1.0, float(np.max(abs(away) / np.maximum(half, 1e-9))))
-            start = one.centre + share * away
-            lines.append(Shape(np.array([start, label.anchor]), "0.6", None, 0.6, order=4.9))
         x, y = map(float, one.centre)
         text = made.figure.text(
             x, y, label.text, transform=made.figure.dpi_scale_trans, ha="center", va="center",

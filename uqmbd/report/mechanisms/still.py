@@ -1,8 +1,12 @@
-"""The mechanism of a page for readers without scripts, and for paper: what the player shows at first, as SVG."""
+"""Drawings of a mechanism as SVG: what the player shows at first, and one pose with names.
+
+The first is for readers without scripts, and for paper; the second for notebooks.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,20 +14,31 @@ import xarray as xr
 
 from uqmbd.report.drawing import COLOURS, FAILED, GROUND, PALE, Drawing, mixed
 from uqmbd.report.mechanisms.film import Film
-from uqmbd.report.mechanisms.sheet import Sheet, sheet_for
+from uqmbd.report.mechanisms.labels import placed_names
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
+from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.typing import Array
 from uqmbd.wording import format_number
 
-__all__ = ["still"]
+__all__ = ["pose_still", "still"]
 
 INCH = 72
 WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
 
 _WHITE = "#ffffff"
 _ROLES = {
-    **{"0.15": "ink", "0.3": "dark", "0.96": "plate", "0.9": "plate", "white": "paper", "#B45309": "drive"},
+    **{
+        "0.15": "ink",
+        "0.25": "dark",
+        "0.3": "dark",
+        "0.6": "soft",
+        "0.96": "plate",
+        "0.9": "plate",
+        "white": "paper",
+        "#B45309": "drive",
+    },
     **dict.fromkeys(("0.35", "0.4", "0.45", "0.5", "0.55"), "ground"),
-    **{FAILED: "limit", GROUND: "ground", mixed(GROUND, _WHITE, PALE): "pale-ground"},
+    **{"#B45309": "drive", FAILED: "limit", GROUND: "ground", mixed(GROUND, _WHITE, PALE): "pale-ground"},
     **{colour: f"c{k}" for k, colour in enumerate(COLOURS)},
     **{mixed(colour, _WHITE, PALE): f"pale-c{k}" for k, colour in enumerate(COLOURS)},
 }
@@ -54,7 +69,48 @@ def still(data: xr.Dataset) -> Drawing:
         looks: dict[str, Any] = {"stroke_width": 5 if len(corners) == 1 else 0.8, "stroke_opacity": alpha}
         for outline in outlines:
             made.line(page(outline), _role(film.sketch.colour(body)), **looks)
-    for shape in sorted(film.shapes(sheet, frame), key=lambda one: one.order):
+    _paint(made, film.shapes(sheet, frame), page)
+    return made
+
+
+def pose_still(data: xr.Dataset) -> Drawing:
+    """Draw a mechanism in one pose, with the names of its bodies and components.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Of `drawn_pose`; a note in it, why the mechanism is not assembled, is told by a line above the drawing.
+    """
+    sketch, points = Sketch(data), world(data)[0, 0]
+    bounds = sketch.extent(points)
+    known = bounds[np.isfinite(bounds).all(axis=-1)]
+    bounds = known if len(known) else np.zeros((1, bounds.shape[-1]))
+    height = _height(bounds)
+    sheet = sheet_for(bounds, WIDTH, height)
+    made = Drawing(INCH * WIDTH, INCH * height)
+
+    def page(places: Array) -> Array:
+        return INCH * (places * [1, -1] + [0, height])
+
+    _scale(made, sheet, page(np.array([0.15, 0.16])))
+    pen = sketch.draw(sheet, points)
+    _paint(made, pen.shapes, page)
+    names, lines = placed_names(sketch.labels(sheet, points), pen.shapes, sheet.box)
+    _paint(made, lines, page)
+    for one in names:
+        x, y = page(one.centre)
+        size, weight = one.label.size, "bold" if one.label.bold else None
+        made.text(
+            round(x, 1), round(y + 0.35 * size, 1), one.label.text, _role(one.label.colour), font_size=size,
+            font_weight=weight, text_anchor="middle", stroke="#ffffff", stroke_width=2, paint_order="stroke",
+        )  # fmt: skip
+    if data.attrs["note"]:
+        made.text(6, 12, "as drawn: it cannot be assembled", "limit", font_size=10)
+    return made
+
+
+def _paint(made: Drawing, shapes: Iterable[Shape], page: Callable[[Array], Array]) -> None:
+    for shape in sorted(shapes, key=lambda one: one.order):
         dashes = None if shape.style == "-" else " ".join(f"{shape.width * x:g}" for x in shape.style[1])
         edge = None if shape.edge == "none" else _role(shape.edge)
         face = None if shape.face is None else _role(shape.face)
@@ -64,7 +120,6 @@ def still(data: xr.Dataset) -> Drawing:
             page(shape.vertices), edge, face, closed=shape.closed, stroke_width=width, stroke_dasharray=dashes,
             opacity=opacity,
         )  # fmt: skip
-    return made
 
 
 def _role(colour: str) -> str:

@@ -104,12 +104,11 @@ def picture(mechanism: Mechanism) -> str:
     """Picture as an image with an alternative text; a note where it cannot be drawn."""
     if not mechanism.bodies:
         return ""
-    from uqmbd.report.drawing import image
-    from uqmbd.report.mechanisms import mechanism as draw
+    from uqmbd.report.mechanisms import drawn_pose, pose_still
 
-    made = image(lambda: draw(mechanism), f"The mechanism {mechanism.name} in its assembled pose.", "")
-    if made["problem"]:
-        return f"<p>It cannot be drawn: {escape(made['problem'])}</p>"
-    return (
-        f'<img src="{made["source"]}" alt="{escape(made["alt"], quote=True)}" style="max-width:100%;background:#fff">'
-    )
+    try:
+        source = pose_still(drawn_pose(mechanism)).source()
+    except Exception as error:  # noqa: BLE001 - a mechanism may be unfinished in any way; its tables must stand
+        return f"<p>It cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
+    alt = escape(f"The mechanism {mechanism.name} in its assembled pose.", quote=True)
+    return f'<img src="{source}" alt="{alt}" style="max-width:100%;background:#fff">'
