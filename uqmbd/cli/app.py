@@ -106,13 +106,11 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
     require: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--require",
             metavar="P",
-            min=0.0,
-            max=1.0,
-            help="Exit with status 3 unless each requirement is violated with probability P at most (95 % confidence).",
+            help="Exit with status 3 unless each requirement is violated with at most P, as 1% (95 % confidence).",
         ),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write the report.")] = True,

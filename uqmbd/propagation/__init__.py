@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.propagation.annotations import Bounds, option_types
-from uqmbd.propagation.budget import Timing, accuracy_of, budget_of, timing_of
+from uqmbd.propagation.budget import Timing, accuracy_of, allowed_of, budget_of, timing_of
 from uqmbd.propagation.chaos import (
     Clock,
     Dense,
@@ -77,6 +77,7 @@ __all__ = [
     "Verification",
     "VerificationPoints",
     "accuracy_of",
+    "allowed_of",
     "budget_of",
     "fit_nodes",
     "nothing_random",

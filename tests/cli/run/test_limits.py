@@ -29,8 +29,8 @@ def test_a_run_tells_and_leaves_with_the_status_of_its_requirements(command_line
     (tmp_path / "fall.py").write_text(SCRIPT)
     status, out, err = command_line("run", "fall.py", "--require", "0.01")
     assert status == 3
-    assert "Requirement 'low enough' is not met: it is violated with a probability of up to" in err
-    assert "'slow enough' is not met" in err  # nothing failed in 200 samples: at most 1.5 %
+    assert "Requirement 'low enough' is not met: it is violated with a probability of at least" in err
+    assert "'slow enough' is not known to be met" in err  # nothing failed in 200 samples: at most 1.5 %
     lines = {line.split("  ")[0]: line for line in out.splitlines()}
     assert "violated with probability (95 %)" in out and "0 (at most 1.5 %)" in lines["slow enough"]
     assert "low enough" in lines and "any" in lines
@@ -41,7 +41,7 @@ def test_a_run_tells_and_leaves_with_the_status_of_its_requirements(command_line
     assert "below the ceiling, 1 m" in page and "to 2 requirements with 2 methods" in page
     assert page.index("below the ceiling, 1 m") < page.index("<img"), "on the first screen"
     monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)  # once is enough
-    status, out, err = command_line("run", "fall.py", "--out", "again", "--require", "0.4")
+    status, out, err = command_line("run", "fall.py", "--out", "again", "--require", "40%")
     assert status == 0 and "not met" not in err
     status, out, _ = command_line("check", "fall.py")
     assert status == 0 and "stone.x <= 1" in out and "at all times" in out and "below the ceiling" in out
@@ -53,8 +53,9 @@ def test_a_study_without_requirements_meets_none(command_line, tmp_path):
     (tmp_path / "fall.py").write_text(SCRIPT.replace("mechanism.require(", "(lambda *a, **k: None)("))
     status, _, err = command_line("run", "fall.py", "--require", "0.01")
     assert status == 2 and "has no requirements" in err
-    status, _, err = command_line("run", "fall.py", "--require", "1.5")
-    assert status == 2 and "--require" in err
+    for given, told in (("1.5", "as 0.01 or '1%'"), ("0.99", "write 0.01"), ("99%", "write 0.01"), ("no", "'1%'")):
+        status, _, err = command_line("run", "fall.py", "--require", given)
+        assert status == 2 and f"--require is '{given}'" in err and told in err
 
 
 def node(probability, lower, upper):

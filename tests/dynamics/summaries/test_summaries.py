@@ -19,8 +19,10 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.dynamics import Ensemble, Trajectories, integrate, running_minimum, scalars_of
 from uqmbd.propagation.observed_model import observed_model
+from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
-from uqmbd_joints import Revolute
+from uqmbd_drivers import PositionDriver
+from uqmbd_joints import Distance, Revolute
 from uqmbd_springs import PointForce, SpringDamper, TorsionSpringDamper
 
 
@@ -406,3 +408,18 @@ def test_a_realisation_that_fails_at_more_times_only_is_that_of_fewer(stages, mo
     most = 100
     got = integrate(ensemble, np.array([0.0, 1.0]), 1e-6, "stages", between=True)
     assert got.messages == ("no", "no")
+
+
+def test_where_all_motions_fail_the_reason_is_told_and_not_that_there_is_nothing_to_sum_up():
+    """A body on a string of 1 m is pulled aside from 0.5 m by 2 m/s: the string is taut after 0.25 s, whatever its mass."""
+    mechanism = uqmbd.Mechanism("string", uqmbd.Planar())
+    mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+    body = mechanism.body("body", mass=mass, inertia=1, position=(0.5, 0.8))
+    mechanism.add(Distance("string", mechanism.ground, body, (0, 0), (0, 0), 1.0))
+    pull = 0.5 + 2 * uqmbd.t
+    mechanism.add(PositionDriver("pull", mechanism.ground, body, (0, 0), (0, 0), axis_i=(1, 0), displacement=pull))
+    mechanism.output("highest", uqmbd.maximum(body.position[1]), units="m")
+    mechanism.require("low", body.position[1] <= 2)
+    study = uqmbd.Study("string", mechanism, np.linspace(0, 1, 11), [Collocation(order=2)])
+    with pytest.raises(uqmbd.IntegrationError, match=r"3 of 3 nodes failed.*at t = 0\.25 s: the mechanism locks up"):
+        study.run()

@@ -85,7 +85,8 @@ def test_a_requirement_is_met_where_all_methods_say_so():
     for allowed, verdicts in (
         (0.09, ["met"] * 3),
         (0.005, ["not met", "met", "not met"]),
-        (0.035, ["not certain", "met"]),
+        (0.035, ["not certain", "met"]),  # the one says met, the other not met
+        (0.025, ["not met", "met"]),  # the other is sure, and the one does not contradict it
     ):
         tree = results.study_tree([first, second], study="s", mechanism="m", attrs={"allowed_probability": allowed})
         rows = asked(StudyResult.of(tree))["rows"]

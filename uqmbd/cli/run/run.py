@@ -22,7 +22,7 @@ from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_progress
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.propagation import claimed, load_study, set_aside
+from uqmbd.propagation import allowed_of, claimed, load_study, set_aside
 from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration
 
@@ -42,7 +42,7 @@ def run_study(
     out: Path = Path("results"),
     workers: Workers | None = None,
     resume: bool = False,
-    require: float | None = None,
+    require: float | str | None = None,
     budget: str | None = None,
     accuracy: str | None = None,
     report: bool = True,
@@ -67,9 +67,9 @@ def run_study(
         Who computes; None: this process.
     resume : bool
         Continue an unfinished run in the folder.
-    require : float, optional
-        Probability with which each requirement may be violated.  Where all methods succeeded, and one of them does not
-        tell with 95 % confidence that it is less, the exit status is 3.
+    require : float or str, optional
+        Probability with which each requirement may be violated, as 0.01 or ``"1%"``.  Where all methods succeeded, and
+        one of them does not tell with 95 % confidence that it is less, the exit status is 3.
     budget, accuracy : str, optional
         As of `Study.run`.  Where all methods succeeded, and one of them does not reach the accuracy, the exit status is
         3.
@@ -85,10 +85,10 @@ def run_study(
         What shows progress already, and the first stage in it.
     """
     begin = time.monotonic() if begin is None else begin
-    chosen = choices(budget, accuracy)
+    chosen, allowed = choices(budget, accuracy), allowed_of(require, "--require")
     with nullcontext(progress) if progress is not None else shown_progress() as shown:
         delivered = _run(
-            script, only, settings, out, workers, shown, resume=resume, require=require, report=report,
+            script, only, settings, out, workers, shown, resume=resume, require=allowed, report=report,
             figures=figures, chosen=chosen,
         )  # fmt: skip
         shown.close()
@@ -101,7 +101,7 @@ def run_study(
         raise SystemExit(FAILED)
     from uqmbd.results import propagator_nodes, unmet
 
-    said = [] if require is None else unmet(propagator_nodes(tree), require)
+    said = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
     said += missed(tree)
     for sentence in said:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)

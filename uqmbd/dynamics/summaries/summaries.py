@@ -174,6 +174,8 @@ def _resolve(
     collect: Callable[[Index, Parts, Array], None],
 ) -> None:
     """Resolve outputs along the motions of members, some at once, and hand them on with their rows among these."""
+    if not members.size:  # all have failed, and there is no motion
+        return
     if trajectories.path is None:
         raise ValueError("trajectories without a path: integrate(..., between=True)")
     table = part_table(outputs, trajectories.rtol, needs)

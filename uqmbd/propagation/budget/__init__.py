@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
+from uqmbd.propagation.budget.amounts import Amount, accuracy_of, allowed_of, budget_of
 from uqmbd.propagation.budget.reach import BudgetTooSmallError
 from uqmbd.propagation.budget.sharing import Terms, Within
 from uqmbd.propagation.budget.timing import Timing, timing_of
 
-__all__ = ["Amount", "BudgetTooSmallError", "Terms", "Timing", "Within", "accuracy_of", "budget_of", "timing_of"]
+__all__ = [
+    "Amount",
+    "BudgetTooSmallError",
+    "Terms",
+    "Timing",
+    "Within",
+    "accuracy_of",
+    "allowed_of",
+    "budget_of",
+    "timing_of",
+]

@@ -10,11 +10,14 @@ from numbers import Integral, Real
 from uqmbd.errors import StudyError
 from uqmbd.wording import format_duration
 
-__all__ = ["Amount", "accuracy_of", "budget_of"]
+__all__ = ["Amount", "accuracy_of", "allowed_of", "budget_of"]
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 FINEST, COARSEST = 1e-9, 1.0
+
+MOST_ALLOWED = 0.5
+"""A requirement that may be violated more often than not is one that was turned round."""
 
 
 @dataclass(frozen=True)
@@ -103,18 +106,56 @@ def accuracy_of(given: object, name: str = "accuracy") -> float | None:
     """
     if given is None:
         return None
-    value = math.nan
-    if not isinstance(given, bool) and isinstance(given, Real):
-        value = float(given)
-    elif isinstance(given, str):
-        text = given.strip()
-        try:
-            value = float(text.removesuffix("%")) / 100 if text.endswith("%") else float(text)
-        except ValueError:
-            value = math.nan
+    value = _share(given)
     if not FINEST <= value < COARSEST:
         raise StudyError(
             f"{name} is {given!r}; expected a share of the standard deviation of each output, between 0 and 1, as 0.01 "
             "or '1%'."
         )
     return value
+
+
+def allowed_of(given: object, name: str = "allowed") -> float | None:
+    """Read with which probability a requirement may be violated.
+
+    Parameters
+    ----------
+    given : float or str, optional
+        A probability, as 0.01, or ``"1%"``.
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no probability; also of half and more, as ``"99%"``: that is how probably it is to hold.
+
+    Examples
+    --------
+    >>> allowed_of("1%"), allowed_of(0.02), allowed_of("0")
+    (0.01, 0.02, 0.0)
+    """
+    if given is None:
+        return None
+    value = _share(given)
+    if 0 <= value < MOST_ALLOWED:
+        return value
+    turned = value if value <= 1 else value / 100
+    hint = f" To hold with {turned:.6g}, write {1 - turned:.6g}." if MOST_ALLOWED <= turned < 1 else ""
+    raise StudyError(
+        f"{name} is {given!r}; expected the probability with which a requirement may be violated, less than "
+        f"{MOST_ALLOWED:g}, as 0.01 or '1%'.{hint}"
+    )
+
+
+def _share(given: object) -> float:
+    """Return a number or a percentage as a share; NaN: it is neither."""
+    if not isinstance(given, bool) and isinstance(given, Real):
+        return float(given)
+    if not isinstance(given, str):
+        return math.nan
+    text = given.strip()
+    try:
+        return float(text.removesuffix("%")) / 100 if text.endswith("%") else float(text)
+    except ValueError:
+        return math.nan

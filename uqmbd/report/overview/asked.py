@@ -77,7 +77,9 @@ def _requirement(result: StudyResult, name: str, allowed: float | None) -> Conte
     sign, verdict, level = "", "", 3
     if allowed is not None:
         ends = [(o.lower, o.upper) for o in found.values()]
-        met, unmet = all(upper <= allowed for _, upper in ends), all(lower > allowed for lower, _ in ends)
+        # one method that is sure of it is enough, unless another is sure of the contrary
+        met = all(upper <= allowed for _, upper in ends)
+        unmet = any(lower > allowed for lower, _ in ends) and not any(upper <= allowed for _, upper in ends)
         sign, verdict, level = MET if met else UNMET if unmet else UNSURE
     return {
         "name": name,
