@@ -238,14 +238,22 @@ def test_several_charts_have_axes_of_their_own():
         (Chart("y", ["a", "b"], [Curve("a", [1, 2, 3])], "t"), "shape of times"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2], drawn="pie")], "t"), "line, points or bars"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", log=True), "two above zero"),
-        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "ends that increase"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(2.0, 1.0)), "two finite numbers that increase"),
+        (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", ends=(1.0, 2.0, 3.0)), "two finite numbers"),
+        (Chart("y", ["a", 2.0], [Curve("a", [1])], "t"), "names or numbers, not both"),
+        (Chart("y", "ab", [Curve("a", [1, 2])], "t"), "expected a list of names"),
+        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], 3), "title is 3; expected a text"),
+        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits={"x": "high"}), "finite numbers by their names"),
+        (Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t", limits=[1.0]), "finite numbers by their names"),
         (Chart("y", ["a", "b"], [Curve("a", [1, 2])], "t", limits={"x": np.inf}), "finite"),
     ],
 )
 def test_charts_that_do_not_fit_together_are_refused(chart, expected):
     with pytest.raises(StudyError, match=expected):
         charts_html([chart], "", "")
-    with pytest.raises(StudyError, match="has no charts"):
+    with pytest.raises(StudyError, match="a title of its own"):
+        report.charts_html([Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t")] * 2, "alt", "caption")
+    with pytest.raises(StudyError, match="a sequence of one or more uqmbd.report.Chart"):
         charts_html([], "", "")
 
 

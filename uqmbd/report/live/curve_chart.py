@@ -39,7 +39,7 @@ class Chart:
     units : str
         Of all curves, as those of outputs are written.
     across : str
-        The quantity of the horizontal axis; empty: time, which charts share.
+        The quantity of the horizontal axis; empty: time, which charts share, or categories.
     across_units : str
         Of that quantity.
     ends : tuple of float, optional
@@ -74,16 +74,22 @@ class Chart:
         StudyError
             If its parts do not fit together.
         """
-        names = [one for one in self.places if isinstance(one, str)] if isinstance(self.places, Sequence) else []
+        where = f"chart {self.name!r}"
+        texts = {"title": self.title, "units": self.units, "across": self.across, "across_units": self.across_units}
+        if wrong := [f"{key} is {value!r}" for key, value in texts.items() if not isinstance(value, str)]:
+            raise StudyError(f"{where}: {', '.join(wrong)}; expected a text.")
+        names = self._categories()
         places = np.arange(1.0, len(names) + 1) if names else self.places
         axis = self.across or ("category" if names else "")
         moments, found = checked(self.name, places, self.curves, axis)
-        numbers = [*(self.ends or ()), *self.limits.values()]
-        if not np.all(np.isfinite(numbers)) or (self.ends is not None and not self.ends[0] < self.ends[1]):
-            raise StudyError(f"chart {self.name!r}: ends {self.ends} and limits {dict(self.limits)}; expected finite "
-                             "numbers, and ends that increase.")  # fmt: skip
+        if not isinstance(self.limits, Mapping) or not all(map(_finite, self.limits.values())):
+            raise StudyError(f"{where}: limits is {self.limits!r}; expected finite numbers by their names.")
+        if self.ends is not None and not (
+            len(self.ends) == 2 and all(map(_finite, self.ends)) and self.ends[0] < self.ends[1]
+        ):
+            raise StudyError(f"{where}: ends is {self.ends!r}; expected two finite numbers that increase.")
         if self.log and (self.ends is None or self.ends[0] <= 0):
-            raise StudyError(f"chart {self.name!r}: a logarithmic axis has ends {self.ends}; expected two above zero.")
+            raise StudyError(f"{where}: a logarithmic axis has ends {self.ends}; expected two above zero.")
         data, _ = curves_data(self.name, moments, found, self.units)
         data["title"] = self.title
         data["limits"] = [{"name": name, "value": float(value)} for name, value in self.limits.items()]
@@ -95,6 +101,21 @@ class Chart:
         if names:
             data["across"] |= {"categories": True, "texts": names, "whole": True, "ends": [0.5, len(names) + 0.5]}
         return data
+
+    def _categories(self) -> list[str]:
+        """Return the names of categories; none where the places are numbers."""
+        if isinstance(self.places, str):
+            raise StudyError(f"chart {self.name!r}: places is the text {self.places!r}; expected a list of names.")
+        given = self.places.tolist() if isinstance(self.places, np.ndarray) else self.places
+        every = list(given) if isinstance(given, Sequence) else []
+        named = [isinstance(one, str) for one in every]
+        if any(named) and not all(named):
+            raise StudyError(f"chart {self.name!r}: places is {every!r:.80}; expected names or numbers, not both.")
+        return list(map(str, every)) if any(named) else []
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and bool(np.isfinite(value))
 
 
 def _ends(places: Array) -> list[float]:
@@ -135,9 +156,14 @@ def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str 
     >>> charts_html([bars], "Errors by mesh.", "The finer the better.").startswith('<figure class="charted"')
     True
     """
+    if isinstance(charts, Chart) or not charts or not all(isinstance(one, Chart) for one in charts):
+        raise StudyError(
+            f"charts_html: charts is {charts!r:.80}; expected a sequence of one or more uqmbd.report.Chart."
+        )
+    titles = [chart.title for chart in charts]
+    if len(set(titles)) < len(titles):
+        raise StudyError(f"charts_html: the charts have the titles {titles}; expected a title of its own for each.")
     views = [chart.data() for chart in charts]
-    if not views:
-        raise StudyError("charts_html has no charts; expected one or more uqmbd.report.Chart.")
     shown = {"source": "", "alt": alt, "caption": caption, "problem": ""}
     return image_html(shown, json_script({"choose": choose, "seen": 0, "views": views}))
 
