@@ -56,7 +56,7 @@ def study(of):
 
 def ran(one, method, accuracy):
     tree = one.with_propagators([method]).run(accuracy=accuracy)
-    statistics = tree[method.node_name]["statistics"]
+    statistics = tree[method.node_name]["statistics"].dataset
     return statistics, json.loads(tree.attrs["budget"])["methods"][method.node_name]
 
 

@@ -92,8 +92,8 @@ def child(script: str, root: Path, cache: str) -> tuple[float, str]:
     environment = dict(os.environ, PYTHONPATH=path, UQMBD_CACHE=cache, MPLBACKEND="Agg")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-W", "ignore", "-c", script]
-    options = {"env": environment, "cwd": root, "capture_output": True, "text": True}
-    done = subprocess.run(command, **options, preexec_fn=limited)  # the folder where it runs comes first in the path
+    # the folder where it runs comes first in the path
+    done = subprocess.run(command, env=environment, cwd=root, capture_output=True, text=True, preexec_fn=limited)
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return float("inf"), ""
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -30,6 +30,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import chaospy
 import numpy as np
@@ -247,7 +248,7 @@ def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], 
                 rows.append({"truth": k, "failed": str(error)})
                 kept({"case": name, "information": information.tolist(), "rows": rows})
                 continue
-        posterior = found.tree["posterior"]
+        posterior = found.tree["posterior"].dataset
         draws = case.germs(np.stack([posterior[x].values.ravel() for x in case.names], axis=1))
         low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975], axis=0)
         bound = np.sqrt(np.diag(np.linalg.inv(information[k] + np.eye(len(case.names)))))
@@ -274,7 +275,7 @@ def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], 
         )
 
 
-def table(name: str, information: Array, rows: list[dict[str, object]]) -> str:
+def table(name: str, information: Array, rows: list[dict[str, Any]]) -> str:
     """Write what was found as a table in Markdown."""
     case = CASES[name]
     good = [row for row in rows if "failed" not in row]
@@ -316,9 +317,9 @@ def main() -> None:
     if given.join:
         parts = [part for path in given.join for part in json.loads(path.read_text())]
     else:
-        found: dict[str, dict[str, object]] = {}
+        found: dict[str, dict[str, Any]] = {}
 
-        def kept(part: dict[str, object]) -> None:
+        def kept(part: dict[str, Any]) -> None:
             found[str(part["case"])] = part
             if given.save:
                 given.save.write_text(json.dumps(list(found.values())))

@@ -15,6 +15,7 @@ import statistics
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
@@ -34,7 +35,7 @@ def spent(client: distributed.Client) -> dict[str, tuple[float, int]]:
     def tell(dask_worker: distributed.Worker) -> tuple[float, int]:
         return time.process_time(), dask_worker.state.executed_count
 
-    found: dict[str, tuple[float, int]] = client.run(tell)
+    found: Any = client.run(tell)  # a coroutine only of clients that are asynchronous
     return found
 
 
@@ -47,7 +48,8 @@ def main() -> None:
     times = slider_crank.study.times
     methods = [MonteCarlo(samples=given.samples, seed=1)]
     study = uqmbd.Study("slider_crank", slider_crank.study.mechanism, times, methods, integrator="ida")
-    rows, first = [], 0.0
+    rows: list[tuple[int, float, float, list[float], list[int]]] = []
+    first = 0.0
     counts = [1]
     while counts[-1] * 2 <= given.workers:
         counts.append(counts[-1] * 2)
@@ -70,7 +72,7 @@ def main() -> None:
     table = table_of(title, "workers", *columns, "tasks of each", "processor of each, s")
     for count in counts:
         mine = [row for row in rows if row[0] == count]
-        wall, here = (statistics.median(row[k] for row in mine) for k in (1, 2))
+        wall, here = statistics.median(row[1] for row in mine), statistics.median(row[2] for row in mine)
         first = first or wall
         work = statistics.median(sum(row[3]) for row in mine)
         shares = ", ".join(map(str, mine[-1][4])), ", ".join(f"{seconds:.1f}" for seconds in mine[-1][3])

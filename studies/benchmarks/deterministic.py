@@ -9,6 +9,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,11 @@ COLUMNS = ("tolerance", "error", "residuals", "Jacobians", "integrations")
 def relative_error(found: Array, reference: Array) -> float:
     """Largest error of any output at any time, over the range of that output."""
     return float((np.abs(found - reference).max(axis=1) / np.ptp(reference, axis=1)).max())
+
+
+def error_of(run: Callable[..., tuple[float, str]], how: Any, tolerance: float) -> float:
+    """Error of a way at a tolerance."""
+    return run(tolerance, how)[0]
 
 
 def ladder_table(name: str, ours: Callable[[float], tuple[float, str]], theirs: Callable[[float], tuple[float, str]]):
@@ -85,7 +91,7 @@ def compare(
         ladder_table(name, ours, theirs)
     contenders = []
     for method, label in (("auto", "uqmbd"), ("ida", "uqmbd by IDA")):
-        rtol, error = matched(lambda x, method=method: ours(x, method)[0], LADDER, wanted)
+        rtol, error = matched(partial(error_of, ours, method), LADDER, wanted)
         c = integrate(ready, times, rtol, method=method).counters
         calls = c.residuals + c.accelerations
         notes = (f"{rtol:.0e}", f"{error:.1e}", str(calls), str(c.jacobians), str(c.integrations))
@@ -100,7 +106,7 @@ def compare(
         contenders.append(Contender(f"{label}, integration", part, "CasADi, integration", notes=notes))
         contenders.append(Contender(f"{label}, complete", whole, "CasADi, complete", notes=notes))
     for index, label in ((2, "CasADi"), (1, "CasADi index 1")):
-        tolerance, error = matched(lambda x, i=index: theirs(x, i)[0], LADDER, wanted)
+        tolerance, error = matched(partial(error_of, theirs, index), LADDER, wanted)
         run = make(tolerance, index)
         begin = run.start(pose, p)
         run.integrate(begin, p)
@@ -153,7 +159,7 @@ def exudyn_contenders(p: Array, times: Array, reference: Array, wanted: float) -
             str(sum(r.jacobians for r in runs)),
             str(len(runs)),
         )
-        result.append(Contender(label, lambda run=run, steps=steps: run(steps), "CasADi, complete", notes=notes))
+        result.append(Contender(label, partial(run, steps), "CasADi, complete", notes=notes))
     return result
 
 

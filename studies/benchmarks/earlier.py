@@ -132,7 +132,7 @@ TASKS = {
     "galerkin": Task("Agile Eye, Galerkin of order 4", galerkin, 1, 1, "run"),
     "galerkin-study": Task("Agile Eye, Galerkin of order 4, whole study", galerkin_study, 1, 1, "run"),
 } | {f"four-bars-{n}": Task(f"chain of {n} four-bars, group of {GROUP}", four_bars(n), GROUP, GROUP) for n in NUMBERS}
-for title, count, *about in (
+for title, count, kind, size in (
     ("slider-cranks", 500, "slider_crank", 6),
     ("five-bars", 500, "five_bar", True),
     ("six-link chains", 1000, "links", 6),
@@ -140,7 +140,7 @@ for title, count, *about in (
     ("chains of 40 four-bars", GROUP, "four_bars", 40),
 ):
     name = f"assembly-{title.replace(' ', '-')}"
-    TASKS[name] = Task(f"assembly of {title}, {TIMES} times", assembly(*about), count, count)
+    TASKS[name] = Task(f"assembly of {title}, {TIMES} times", assembly(kind, size), count, count)
 
 
 def serve() -> None:

@@ -15,7 +15,7 @@ import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
@@ -50,13 +50,16 @@ def double_pendulum() -> uqmbd.Mechanism:
     return made
 
 
+Alignment = Literal["phase", "two-frequency"]
+
+
 @dataclass(frozen=True)
 class Case:
     """A mechanism, its last time (s), and the way to align it."""
 
     mechanism: uqmbd.Mechanism
     end: float
-    alignment: str
+    alignment: Alignment
 
 
 CASES = {
@@ -65,7 +68,7 @@ CASES = {
 }
 
 
-def chaos(case: Case, name: str, count: int, alignment: str | None) -> Any:
+def chaos(case: Case, name: str, count: int, alignment: Alignment | None) -> Any:
     """Compute a chaos of order 3."""
     times = np.linspace(0, case.end, count)
     study = uqmbd.Study(name, case.mechanism, times=times, rtol=1e-9, propagators=[])
@@ -97,11 +100,12 @@ def main() -> None:
     options = parser.parse_args()
     for name, case in CASES.items():
         for count in COUNTS:
-            ways = {alignment or "plain": chaos(case, name, count, alignment) for alignment in (None, case.alignment)}
-            germs = np.random.default_rng(1).uniform(-1.7, 1.7, (options.points, ways["plain"].space.dimension))
+            ways: tuple[Alignment | None, ...] = (None, case.alignment)
+            made = {alignment or "plain": chaos(case, name, count, alignment) for alignment in ways}
+            germs = np.random.default_rng(1).uniform(-1.7, 1.7, (options.points, made["plain"].space.dimension))
             contenders = [
-                Contender(label, partial(made.evaluate_germs, germs), "plain", notes=(products(made, count),))
-                for label, made in ways.items()
+                Contender(label, partial(one.evaluate_germs, germs), "plain", notes=(products(one, count),))
+                for label, one in made.items()
             ]
             interleave(contenders, options.repeat)
             show(f"{name}: {options.points} points, {count} times", contenders, ("products of a value",))

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +75,12 @@ def runs(numbers: tuple[int, ...], repeat: int) -> None:
     for r in range(repeat + 1):  # the first round does not count
         for k in range(len(numbers)):
             for w, run in enumerate(ways.values()):
-                cost[w, r, k] = spent(lambda run=run, k=k: run(k)) / shares[w]
+                cost[w, r, k] = spent(partial(run, k)) / shares[w]
     cost = cost[:, 1:]
     columns = ("N", "unknowns", "steps", "evaluations", "residuals, Jacobians by IDA", "error, m", "energy")
     counts = table_of("Chains of N four-bars", *columns)
-    columns = ("N", *(text for way in ways for text in (way, "over N = 1 (range)")))
-    clock = table_of(f"CPU ms of a realisation per simulated second, tolerance {RTOL:g}, {repeat} rounds", *columns)
+    found = ("N", *(text for way in ways for text in (way, "over N = 1 (range)")))
+    clock = table_of(f"CPU ms of a realisation per simulated second, tolerance {RTOL:g}, {repeat} rounds", *found)
     for k, n in enumerate(numbers):
         explicit, implicit = (integrate(singles[k], times, RTOL, method=method) for method in ("auto", "ida"))
         error = np.abs(singles[k].outputs(times, explicit.states)[0, 0] - exact(n, times)).max()

@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
@@ -100,7 +100,8 @@ def rows(case: Case, name: str, end: float) -> list[tuple[str, ...]]:
     found: dict[str, Any] = {}
     costs: dict[str, float] = {}
     why = ""
-    for label, alignment in (("plain", None), ("aligned", "phase")):
+    ways: dict[str, Literal["phase"] | None] = {"plain": None, "aligned": "phase"}
+    for label, alignment in ways.items():
         method = Collocation(alignment=alignment, label=label, **case.options)
 
         def run(label: str = label, method: Collocation = method) -> None:

@@ -24,11 +24,12 @@ import re
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
@@ -39,7 +40,7 @@ import slider_crank
 from measure import console, table_of
 
 import uqmbd
-from uqmbd.compiled import Kernel, addresses_of, kernels, object_code
+from uqmbd.compiled import Kernel, addresses_of, kernel, object_code
 from uqmbd.compiled.explicit import Realisations
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd_montecarlo import MonteCarlo
@@ -169,7 +170,7 @@ class Phases:
 
     def __init__(self) -> None:
         self.now = "around"
-        self.seconds: Counter[str] = Counter()
+        self.seconds: dict[str, float] = defaultdict(float)
 
     @contextmanager
     def watched(self) -> Iterator[None]:
@@ -199,7 +200,7 @@ class Phases:
 @contextmanager
 def recorded(texts: dict[str, Operations]) -> Iterator[None]:
     """Note the operations of kernels that are compiled."""
-    compiled = kernels.object_code
+    compiled = object_code
 
     def noting(source: str, *rest: Any, **options: Any) -> bytes:
         name = re.search(r"define void @(\w+)\(", source)
@@ -207,38 +208,32 @@ def recorded(texts: dict[str, Operations]) -> Iterator[None]:
             texts[name.group(1)] = operations_of(source)
         return compiled(source, *rest, **options)
 
-    kernels.object_code = noting
-    try:
+    with patch.object(kernel, "object_code", noting):
         yield
-    finally:
-        kernels.object_code = compiled
 
 
 @contextmanager
 def counted(phases: Phases, calls: dict[str, Counter[str]]) -> Iterator[None]:
     """Count the calls of kernels whose addresses nobody has asked for yet, by phase."""
-    kept = Kernel.address
+    kept = vars(Kernel)["address"].func
     function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
     made: dict[str, Any] = {}
 
-    def address(kernel: Kernel) -> int:
-        if not kernel.code:
+    def address(one: Kernel) -> int:
+        if not one.code:
             return 0
-        if kernel.name not in made:
-            inner = function(kept.fget(kernel))
+        if one.name not in made:
+            inner = function(kept(one))
 
-            def count(x: int, y: int, name: str = kernel.name, inner: Any = inner) -> None:
+            def count(x: int, y: int, name: str = one.name, inner: Any = inner) -> None:
                 calls.setdefault(phases.now, Counter())[name] += 1
                 inner(x, y)
 
-            made[kernel.name] = function(count)
-        return ctypes.cast(made[kernel.name], ctypes.c_void_p).value or 0
+            made[one.name] = function(count)
+        return ctypes.cast(made[one.name], ctypes.c_void_p).value or 0
 
-    Kernel.address = property(address)  # type: ignore[assignment] - counts calls, here only
-    try:
+    with patch.object(Kernel, "address", property(address)):
         yield
-    finally:
-        Kernel.address = kept
 
 
 def main() -> None:

@@ -43,12 +43,12 @@ class LimitState:
 
 def plane(beta, dimension):
     """Return what has the probability Phi(-beta)."""
-    return LimitState(lambda u: beta - u.sum(axis=1) / np.sqrt(dimension), dimension, norm.sf(beta))
+    return LimitState(lambda u: beta - u.sum(axis=1) / np.sqrt(dimension), dimension, float(norm.sf(beta)))
 
 
 def slab(beta, dimension):
     """Return what has two design points, opposite each other."""
-    return LimitState(lambda u: beta - np.abs(u[:, 0]), dimension, 2 * norm.sf(beta))
+    return LimitState(lambda u: beta - np.abs(u[:, 0]), dimension, 2 * float(norm.sf(beta)))
 
 
 def branches(depth=3.0, side=3.5):
@@ -59,7 +59,7 @@ def branches(depth=3.0, side=3.5):
         return np.minimum(depth + 0.2 * across**2 - np.abs(along), np.sqrt(2) * (side - np.abs(across)))
 
     inner = quad(lambda b: norm.pdf(b) * 2 * norm.sf(depth + 0.2 * b**2), -side, side, epsabs=0)[0]
-    return LimitState(margin, 2, 2 * norm.sf(side) + inner)
+    return LimitState(margin, 2, 2 * float(norm.sf(side)) + inner)
 
 
 def paraboloid(beta, curvature, dimension):
@@ -74,19 +74,21 @@ def paraboloid(beta, curvature, dimension):
 
 def sphere(radius, dimension):
     """Return what is violated outside a sphere: every direction is as likely."""
-    return LimitState(lambda u: radius - np.linalg.norm(u, axis=1), dimension, chi2.sf(radius**2, dimension))
+    outside = float(chi2.sf(radius**2, dimension))
+    return LimitState(lambda u: radius - np.linalg.norm(u, axis=1), dimension, outside)
 
 
 def kink(first, second):
     """Return what is violated beyond either of two perpendicular planes: the worse of two peaks."""
     return LimitState(
-        lambda u: np.minimum(first - u[:, 0], second - u[:, 1]), 2, 1 - norm.cdf(first) * norm.cdf(second)
+        lambda u: np.minimum(first - u[:, 0], second - u[:, 1]), 2, 1 - float(norm.cdf(first) * norm.cdf(second))
     )
 
 
 def corner(first, second):
     """Return what is violated beyond both of two perpendicular planes."""
-    return LimitState(lambda u: np.maximum(first - u[:, 0], second - u[:, 1]), 2, norm.sf(first) * norm.sf(second))
+    both = float(norm.sf(first) * norm.sf(second))
+    return LimitState(lambda u: np.maximum(first - u[:, 0], second - u[:, 1]), 2, both)
 
 
 def black_swan():
@@ -97,7 +99,7 @@ def black_swan():
         frequent = np.where(u[:, 0] > 3.5, 4 - u[:, 0], 0.85 - 0.1 * u[:, 0])
         return np.minimum(rare, frequent)
 
-    return LimitState(margin, 2, 1 - norm.cdf(4) * norm.cdf(5))
+    return LimitState(margin, 2, 1 - float(norm.cdf(4) * norm.cdf(5)))
 
 
 def island(beta=4.2, distance=3.5, radius=0.7):
@@ -106,7 +108,7 @@ def island(beta=4.2, distance=3.5, radius=0.7):
     def margin(u):
         return np.minimum(beta - u[:, 0], np.hypot(u[:, 0], u[:, 1] + distance) - radius)
 
-    return LimitState(margin, 2, norm.sf(beta) + ncx2.cdf(radius**2, 2, distance**2))
+    return LimitState(margin, 2, float(norm.sf(beta) + ncx2.cdf(radius**2, 2, distance**2)))
 
 
 CASES = {

@@ -385,6 +385,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=None, help="names of rows")
     options = parser.parse_args()
     rows: list[tuple[str, ...]] = []
+    columns: tuple[str, ...]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         if options.tolerances:

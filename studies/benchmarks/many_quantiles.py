@@ -55,7 +55,7 @@ def study(samples: int) -> uqmbd.Study:
 
 def main() -> None:
     """Run it once, and print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=1_000_000)
     parser.add_argument("--memory", action="store_true")
     given = parser.parse_args()

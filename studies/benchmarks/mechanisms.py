@@ -133,8 +133,10 @@ def four_bars(number: int) -> uqmbd.Mechanism:
     x, y = np.cos(START), np.sin(START)
     cranks = []
     for k in range(number + 1):
-        speed = {} if k else {"angular_velocity": SPEED}
-        cranks.append(mechanism.body(f"crank{k}", **rod, position=(k + x / 2, y / 2), angle=START, **speed))
+        speed = None if k else SPEED
+        cranks.append(
+            mechanism.body(f"crank{k}", **rod, position=(k + x / 2, y / 2), angle=START, angular_velocity=speed)
+        )
         mechanism.add(Revolute(f"bearing{k}", mechanism.ground, cranks[k], point_i=(k, 0), point_j=(-0.5, 0)))
     for k in range(number):
         coupler = mechanism.body(f"coupler{k}", **rod, position=(k + x + 0.5, y), angle=0.0)
@@ -151,7 +153,8 @@ def links(number: int) -> uqmbd.Mechanism:
     """
     length, angle = LINK["length"], LINK["angle"]
     mechanism = uqmbd.Mechanism(f"links_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
-    before, along = mechanism.ground, (np.sin(angle) * length, -np.cos(angle) * length)
+    before: uqmbd.NamedFrame = mechanism.ground
+    along = (np.sin(angle) * length, -np.cos(angle) * length)
     for k in range(number):
         mass: Any = chaospy.Normal(LINK["mass"], LINK["spread"] * LINK["mass"])
         mass = uqmbd.RandomVariable(f"mass_{k}", mass, units="kg")
@@ -168,7 +171,8 @@ def spatial_links(number: int) -> uqmbd.Mechanism:
     mechanism = uqmbd.Mechanism(f"spatial_links_{number}", uqmbd.Spatial(gravity=(0, 0, -GRAVITY)))
     length, mass = LINK["length"], LINK["mass"]
     round_ = mass * length**2 / 12
-    before, end = mechanism.ground, (0, 0, -length / 2)
+    before: uqmbd.NamedFrame = mechanism.ground
+    end = (0, 0, -length / 2)
     for k in range(number):
         rod = mechanism.body(
             f"rod{k}", mass=mass, inertia=(round_, round_, round_ / 20), position=(0, 0, -(k + 0.5) * length)

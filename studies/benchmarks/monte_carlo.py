@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -177,7 +177,7 @@ def threads(samples: int, repeat: int) -> list[Contender]:
         study.propagate(method, workers=workers)
         main[workers].append(time.thread_time() - begin)
 
-    contenders = [Contender(name, lambda n=n: run(n), one, wall=True) for name, n in ((one, 1), ("two threads", 2))]
+    contenders = [Contender(name, partial(run, n), one, wall=True) for name, n in ((one, 1), ("two threads", 2))]
     interleave(contenders, repeat)
     alone, shared = contenders
     serial = np.median(np.array(main[2][1:]) / shared.cpu)

@@ -53,7 +53,7 @@ def reference(masses: Array, times: Array) -> Array:
     coupling[np.diag_indices(n)] = length**2 * (masses / 3 + beyond)
     weight = GRAVITY * length * (masses / 2 + beyond)
 
-    def rate(_: float, z: Array) -> Array:
+    def rate(_: float, z: Array) -> NDArray[Any]:
         angle, speed = z[:n], z[n:]
         apart = angle[:, None] - angle
         force = -(coupling * np.sin(apart)) @ speed**2 - weight * np.sin(angle)

@@ -152,15 +152,15 @@ def run(task: Task, orders: range, repeat: int) -> None:
     contenders = {"one": Contender("one realisation", task.one, "")}
     draws = task.problem.inputs.from_uniform(np.random.default_rng(1).uniform(size=(STACK, len(task.problem.inputs))))
     for how, count in SAMPLES.items():
-        work = partial(task.respond, draws[:count], stack=1 if how == "one by one" else STACK)
-        contenders[how] = Contender(how, work, "", scale=1 / count)
+        respond = partial(task.respond, draws[:count], stack=1 if how == "one by one" else STACK)
+        contenders[how] = Contender(how, respond, "", scale=1 / count)
     for method, work in METHODS.items():
         for order in orders:
             contenders[f"{method} {order}"] = Contender("", partial(work, task, order), "")
     for order in (2, 4):
         for kind in (Galerkin, Collocation):
-            work = partial(task.study.propagate, kind(order=order))
-            contenders[f"{kind.__name__} {order}, study"] = Contender("", work, "")
+            whole = partial(task.study.propagate, kind(order=order))
+            contenders[f"{kind.__name__} {order}, study"] = Contender("", whole, "")
     interleave(list(contenders.values()), repeat)
     cpu = {name: np.array(c.cpu) for name, c in contenders.items()}
     errors = _orders(task, orders, outputs, cpu)

@@ -18,6 +18,7 @@ from __future__ import annotations
 import sys
 import time
 import warnings
+from typing import Any
 
 import chaospy
 import numpy as np
@@ -90,7 +91,7 @@ METHODS = {
 }
 
 
-def _options(inputs, order):
+def _options(inputs: int, order: int) -> dict[str, Any]:
     """Of many inputs each has terms of its own only (hyperbolic, order 2 or 3), fitted to twice as many samples."""
     if inputs < MANY:
         return {"order": order}

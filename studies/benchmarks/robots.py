@@ -187,7 +187,7 @@ class Ours:
         jacobian = self.gradient(speeds, self.terms.velocities)
         right = np.vstack([np.zeros((len(rows), len(speeds))), np.eye(len(speeds))])
         found, *_ = np.linalg.lstsq(np.vstack([rows, jacobian]), right, rcond=None)
-        return found, self.number(speeds)
+        return np.asarray(found, dtype=float), self.number(speeds)
 
     def in_tree(self, name: str) -> bool:
         """Whether a component is a joint of the tree, or makes none."""
@@ -200,7 +200,7 @@ class Ours:
     def body(self, name: str) -> tuple[Array, Array, Array, Array]:
         """Position, rotation matrix, acceleration of the origin and angular acceleration (world axes) of a body."""
         body = self.mechanism.bodies[name]
-        known = {**self.known}
+        known: dict[Any, Any] = {**self.known}
         a = self.a[self.index(name)]
         q, v = ([known[x] for x in xs] for xs in (body.q, body.v))
         frame = uqmbd.Frame(self.mechanism.space, q, v, list(a))
@@ -211,7 +211,8 @@ class Ours:
 
     def index(self, name: str) -> slice:
         """Where the coordinates of a body are."""
-        first = list(self.terms.coordinates).index(self.mechanism.bodies[name].q[0])
+        coordinates: list[Any] = list(self.terms.coordinates)
+        first = coordinates.index(self.mechanism.bodies[name].q[0])
         return slice(first, first + 7)
 
 
@@ -240,6 +241,7 @@ class MuJoCo:
     def random(self, rng: np.random.Generator) -> tuple[Array, Array]:
         """Make a state on the constraints: free of limits, but within half a turn."""
         m, d = self.model, self.data
+        gap, jacobian = np.zeros(0), np.zeros((0, m.nv))
         for _ in range(100):
             size = 0.8 if not self.equalities else 0.5
             start = np.array(m.qpos0)
@@ -282,9 +284,9 @@ class MuJoCo:
                     value -= sum(data[n] * x**n for n in range(1, 5))
                     row[j] = -sum(n * data[n] * x ** (n - 1) for n in range(1, 5))
                     rate = -sum(n * (n - 1) * data[n] * x ** (n - 2) for n in range(2, 5)) * speed[j] ** 2
-                gaps.append(value)
+                gaps.append(float(value))
                 rows.append(row)
-                rates.append(rate)
+                rates.append(float(rate))
                 continue
             weld = m.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
             bodies = (first, second)
@@ -328,7 +330,7 @@ class MuJoCo:
         _, jacobian, rate = self.constraints(speed)
         system = np.block([[mass, jacobian.T], [jacobian, np.zeros((len(jacobian), len(jacobian)))]])
         found = np.linalg.lstsq(system, np.concatenate([force, -rate]), rcond=1e-13)[0]
-        return mass, found[: m.nv]
+        return mass, np.asarray(found[: m.nv], dtype=float)
 
     def body(self, name: str, acceleration: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation matrix, acceleration of the origin, and angular acceleration of a body."""
@@ -370,11 +372,12 @@ def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
     tree = extract(load(path, "mjcf"))
     peer = MuJoCo(path)
     rng = np.random.default_rng(seed)
-    worst = np.zeros(4)
+    worst, bodies = np.zeros(4), 0
     for _ in range(poses):
         position, speed = peer.random(rng)
         mass, acceleration = peer.solve(position, speed)
         ours = Ours(state_of(tree, peer.model, position, speed))
+        bodies = len(ours.mechanism.bodies)
         jacobian, speeds = ours.freedoms()
         assert relative(speeds, speed) < 1e-9, "joint speeds"
         errors = [relative(jacobian.T @ ours.mass_matrix() @ jacobian, mass)]
@@ -384,7 +387,7 @@ def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
                 continue  # between the joints of one body
             rows.append((ours.body(name), peer.body(name, acceleration)))
         worst = np.maximum(worst, _errors(rows, errors[0]))
-    return Row(len(ours.mechanism.bodies), peer.model.nv, len(tree.loops) + len(tree.couplings), *worst)
+    return Row(bodies, peer.model.nv, len(tree.loops) + len(tree.couplings), *worst)
 
 
 # -- what Pinocchio has ------------------------------------------------------------------------------------------------
@@ -419,7 +422,7 @@ class Pinocchio:
                 place, linear, spin = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
                 q[:7] = [*place, *turn[1:], turn[0]]
                 v[:6] = [*(_matrix(turn).T @ linear), *spin]
-                new = {"start": np.array([*place, *turn]), "speed": np.array([*linear, *spin])}
+                new: dict[str, Any] = {"start": np.array([*place, *turn]), "speed": np.array([*linear, *spin])}
             else:
                 number = model.getJointId(joint.name)
                 x, w = values[joint.name]
@@ -430,7 +433,7 @@ class Pinocchio:
             joints.append(dataclasses.replace(joint, **new))
         return dataclasses.replace(tree, joints=tuple(joints)), q, v
 
-    def solve(self, tree: Tree, q: Array, v: Array, transition: float = 0.01) -> tuple[Array, Array, Array]:
+    def solve(self, tree: Tree, q: Array, v: Array, transition: float = 0.01) -> tuple[Array, Array, NDArray[np.int64]]:
         """Mass matrix and accelerations in Pinocchio's order, and the order of the joints of the file in it."""
         pin, model, data = self.pin, self.model, self.data
         model.armature[:] = 0
@@ -482,11 +485,12 @@ def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
     tree = extract(loaded, couplings=couplings)
     peer = Pinocchio(path, floating)
     rng = np.random.default_rng(seed)
-    worst = np.zeros(4)
+    worst, bodies = np.zeros(4), 0
     for _ in range(poses):
         stated, q, v = peer.state(tree, rng)
         mass, acceleration, order = peer.solve(tree, q, v)
         ours = Ours(stated)
+        bodies = len(ours.mechanism.bodies)
         jacobian, _ = ours.freedoms()
         if floating:  # there the speed of the base is in its own axes
             turn = np.eye(len(order))
@@ -495,7 +499,7 @@ def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
         found = relative(jacobian.T @ ours.mass_matrix() @ jacobian, mass[np.ix_(order, order)])
         rows = [(ours.body(name), peer.body(name, q, v, acceleration)) for name in ours.mechanism.bodies]
         worst = np.maximum(worst, _errors(rows, found))
-    return Row(len(ours.mechanism.bodies), peer.model.nv, len(tree.couplings), *worst)
+    return Row(bodies, peer.model.nv, len(tree.couplings), *worst)
 
 
 def _errors(rows: list[Any], mass: float) -> Array:
@@ -550,8 +554,8 @@ def studied(folder: Path, name: str) -> list[str]:
     variables = [variable for pattern in patterns for variable in mechanism.randomise(pattern, relative=0.02)]
     methods = [MonteCarlo(samples=300, sampling="latin-hypercube", seed=1), Collocation(order=2), Galerkin(order=2)]
     tree = uqmbd.Study("overlay", mechanism, times=np.linspace(0, end, 11), propagators=methods).run()
-    spread = [tree[f"{method.node_name}/statistics"]["std"] for method in methods]
-    output = str(spread[1].output[int(spread[1].isel(time=-1).argmax())].values)
+    spread = [tree[f"{method.node_name}/statistics"].dataset["std"] for method in methods]
+    output = str(spread[1].output[int(spread[1].isel(time=-1).values.argmax())].values)
     numbers = [f"{float(x.sel(output=output).isel(time=-1)):.3e}" for x in spread]
     return ["| " + " | ".join([robot.name, ", ".join(patterns), str(len(variables)), output, *numbers]) + " |"]
 

@@ -128,7 +128,7 @@ def two_frequencies() -> uqmbd.Mechanism:
     return made
 
 
-def disc(torque: Any, weight: float = 0.0, friction: float = 0.0) -> uqmbd.Mechanism:
+def disc(torque: Any, weight: float = 0.0, friction: Any = 0.0) -> uqmbd.Mechanism:
     """Make a disc that a torque spins up, against a weight off its centre and friction."""
     made = uqmbd.Mechanism("disc", uqmbd.Planar(gravity=(0, -9.81)))
     body = made.body("disc", mass=1, inertia=0.5, position=(0, 0), angle=0.3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Record"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Record:
     """What was measured of one machine in one go: outputs of a study, each at times of its own.
 
@@ -56,25 +56,32 @@ class Record:
 
     name: str
     series: tuple[Series, ...]
-    known: Mapping[str, float] = field(default_factory=dict)
-    machine: str = ""
+    known: Mapping[str, float]
+    machine: str
 
-    def __post_init__(self) -> None:
-        where = f"record {check_name(self.name, 'record')!r}"
-        if not isinstance(self.series, Sequence) or not all(isinstance(one, Series) for one in self.series):
-            raise uqmbd.StudyError(f"{where}: series is {short(self.series)}; expected a list of Series.")
-        if not self.series:
+    def __init__(
+        self, name: str, series: Sequence[Series], known: Mapping[str, float] | None = None, machine: str = ""
+    ) -> None:
+        where = f"record {check_name(name, 'record')!r}"
+        if not isinstance(series, Sequence) or not all(isinstance(one, Series) for one in series):
+            raise uqmbd.StudyError(f"{where}: series is {short(series)}; expected a list of Series.")
+        if not series:
             raise uqmbd.StudyError(f"{where}: it holds no output; expected at least one.")
-        for name in self.outputs:
-            if self.outputs.count(name) > 1:
-                raise uqmbd.StudyError(f"{where}: the output {name!r} is there twice; expected once.")
-        if not isinstance(self.machine, str) or not self.machine.isprintable():
-            raise uqmbd.StudyError(f"{where}: machine is {short(self.machine)}; expected a text, such as 'rig 2'.")
-        known = check_mapping(self.known, None, "known", "{'speed': 10.0}", where)
-        object.__setattr__(self, "series", tuple(self.series))
-        object.__setattr__(
-            self, "known", {name: number(value, where, f"the known {name!r}") for name, value in known.items()}
-        )
+        outputs = [one.output for one in series]
+        for output in outputs:
+            if outputs.count(output) > 1:
+                raise uqmbd.StudyError(f"{where}: the output {output!r} is there twice; expected once.")
+        if not isinstance(machine, str) or not machine.isprintable():
+            raise uqmbd.StudyError(f"{where}: machine is {short(machine)}; expected a text, such as 'rig 2'.")
+        values = check_mapping(known, None, "known", "{'speed': 10.0}", where)
+        held = {
+            "name": name,
+            "series": tuple(series),
+            "known": {key: number(value, where, f"the known {key!r}") for key, value in values.items()},
+            "machine": machine,
+        }
+        for key, value in held.items():
+            object.__setattr__(self, key, value)
 
     @classmethod
     def read(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import uqmbd
 from uqmbd.typing import Array
@@ -13,7 +14,7 @@ from uqmbd_calibration.records.wording import check_name, check_units, number, n
 __all__ = ["Series"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, init=False, eq=False)
 class Series:
     """What was measured of one output.
 
@@ -50,12 +51,14 @@ class Series:
     units: str
     noise: float | None = None
 
-    def __post_init__(self) -> None:
-        where = f"output {check_name(self.output, 'output of a record')!r}"
-        values = numbers(self.values, where, "its values")
-        times = numbers(self.times, where, "its times")
-        check_units(self.units, where)
-        noise = None if self.noise is None else number(self.noise, where, "its noise", positive=True)
+    def __init__(
+        self, output: str, times: ArrayLike, values: ArrayLike, units: str, noise: float | None = None
+    ) -> None:
+        where = f"output {check_name(output, 'output of a record')!r}"
+        values = numbers(values, where, "its values")
+        times = numbers(times, where, "its times")
+        check_units(units, where)
+        noise = None if noise is None else number(noise, where, "its noise", positive=True)
         if times.size and times.size != values.size:
             raise uqmbd.StudyError(
                 f"{where}: it has {values.size} values at {times.size} times; expected a value at each time, or no "
@@ -80,7 +83,8 @@ class Series:
                     f"{where}: its times do not increase: {times[at - 1]:.10g} s is followed by {times[at]:.10g} s; "
                     "sort the values by time, and give each time once."
                 )
-        for name, value in {"times": times, "values": values[there], "noise": noise}.items():
+        held = {"output": output, "times": times, "values": values[there], "units": units, "noise": noise}
+        for name, value in held.items():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
             object.__setattr__(self, name, value)

@@ -32,6 +32,7 @@ import chaospy
 import numpy as np
 import sympy
 import uqmbd
+from uqmbd_calibration import Record, Series
 {imports}
 
 length = uqmbd.RandomVariable("length", chaospy.Uniform(1, 2), units="m")
@@ -78,6 +79,8 @@ mechanism.add(part).reaction_force[0] * 2
 mechanism.require("limit", 2 * length <= body.position[0])
 sum(x**2 for x in body.point((1, 0, 0)) - other.position)
 mechanism.body("third", mass=np.float64(2), inertia=np.eye(3), rotation=sympy.eye(3), com=[0, 0, length])
+Record("run", [Series("angle", [0, 0.1], (1.0, 0.9), "rad")], known={"speed": 10}).series[0].values.max()
+Record("run", (Series("angle", np.zeros(0), np.ones(3), "rad", noise=0.1),), machine="rig").known["speed"] + 1
 """
 
 ALSO_WRONG = """
@@ -85,6 +88,9 @@ mechanism.body("third", mas=1, inertia=(1, 1, 1))
 mechanism.body("third", mass="heavy", inertia=(1, 1, 1))
 mechanism.add(body)
 uqmbd.RandomVariable("length", chaospy.Uniform(1, 2), unit="m")
+Record("run", Series("angle", [0, 0.1], [1.0, 0.9], "rad"))
+Record("run", [Series("angle", [0, 0.1], units="rad")])
+Series("angle", body, [1.0, 0.9], "rad")
 """
 
 
