@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.chaos.clocks import (
-    Clock,
-    Phases,
+from uqmbd.propagation.chaos.clock_choice import (
     choose_clock,
     clock_at_means,
     require_clock,
     require_outputs_over_time,
     watched_angles,
 )
+from uqmbd.propagation.chaos.clocks import Clock, Phases
 from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.doubts import Doubt, doubts, errors_over_largest, varying
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
