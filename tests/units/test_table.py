@@ -133,6 +133,14 @@ def test_any_text_is_read_or_told(text):
     assert unit is not None or advice or not text.strip()
 
 
+def test_an_exponent_may_be_given_elsewhere():
+    """As of the stiffness of a law of contact."""
+    for text in ("N/m^n", "N/m**n", "N s/m^p"):
+        assert read_units(text) is None and advice_on(text) == ""
+    assert "no unit that is known" in advice_on("apples^n")
+    assert "no unit that is known" in advice_on("N/m^apples")
+
+
 def test_one_or_the_other_is_written_with_a_comma():
     assert read_units("N s/m, N m s/rad") is None and advice_on("N s/m, N m s/rad") == ""
     assert "write 'N m'" in advice_on("N/m, Nm")

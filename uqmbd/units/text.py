@@ -31,6 +31,7 @@ _PART = re.compile(
     )\s*""",
     re.VERBOSE,
 )
+_OPEN = re.compile(r"(?<=[^\W\d])\s*(?:\*\*|\^)\s*[a-z]\b")
 _NAME = re.compile(r"°C|[^\W\d]+|[°%‰]")
 
 
@@ -46,7 +47,8 @@ def read_units(text: str) -> Unit | None:
     text : str
         Symbols of units, with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``, ``²``,
         ``^(1/2)``); from left to right, so that ``m/N s`` is ``(m/N) s``.  Names in words are understood, too.  Several
-        with commas between them, as ``N/m, N m/rad``, are one or the other.
+        with commas between them, as ``N/m, N m/rad``, are one or the other, and ``N/m^n`` hangs on an exponent: what
+        they mean is unknown.
 
     Examples
     --------
@@ -91,6 +93,8 @@ def _read(text: str) -> tuple[Unit | None, str]:
         return found, ""
     if "," in text:  # one of several, as of a coefficient of force or moment
         return None, next((advice for part in text.split(",") if (advice := _read(part)[1])), "")
+    if (plain := _OPEN.sub("", text)) != text:  # a power that is given elsewhere, as the exponent of a law of contact
+        return None, _read(plain)[1] and _unknown(text)
     if text.strip() in ("-", "[-]", "–", "--"):
         return Unit(), "write '1' for a pure number"
     try:

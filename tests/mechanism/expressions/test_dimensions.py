@@ -1,6 +1,5 @@
 """Dimensions of expressions: what does not fit is found, and what fits is left alone."""
 
-import itertools
 import warnings
 from fractions import Fraction
 
@@ -13,69 +12,11 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.mechanism import unit_findings
 from uqmbd.mechanism.expressions import findings
-from uqmbd.units import PURE, in_words, read_units
+from uqmbd.units import in_words, read_units
 from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce, SpringDamper
 
-
-class Measured(sympy.Symbol):
-    """A symbol with units, each its own: nothing cancels."""
-
-    count = itertools.count()
-
-    def __new__(cls, units):
-        self = sympy.Symbol.__xnew__(cls, f"x{next(cls.count)}", real=True)
-        self.units = units
-        return self
-
-    def _hashable_content(self):
-        return (*super()._hashable_content(), self.units)
-
-
-UNITS = ["m", "kg", "s", "N", "N m", "m/s", "rad/s", "N/m", "1", "kg m^2"]
-COHERENT = {read_units(text).dimension: text for text in UNITS}
-
-
-def symbol_of(dimension):
-    text = COHERENT.get(dimension)
-    return Measured(text or f"1 {' '.join(f'{u}^({p})' for u, p in zip(['m', 'kg', 's'], dimension, strict=False))}")
-
-
-def less(one, other):
-    return tuple(a - b for a, b in zip(one, other, strict=True))
-
-
-@st.composite
-def expressions(draw, dimension, depth, broken=None):
-    """An expression of a dimension; `broken` is a list that gets one entry where a term of another one is put in."""
-    kinds = ["symbol"] if depth == 0 else ["sum", "sum", "product", "power", "function", "greatest"]
-    kind = draw(st.sampled_from(kinds))
-
-    def inner(d, spoilt=None):
-        return draw(expressions(d, depth - 1, spoilt))
-
-    if kind == "symbol":
-        return symbol_of(dimension)
-    if kind == "sum":
-        terms = [inner(dimension) for _ in range(draw(st.integers(1, 2)))] + [inner(dimension, broken)]
-        if broken is not None and not broken:
-            others = [d for d in COHERENT if d not in (dimension, PURE)]
-            broken.append(draw(st.sampled_from(others)))
-            terms.append(symbol_of(broken[0]))
-        if draw(st.booleans()):
-            terms.append(draw(st.sampled_from([sympy.Float(0.3), sympy.Integer(7), -sympy.pi])))
-        signs = [draw(st.sampled_from([1, -1])) for _ in terms]
-        return sympy.Add(*(sign * term for sign, term in zip(signs, terms, strict=True)))
-    if kind == "product":
-        other = draw(st.sampled_from(list(COHERENT)))
-        return inner(less(dimension, other), broken) * inner(other)
-    if kind == "power":
-        return sympy.sqrt(inner(tuple(2 * d for d in dimension), broken))
-    if kind == "function":
-        function = draw(st.sampled_from([sympy.sin, sympy.exp, sympy.tanh, sympy.atan]))
-        return function(inner(PURE, broken)) * inner(dimension)
-    function = draw(st.sampled_from([sympy.Max, sympy.Min]))
-    return function(inner(dimension, broken), inner(dimension))
+from .written import COHERENT, FACTORS, UNITS, Measured, expressions, symbol_of
 
 
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
@@ -95,6 +36,9 @@ def whole_expressions(data):
     dimension = data.draw(st.sampled_from(list(COHERENT)))
     whole = data.draw(expressions(dimension, data.draw(st.integers(0, 3))))
     assert findings("it", whole, COHERENT[dimension]) == []
+    converted = data.draw(st.sampled_from([u for u in FACTORS if read_units(u).dimension == dimension] or ["s"]))
+    if read_units(converted).dimension == dimension:
+        assert findings("it", whole / FACTORS[converted], converted) == []
     factor = data.draw(st.sampled_from([sympy.Float(9.81), sympy.Integer(2), sympy.Rational(-1, 3), sympy.pi]))
     for units in UNITS:  # a number may have any dimension
         assert findings("it", factor * symbol_of(dimension), units) == []
@@ -186,6 +130,16 @@ def test_outputs_of_another_dimension_are_told(mechanism):
         (lambda c, p: sympy.Piecewise((c.position[0], c.position[0] > 0.1), (0, True)), "m"),
         (lambda c, p: uqmbd.step(uqmbd.t, 0, 0, 1, 1) * c.position[0], "m"),
         (lambda c, p: uqmbd.step(uqmbd.t, 0, 0, 1, 2) * c.position[0], "N"),
+        (lambda c, p: c.mass * c.velocity[0] ** 2 / 2, "J"),  # a mass of 2 kg, of which the half is 1
+        (lambda c, p: 1000 * (0.02 * c.position[0]), "mm"),
+        (lambda c, p: 0.01 * c.position[0] + variable("mm") / 1000, "m"),
+        (lambda c, p: sympy.Rational(1, 3) * c.velocity[0] * 3.6, "km/h"),
+        (lambda c, p: 1000 * (1 + sympy.sin(c.angle) / 50) * c.position[0], "mm"),
+        (lambda c, p: uqmbd.step(uqmbd.t, 0, 0, 1, 1000) * c.position[0], "mm"),
+        (lambda c, p: sympy.Piecewise((1000, uqmbd.t < 1), (0, True)) * c.position[0], "mm"),
+        (lambda c, p: variable("N/m^1.33") * sympy.Max(c.position[0], 0) ** 1.33, "N"),
+        (lambda c, p: variable("N/m^n") * sympy.Max(c.position[0], 0) ** 1.7, "N"),
+        (lambda c, p: p.angle * 180 / sympy.pi - variable("deg"), "deg"),
     ],
 )
 def test_outputs_that_fit_are_left_alone(mechanism, expression, units):
@@ -203,6 +157,8 @@ def test_outputs_that_fit_are_left_alone(mechanism, expression, units):
         (lambda c, p: p.reaction_force[0], "kN", "pin.reaction_force[0]/1000"),
         (lambda c, p: c.position[0] / variable("m"), "%", "100*"),
         (lambda c, p: c.position[0] + variable("mm"), "m", "1000"),
+        (lambda c, p: 9.81 * c.position[0] + c.position[1] + variable("mm"), "", "1000"),
+        (lambda c, p: c.position[0] / 2, "mm", "1000*"),
         (lambda c, p: sympy.sin(variable("deg")), "1", "pi/180"),
         (lambda c, p: c.velocity.norm(), "km/h", "18/5*"),
     ],

@@ -1,8 +1,10 @@
-"""Numbers of components that are 1: a product with one of them shows nothing of it."""
+"""Numbers of components that are 1, or 2: a product with one of them, or half of it, shows nothing of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+
+import sympy
 
 from uqmbd.mechanism.components.component import Component
 from uqmbd.mechanism.expressions import flatten
@@ -10,9 +12,12 @@ from uqmbd.units import Dimension, read_units
 
 __all__ = ["unseen_in"]
 
+VANISHING = (1, -1, 2, -2, sympy.Rational(1, 2), sympy.Rational(-1, 2))
+"""Numbers that leave a product, alone or with the half of an energy; 2.0 stays as 1.0."""
+
 
 def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
-    """Return what returns the dimensions of numbers that are 1 or -1; see `check_dimensions`.
+    """Return what returns the dimensions of numbers that leave products; see `check_dimensions`.
 
     Examples
     --------
@@ -29,7 +34,7 @@ def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
             for key, parameter in component.parameters().items():
                 unit = read_units(parameter.units) if parameter.kind != "option" else None
                 values = flatten(component.values.get(key, ())) if unit is not None else []
-                if unit is not None and any(x in (1, -1) for x in values):
+                if unit is not None and any(x in VANISHING for x in values):
                     found.add(unit.dimension)
         return found
 

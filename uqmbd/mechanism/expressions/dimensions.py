@@ -34,6 +34,7 @@ from uqmbd.mechanism.expressions.measures import (
     Number,
     common,
     factor_in_words,
+    greatest,
     is_off,
     product,
     raised,
@@ -229,7 +230,7 @@ class _Walk:
     def _power(self, part: Any) -> Measure:
         base, power = self.measure(part.base), part.exp
         if power.is_Rational or (power.is_Float and math.isfinite(float(power))):
-            return raised(base, Fraction(str(power)).limit_denominator(64))
+            return raised(base, Fraction(str(power)).limit_denominator(10**6))
         self._pure(part.exp, self.measure(power))
         self._pure(part.base, base)
         return None
@@ -268,7 +269,7 @@ class _Walk:
         known = [(term, measure) for term, measure in pairs if isinstance(measure, Known)]
         if not known:
             numbers = [measure for _, measure in pairs if isinstance(measure, Number)]
-            return Number(seen=any(x.seen for x in numbers)) if len(numbers) == len(pairs) else None
+            return greatest(numbers) if len(numbers) == len(pairs) else None
         groups: list[list[tuple[Any, Known]]] = []
         for term, measure in known:
             for group in groups:
@@ -367,10 +368,12 @@ def _number(part: Any) -> Measure:
 
 
 def _pairs(known: list[tuple[Any, Known]]) -> Iterator[tuple[tuple[Any, Known], tuple[Any, Known]]]:
-    """Each term with the first, and the first of another scale with all of them."""
-    first = known[0]
-    for other in known[1:]:
-        yield first, other
+    """Each term with the first of its dimension, with one that has no number in front where there is one."""
+    firsts: dict[Dimension, tuple[Any, Known]] = {}
+    for one in sorted(known, key=lambda pair: pair[1].free):
+        first = firsts.setdefault(one[1].unit.dimension, one)
+        if first is not one:
+            yield first, one
 
 
 def _short(expression: Any) -> str:

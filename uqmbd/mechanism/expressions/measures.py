@@ -8,10 +8,22 @@ from fractions import Fraction
 
 from uqmbd.units import Unit
 
-__all__ = ["SAME", "Known", "Measure", "Number", "common", "factor_in_words", "is_off", "product", "raised"]
+__all__ = ["SAME", "Known", "Measure", "Number", "common", "factor_in_words", "greatest", "is_off", "product", "raised"]
 
 SAME = 1e-9
 """Factors that differ by less than this, relatively, are the same."""
+
+CLEARLY = 2.5
+"""How much nearer to 1 than to the factor between two units a number is, by logarithms, where that factor is missing.
+
+A hundredth in millimetres of what is in metres has the number 10 in front, and is as near to 1 as to 1000.
+"""
+
+FAR = math.log(50)
+"""Logarithm of a factor between two units from which on that holds for any number; below, for 2, 3, 1/2 and alike.
+
+A third in km/h of what is in m/s has the number 1.2 in front.
+"""
 
 
 @dataclass(frozen=True)
@@ -84,6 +96,17 @@ def raised(measure: Measure, power: Fraction) -> Measure:
     return None
 
 
+def greatest(numbers: list[Number]) -> Number:
+    """Return what a sum of numbers measures: ``1000 + 20*sin(x)`` is as large as 1000.
+
+    Examples
+    --------
+    >>> greatest([Number(1000.0, seen=True), Number(20.0, seen=True)])
+    Number(size=1000.0, seen=True)
+    """
+    return Number(max(x.size for x in numbers) or 1.0, seen=any(x.seen for x in numbers))
+
+
 def common(measures: list[Known]) -> Measure:
     """Return what the sum of terms measures, one of each constant."""
     if len(measures) == 1:
@@ -96,12 +119,23 @@ def common(measures: list[Known]) -> Measure:
 
 
 def is_off(found: Known, expected: Unit) -> bool:
-    """Whether numbers are wrong by the factor between two units: the constant is nearer to 1 than to that factor."""
+    """Whether numbers are wrong by the factor between two units: without it the constant is clearly nearer to 1.
+
+    Examples
+    --------
+    >>> metres, millimetres = Unit(), Unit(factor=1e-3)
+    >>> [is_off(Known(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]
+    [True, True, False, False]
+    """
     ratio = found.unit.factor / expected.factor
     if math.isclose(ratio, 1.0, rel_tol=SAME) or not found.constant:
         return False
     constant = math.log(found.constant)
-    return abs(constant) < abs(constant - math.log(ratio))
+    if CLEARLY * abs(constant) >= abs(constant - math.log(ratio)):
+        return False
+    return abs(math.log(ratio)) > FAR or any(
+        math.isclose(x, round(x), rel_tol=SAME) for x in (found.constant, 1 / found.constant)
+    )
 
 
 def factor_in_words(ratio: float) -> str:
