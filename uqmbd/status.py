@@ -34,6 +34,8 @@ class Status(IntEnum):
     """What is asked for does not happen in it until the last time: it has not failed."""
     WORKER_DIED = 6
     """The process that computed it has ended, and so has that of a second attempt."""
+    OUTSIDE_LIMITS = 7
+    """A number of it lies outside of its range, as a negative mass, or its inertia is that of no body."""
 
     @property
     def meaning(self) -> str:

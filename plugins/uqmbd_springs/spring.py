@@ -34,8 +34,8 @@ class SpringDamper(uqmbd.TypedComponent):
     body_j: uqmbd.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
-    stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate")
-    damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate", one_sign=True)
+    damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N s/m", "damper rate", default=0, one_sign=True)
     free_length: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "m", "length without force; negative: wound with initial tension", default=0
     )
@@ -75,8 +75,8 @@ class SlidingSpringDamper(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
-    stiffness = uqmbd.Parameter("N/m", "spring rate")
-    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    stiffness = uqmbd.Parameter("N/m", "spring rate", one_sign=True)
+    damping = uqmbd.Parameter("N s/m", "damper rate", default=0, one_sign=True)
     free_displacement = uqmbd.Parameter("m", "displacement without force", default=0)
 
     if TYPE_CHECKING:

@@ -27,8 +27,8 @@ class TorsionSpringDamper(uqmbd.Component):
 
     symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    stiffness = uqmbd.Parameter("N m/rad", "spring rate")
-    damping = uqmbd.Parameter("N m s/rad", "damper rate", default=0)
+    stiffness = uqmbd.Parameter("N m/rad", "spring rate", one_sign=True)
+    damping = uqmbd.Parameter("N m s/rad", "damper rate", default=0, one_sign=True)
     free_angle = uqmbd.Parameter("rad", "angle without moment", default=0)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")

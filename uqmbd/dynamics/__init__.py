@@ -35,6 +35,7 @@ from uqmbd.dynamics.integrators import (
 )
 from uqmbd.dynamics.margins import MarginValues, margins_of
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
+from uqmbd.dynamics.risks import Risk, risks, said_of_risks
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
@@ -49,6 +50,9 @@ from uqmbd.dynamics.statics import (
 from uqmbd.dynamics.summaries import running_minimum
 
 __all__ = [
+    "Risk",
+    "risks",
+    "said_of_risks",
     "Capability",
     "Check",
     "Counters",

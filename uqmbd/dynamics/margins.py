@@ -148,7 +148,7 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
     seen: MarginMap = ensemble.model.margins
     count, over_time, start = len(ensemble), seen.over_time, ensemble.start
     running = np.full((count, len(over_time), len(times)), np.inf)
-    status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED).astype(np.int64)
+    status = start.status
     messages = list(start.messages)
 
     def fail(kinds: Index, reasons: Sequence[str]) -> None:

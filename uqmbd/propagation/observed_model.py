@@ -14,7 +14,7 @@ from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from uqmbd.dynamics import Ensemble, Model
     from uqmbd.mechanism import Component, Mechanism
@@ -85,9 +85,10 @@ def not_unique_attribute(model: Model) -> dict[str, str]:
     return {"not_unique": ", ".join(names)} if names else {}
 
 
-def notices_attribute(model: Model) -> dict[str, str]:
+def notices_attribute(model: Model, foretold: Sequence[str] = ()) -> dict[str, str]:
     """Return the attribute that holds what was warned of, as JSON, if there is anything."""
-    return {"warnings": json.dumps(model.notices)} if model.notices else {}
+    told = [*model.notices, *foretold]
+    return {"warnings": json.dumps(told)} if told else {}
 
 
 LONGEST = 60

@@ -17,6 +17,7 @@ import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, build
 from uqmbd.mechanism.bodies.inertia import is_tensor_of_body
+from uqmbd.results import Status
 from uqmbd_contact import ClearanceJoint, PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import DistanceDriver, PositionDriver
 from uqmbd_joints import Distance, Revolute, RevoluteSpherical
@@ -107,13 +108,15 @@ def test_a_random_number_outside_of_its_range_fails_with_the_reason():
     mechanism.output("height", ball.position[1], units="m")
     fine, low, high = sampled(mechanism, [0.95, -0.01, 1.02])
     assert fine == ""
-    assert low == "the restitution of PlaneImpact 'floor' is −0.01: expected 0 to 1"
-    assert high == "the restitution of PlaneImpact 'floor' is 1.02: expected 0 to 1"
+    assert low == "the restitution of PlaneImpact 'floor' is −0.01: expected 0 to 1; rebound = −0.01"
+    assert high == "the restitution of PlaneImpact 'floor' is 1.02: expected 0 to 1; rebound = 1.02"
     study = uqmbd.Study("drop", mechanism, [0, 0.1], [MonteCarlo(samples=64, seed=1)])
-    with pytest.warns(UserWarning, match="the restitution of PlaneImpact 'floor' is"):
-        node = study.run()["monte-carlo"]
+    with pytest.warns(uqmbd.StudyWarning, match=r"'floor' is outside of its range \(0 to 1\) in 16 % of the realis"):
+        with pytest.warns(UserWarning, match="the restitution of PlaneImpact 'floor' is 1"):
+            node = study.run()["monte-carlo"]
     outside = node["samples/inputs"].values[:, 0] > 1
-    assert outside.any() and np.array_equal(node["samples/status"].values != 0, outside)
+    assert outside.any()
+    assert np.array_equal(node["samples/status"].values, np.where(outside, Status.OUTSIDE_LIMITS, Status.OK))
 
 
 class Gauge(uqmbd.Component):
@@ -136,7 +139,10 @@ def test_a_plugins_component_gets_the_same_check():
     with pytest.raises(uqmbd.StudyError, match="forces is 1; expected 0 or less"):
         mechanism.add(Gauge("g", ball, share=0.5, forces=(-1, 1)))
     mechanism.add(Gauge("g", ball, share=0.5, forces=(-1, size + 2)))
-    assert sampled(mechanism, [-2, -1.5]) == ("", "the forces[1] of Gauge 'g' is 0.5 N: expected 0 or less")
+    assert sampled(mechanism, [-2, -1.5]) == (
+        "",
+        "the forces[1] of Gauge 'g' is 0.5 N: expected 0 or less; size = −1.5",
+    )
 
 
 def test_a_range_that_means_nothing_is_told_at_its_declaration():
@@ -195,7 +201,7 @@ def test_random_inertia_that_no_body_has_fails_with_the_reason():
     assert fine == plate == ""
     assert none == (
         "the inertia of body 'top' is that of no body: its principal moments are 1, 1, 2.5 kg m^2; "
-        "the largest may not be more than the sum of the others"
+        "the largest may not be more than the sum of the others; third = 2.5"
     )
     assert "principal moments are -1, 1, 1 kg m^2; none may be negative" in negative
     with pytest.raises(uqmbd.StudyError, match=r"1, 1, 2.5 kg m\^2 at the means of the random variables, and"):

@@ -82,6 +82,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_requirements(screen, study)
     _show_units(screen, getattr(found, "units", ()))
+    _show_ranges(screen, study)
     _show_propagators(screen, study)
 
 
@@ -238,6 +239,16 @@ def _show_units(screen: Console, found: tuple[str, ...]) -> None:
         screen.print()
     for sentence in found:
         screen.print(f"Units: {sentence}", markup=False)
+
+
+def _show_ranges(screen: Console, study: Study) -> None:
+    """Print which numbers leave their range in realisations that are to be expected, if the study tells."""
+    foretold = getattr(study, "foretold", None)
+    sentences = foretold() if callable(foretold) else ()
+    if sentences:
+        screen.print()
+    for sentence in sentences:
+        screen.print(f"Ranges: {sentence}", markup=False)
 
 
 def _show_propagators(screen: Console, study: Study) -> None:

@@ -20,6 +20,7 @@ from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
+from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
 __all__ = ["Start", "assemble", "independent_rows", "placed", "positions", "statement_rows", "velocities"]
@@ -40,6 +41,8 @@ class Start:
         kept equations.
     messages : tuple of str
         Empty where the realisation could be assembled, else the reason.
+    outside : array of bool, shape (K,)
+        Where that is a number outside of its range.
     """
 
     q: Array
@@ -49,6 +52,7 @@ class Start:
     rates: Array
     multipliers: Array
     messages: tuple[str, ...]
+    outside: NDArray[np.bool_]
 
     def select(self, members: Index) -> Start:
         """Make the initial states of some realisations."""
@@ -60,6 +64,7 @@ class Start:
             self.rates[members],
             self.multipliers[members],
             tuple(self.messages[k] for k in members),
+            self.outside[members],
         )
 
     @property
@@ -71,6 +76,12 @@ class Start:
     def ok(self) -> NDArray[np.bool_]:
         """Which realisations could be assembled, shape (K,)."""
         return np.array([not m for m in self.messages], dtype=bool)
+
+    @property
+    def status(self) -> Index:
+        """What has become of each realisation so far, as :class:`Status`, shape (K,)."""
+        lost = np.where(self.outside, Status.OUTSIDE_LIMITS, Status.ASSEMBLY_FAILED)
+        return np.where(self.ok, Status.OK, lost).astype(np.int64)
 
 
 def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
@@ -399,6 +410,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     q, s, messages = placed(model, safe[:, model.drawn], time, safe, model.layout.kept_holonomic)
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
+    outside = ~bad & np.array([bool(n) for n in forbidden], dtype=bool)
     if bad.any() or any(forbidden) or any(messages) or any(contradictions):
         messages = [
             f"a parameter is not finite, or larger than {LARGEST:g}" if b else (n or m or c)
@@ -414,4 +426,4 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
             undefined(model, q[k], s[k], v[k], time, safe[k])
             or "the accelerations are not determined: the assembled pose is singular for these inputs"
         )
-    return Start(q, s, v, a, rates, multipliers, tuple(messages))
+    return Start(q, s, v, a, rates, multipliers, tuple(messages), outside)

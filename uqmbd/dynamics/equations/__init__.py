@@ -8,7 +8,7 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
-from uqmbd.dynamics.equations.limits import impossible, limits_of
+from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of
 from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
 from uqmbd.dynamics.equations.parameters import ParameterMap
@@ -25,6 +25,7 @@ __all__ = [
     "FUSED_LIMIT",
     "Instance",
     "Later",
+    "Limit",
     "Layout",
     "MechanismTerms",
     "Model",
@@ -45,5 +46,6 @@ __all__ = [
     "mechanism_terms",
     "output_map",
     "plain",
+    "signs_of",
     "state_arguments",
 ]

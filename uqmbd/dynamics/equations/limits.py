@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.mechanism import Mechanism, flatten, is_tensor_of_body, range_text
+from uqmbd.mechanism import Mechanism, Parameter, flatten, is_tensor_of_body, nominal, range_text
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
-from uqmbd.wording import format_quantity
+from uqmbd.wording import format_number, format_quantity
 
-__all__ = ["Limit", "Tensor", "impossible", "limits_of"]
+__all__ = ["Limit", "Tensor", "impossible", "limits_of", "signs_of"]
+
+Inputs = tuple[tuple[str, int], ...]
+
+Ends = tuple[float, float, bool]
+
+NO_LESS: Ends = (0.0, math.inf, False)
+"""Range of masses and moments of inertia."""
+
+NAMED = 6
+"""Inputs that a message names."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,8 @@ class Limit:
         The range, in these units.
     exclusive : bool
         Whether the ends do not belong to it.
+    inputs : tuple of (name, index)
+        Random variables it depends on, and where they are among the parameters of the model.
     """
 
     name: str
@@ -42,6 +54,12 @@ class Limit:
     minimum: float = 0.0
     maximum: float = math.inf
     exclusive: bool = False
+    inputs: Inputs = ()
+
+    @property
+    def expected(self) -> str:
+        """The range in words."""
+        return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     def outside(self, values: Array) -> NDArray[np.bool_]:
         """Whether values, shape (K,), are outside; what is not finite is told elsewhere."""
@@ -49,10 +67,10 @@ class Limit:
             return (values <= self.minimum) | (values >= self.maximum)
         return (values < self.minimum) | (values > self.maximum)
 
-    def message(self, value: float) -> str:
-        """Say that a value is outside."""
-        expected = range_text(self.minimum, self.maximum, exclusive=self.exclusive)
-        return f"the {self.name} is {format_quantity(value, self.units)}: expected {expected}"
+    def message(self, parameters: Array) -> str:
+        """Say that the value is outside, for parameters (P,)."""
+        value = format_quantity(float(parameters[self.index]), self.units)
+        return f"the {self.name} is {value}: expected {self.expected}{_at(self.inputs, parameters)}"
 
 
 @dataclass(frozen=True)
@@ -65,21 +83,27 @@ class Tensor:
         Its name.
     index : array of int, shape (6,)
         Of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model.
+    inputs : tuple of (name, index)
+        As for `Limit`.
     """
 
     body: str
     index: Index
+    inputs: Inputs = ()
 
     def moments(self, parameters: Array) -> Array:
         """Principal moments of inertia, ascending, kg m^2, shape (K, 3)."""
         entries = parameters[:, self.index[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]]
         return np.asarray(np.linalg.eigvalsh(entries), dtype=np.float64)
 
-    def message(self, moments: Array) -> str:
-        """Say that no body has these principal moments."""
+    def message(self, moments: Array, parameters: Array) -> str:
+        """Say that no body has these principal moments, for parameters (P,)."""
         listed = ", ".join(f"{x:.4g}" for x in moments)
         why = "none may be negative" if moments[0] < 0 else "the largest may not be more than the sum of the others"
-        return f"the inertia of body {self.body!r} is that of no body: its principal moments are {listed} kg m^2; {why}"
+        return (
+            f"the inertia of body {self.body!r} is that of no body: its principal moments are {listed} kg m^2; "
+            f"{why}{_at(self.inputs, parameters)}"
+        )
 
 
 def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tuple[Limit, ...], tuple[Tensor, ...]]:
@@ -97,30 +121,56 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
     """
     limits: list[Limit] = []
     tensors: list[Tensor] = []
+    places: dict[sympy.Expr, int] = {}
 
     def placed(value: sympy.Expr) -> int:
-        expressions.append(value)
-        return len(expressions) - 1
+        return _placed(value, expressions, places)
+
+    def inputs_of(*values: sympy.Expr) -> Inputs:
+        found: set[sympy.Expr] = set().union(*(value.free_symbols for value in values))
+        return tuple((str(v), placed(v)) for v in sorted(found, key=str))
+
+    def limit(name: str, value: sympy.Expr, units: str, ends: Ends = NO_LESS) -> Limit:
+        return Limit(name, placed(value), units, *ends, inputs=inputs_of(value))
 
     for body in mechanism.bodies.values():
         mass = sympy.sympify(body.terms.values["mass"])
         if _random(mass):
-            limits.append(Limit(f"mass of body {body.name!r}", placed(mass), "kg"))
+            limits.append(limit(f"mass of body {body.name!r}", mass, "kg"))
         moments = [sympy.sympify(x) for x in body.terms.values["inertia"] or ()]
         if len(moments) == 1 and _random(moments[0]):
-            limits.append(Limit(f"moment of inertia of body {body.name!r}", placed(moments[0]), "kg m^2"))
+            limits.append(limit(f"moment of inertia of body {body.name!r}", moments[0], "kg m^2"))
         if len(moments) == 6 and any(_random(x) for x in moments):
-            tensors.append(Tensor(body.name, np.array([placed(x) for x in moments], dtype=np.int64)))
-    for component in mechanism.components.values():
-        for key, parameter in component.parameters().items():
-            entries = [sympy.sympify(x) for x in flatten(component.values.get(key))] if parameter.ranged else []
-            for k, entry in enumerate(entries):
-                if _random(entry):
-                    place = f"[{k}]" if len(entries) > 1 else ""
-                    name = f"{key}{place} of {type(component).__name__} {component.name!r}"
-                    ends = (parameter.minimum, parameter.maximum, parameter.exclusive)
-                    limits.append(Limit(name, placed(entry), parameter.units, *ends))
+            index = np.array([placed(x) for x in moments], dtype=np.int64)
+            tensors.append(Tensor(body.name, index, inputs_of(*moments)))
+    for name, entry, parameter in _numbers(mechanism):
+        if parameter.ranged:
+            ends = (parameter.minimum, parameter.maximum, parameter.exclusive)
+            limits.append(limit(name, entry, parameter.units, ends))
     return tuple(limits), tuple(tensors)
+
+
+def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
+    """Collect the random numbers that are expected to have one sign (`Parameter.one_sign`), that at the means.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look into.
+    expressions : list of expressions
+        As of `limits_of`.
+    """
+    found: list[Limit] = []
+    places: dict[sympy.Expr, int] = {}
+    for name, entry, parameter in _numbers(mechanism):
+        if not parameter.one_sign or parameter.ranged:
+            continue
+        at_means = nominal(entry)
+        inputs = tuple((str(v), _placed(v, expressions, places)) for v in sorted(entry.free_symbols, key=str))
+        ends = (0.0, math.inf) if at_means > 0 else (-math.inf, 0.0)
+        if at_means:
+            found.append(Limit(name, _placed(entry, expressions, places), parameter.units, *ends, inputs=inputs))
+    return tuple(found)
 
 
 def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: Array) -> list[str]:
@@ -137,12 +187,39 @@ def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: A
     for limit in limits:
         values = parameters[:, limit.index]
         for k in np.flatnonzero(limit.outside(values)):
-            messages[k] = messages[k] or limit.message(float(values[k]))
+            messages[k] = messages[k] or limit.message(parameters[k])
     for tensor in tensors:
         moments = tensor.moments(parameters)
         for k in np.flatnonzero(~is_tensor_of_body(moments)):
-            messages[k] = messages[k] or tensor.message(moments[k])
+            messages[k] = messages[k] or tensor.message(moments[k], parameters[k])
     return messages
+
+
+def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]]:
+    """Random numbers of components that have a range or a sign, with what they are called."""
+    for component in mechanism.components.values():
+        for key, parameter in component.parameters().items():
+            if not (parameter.ranged or parameter.one_sign):
+                continue
+            entries = [sympy.sympify(x) for x in flatten(component.values.get(key))]
+            for k, entry in enumerate(entries):
+                if _random(entry):
+                    place = f"[{k}]" if len(entries) > 1 else ""
+                    yield f"{key}{place} of {type(component).__name__} {component.name!r}", entry, parameter
+
+
+def _placed(value: sympy.Expr, expressions: list[sympy.Expr], places: dict[sympy.Expr, int]) -> int:
+    """Return where an expression is among others, at whose end it is put where its place is not known."""
+    if value not in places:
+        places[value] = len(expressions)
+        expressions.append(value)
+    return places[value]
+
+
+def _at(inputs: Inputs, parameters: Array) -> str:
+    """List the inputs of a realisation, for parameters (P,)."""
+    listed = ", ".join(f"{name} = {format_number(float(parameters[k]))}" for name, k in inputs[:NAMED])
+    return f"; {listed}{', ...' if len(inputs) > NAMED else ''}"
 
 
 def _random(value: sympy.Expr) -> bool:

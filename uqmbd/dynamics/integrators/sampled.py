@@ -173,7 +173,8 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
     a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
     lost = np.asarray(~np.isfinite(a).all(axis=1)).tolist()
     messages = tuple(f"the accelerations are not determined at t = {time:.6g} s" if x else "" for x in lost)
-    return Ensemble(model, ensemble.values[members], start=Start(q, s, v, a, rates, multipliers, messages))
+    start = Start(q, s, v, a, rates, multipliers, messages, np.zeros(len(q), dtype=bool))
+    return Ensemble(model, ensemble.values[members], start=start)
 
 
 def _continued_projection(projected: Projection, time: float, state: Array) -> Projection:

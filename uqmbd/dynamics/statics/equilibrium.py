@@ -108,7 +108,7 @@ def equilibrium_start(drawn: Batch) -> Start:
         for k, contradiction in zip(good, contradictions, strict=True):
             fine = np.isfinite(a[k]).all()
             messages[k] = contradiction or ("" if fine else "the accelerations are not determined: a singular pose")
-    return Start(found.q, found.s, v, a, rates, multipliers, tuple(messages))
+    return Start(found.q, found.s, v, a, rates, multipliers, tuple(messages), drawn.start.outside)
 
 
 def static_equilibria(ensemble: Batch) -> Equilibrium:

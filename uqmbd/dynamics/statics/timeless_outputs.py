@@ -280,7 +280,7 @@ def scalars_of(
     count = len(ensemble)
     start = ensemble.start
     messages = list(start.messages)
-    status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
+    status = start.status
     blocks = (seen.modal.values, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
     ends = np.cumsum([len(block) for block in blocks])
     columns = np.full((count, int(ends[-1])), np.nan)

@@ -63,6 +63,9 @@ class Parameter(Generic[Given]):
         outside has failed.  Values that depend on time or motion are not looked at.
     exclusive : bool
         Whether the ends of the range do not belong to it.
+    one_sign : bool
+        Whether a random number is expected to have the sign that it has at the means in all realisations, as a
+        stiffness: others run, and studies warn of them.
     body : str
         Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
         the frame of `body_i`), else the first.
@@ -101,6 +104,7 @@ class Parameter(Generic[Given]):
     minimum: float = field(default=-math.inf, kw_only=True)
     maximum: float = field(default=math.inf, kw_only=True)
     exclusive: bool = field(default=False, kw_only=True)
+    one_sign: bool = field(default=False, kw_only=True)
     body: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
     axes: Literal["world", "body"] = field(default="world", kw_only=True)
@@ -123,6 +127,11 @@ class Parameter(Generic[Given]):
                 "leave minimum= and maximum= out."
             )
 
+        if self.one_sign and self.kind != "scalar":
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no sign; "
+                "leave one_sign= out."
+            )
         if self.axes == "body" and self.kind not in ("vector", "moment"):
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): axes='body' is for vectors and moments; a "

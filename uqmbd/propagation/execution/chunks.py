@@ -270,9 +270,10 @@ def _observed(ensemble: Ensemble, times: Array, trajectories: Trajectories) -> C
     """Evaluate the outputs over time of some realisations."""
     model, count = ensemble.model, len(ensemble)
     status = np.zeros(count, dtype=np.int64)
+    at_start = ensemble.start.status
     for k, message in enumerate(trajectories.messages):
         if message:
-            status[k] = Status.INTEGRATION_FAILED if ensemble.start.ok[k] else Status.ASSEMBLY_FAILED
+            status[k] = at_start[k] or Status.INTEGRATION_FAILED
     good = np.flatnonzero(status == Status.OK)
     if len(good) == count:
         response = ensemble.outputs(times, trajectories.states)

@@ -20,7 +20,10 @@ from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Outcome", "run_methods", "joined"]
+__all__ = ["Outcome", "joined", "planned", "run_methods"]
+
+UNTOLD = 1000
+"""Realisations that a method is taken to compute which does not tell."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,12 @@ def _count(propagator: Propagator, study: Studied) -> int | None:
     if not isinstance(found, Estimate):
         return None
     return AtMost(found.realisations) if found.at_most else int(found.realisations)
+
+
+def planned(study: Studied, propagators: Sequence[Propagator]) -> int:
+    """Return how many realisations the method takes that takes the most, at the sizes that are stated."""
+    counts = [_count(propagator, study) for propagator in propagators]
+    return max((UNTOLD if count is None else int(count) for count in counts), default=UNTOLD)
 
 
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:

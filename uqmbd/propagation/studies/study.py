@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from uqmbd.display import html_of
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
@@ -43,7 +43,7 @@ from uqmbd.propagation.options import (
     check_still,
     check_times,
 )
-from uqmbd.propagation.studies.run_methods import joined, run_methods
+from uqmbd.propagation.studies.run_methods import joined, planned, run_methods
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -372,6 +372,7 @@ class Study:
         [[0.0, 0.2, 0.4]]
         """
         self._checked([propagator])
+        self._foretell((propagator,))
         with pool(workers) as executor:
             return run_method(propagator, self.problem(propagator, executor, progress))
 
@@ -468,9 +469,10 @@ class Study:
                 reopen(folder) if resume else clear(folder)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
+            foretold = self._foretell(chosen)
             outcome = run_methods(self, chosen, crew, progress, folder, terms, resume=resume)
             outcome.told(self.name, stacklevel=2)
-            tree = joined(self, outcome, self._attributes())
+            tree = joined(self, outcome, self._attributes(foretold))
             if finished is not None:
                 finished(tree)
             if only is None:
@@ -479,12 +481,57 @@ class Study:
                 computed(folder, tree.attrs)
         return tree
 
-    def _attributes(self) -> dict[str, Any]:
+    def foretold(self, propagators: Sequence[Propagator] | None = None) -> tuple[str, ...]:
+        """Say which numbers leave their range, or change their sign, in realisations that are to be expected.
+
+        Parameters
+        ----------
+        propagators : sequence of Propagator, optional
+            Methods that are to be run; those of the study by default.  Of the one that computes the most realisations
+            a twentieth of one is to be expected outside, at least: what is rarer is not told.
+
+        Returns
+        -------
+        tuple of str
+            Sentences, without the stop at their end.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import uqmbd
+        >>> from uqmbd_montecarlo import MonteCarlo
+        >>> mass = uqmbd.RandomVariable("mass", chaospy.Normal(0.2, 0.1), units="kg")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=mass)
+        >>> mechanism.output("height", stone.position[0], units="m")
+        >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [MonteCarlo(samples=100, seed=1)])
+        >>> study.foretold()[0][:79]
+        "the mass of body 'stone' is outside of its range (0 or more) in 2.3 % of the re"
+        """
+        from uqmbd.dynamics import risks, said_of_risks
+
+        found = self.mechanism.remembered("risks", lambda: risks(self.mechanism))
+        return said_of_risks(found, planned(self, propagators or self.propagators)) if found else ()
+
+    def _foretell(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
+        """Warn of what is foretold."""
+        found = self.foretold(propagators)
+        for sentence in found:
+            warnings.warn(f"study {self.name!r}: {sentence}.", StudyWarning, stacklevel=4)
+        return found
+
+    def _attributes(self, foretold: Sequence[str] = ()) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
         shown: dict[str, Any] = {"report_times": list(self.report_times)} if self.report_times else {}
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
         steps = step_attributes(self.max_step, self.breaks)
-        return {**about, **steps, **shown, **mechanism_attributes(self.mechanism), **notices_attribute(self.model)}
+        return {
+            **about,
+            **steps,
+            **shown,
+            **mechanism_attributes(self.mechanism),
+            **notices_attribute(self.model, foretold),
+        }
 
     @checked
     def converge(

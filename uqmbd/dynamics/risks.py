@@ -1,0 +1,174 @@
+"""With which probability random numbers of a mechanism leave their range, before anything is computed.
+
+Of an expression that is affine in one independent variable that is exact; of others it is a share of `SAMPLES` points.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+from uqmbd.dynamics.equations import Limit, ParameterMap, limits_of, signs_of
+from uqmbd.mechanism import Mechanism, is_tensor_of_body
+from uqmbd.randomness import JointInput, Law, RandomVariable
+from uqmbd.wording import format_percent
+
+__all__ = ["Risk", "risks", "said_of_risks"]
+
+SAMPLES = 10_000
+"""Points at which expressions are evaluated whose distribution is not known."""
+
+EXPECTED = 0.05
+"""A risk is told from that many realisations on that are to be expected: of rarer ones 19 of 20 studies have none."""
+
+NAMED = 4
+"""Numbers, and inputs, that a sentence names."""
+
+
+@dataclass(frozen=True)
+class Risk:
+    """A number that leaves its range, or changes its sign, in some realisations.
+
+    Attributes
+    ----------
+    name : str
+        What it is and of whom, as ``mass of body 'rod'``.
+    expected : str
+        Its range, as ``0 or more``.
+    probability : float
+        Of realisations in which it is outside.
+    inputs : tuple of RandomVariable
+        It depends on them.
+    fails : bool
+        Whether these realisations fail; those in which a number changes its sign run.
+    """
+
+    name: str
+    expected: str
+    probability: float
+    inputs: tuple[RandomVariable, ...]
+    fails: bool = True
+
+
+def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
+    """Find the numbers of a mechanism that leave their range with a probability above zero.
+
+    Numbers without a random variable cost nothing; those that depend on time or motion are not looked at.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look into.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> mass = uqmbd.RandomVariable("mass", chaospy.Normal(0.2, 0.1), units="kg")
+    >>> stone = mechanism.body("stone", mass=mass)
+    >>> [(one.name, one.expected, round(one.probability, 4)) for one in risks(mechanism)]
+    [("mass of body 'stone'", '0 or more', 0.0228)]
+    """
+    expressions: list[sympy.Expr] = []
+    limits, tensors = limits_of(mechanism, expressions)
+    signs = signs_of(mechanism, expressions)
+    found: list[Risk] = []
+    others: list[tuple[Limit, bool]] = []
+    for limit, fails in [*((x, True) for x in limits), *((x, False) for x in signs)]:
+        exact = _exact(limit, expressions[limit.index])
+        if exact is None:
+            others.append((limit, fails))
+        elif exact > 0:
+            variables = tuple(sorted(expressions[limit.index].free_symbols, key=str))
+            found.append(Risk(limit.name, limit.expected, exact, variables, fails))
+    if not others and not tensors:
+        return tuple(found)
+    inputs = JointInput.of({v for e in expressions for v in e.free_symbols})
+    own = {v.name: v for v in inputs.variables}
+    values = ParameterMap.of(expressions, inputs.variables)(inputs.from_uniform(_spread(len(inputs))))
+    for limit, fails in others:
+        share = float(limit.outside(values[:, limit.index]).mean())
+        found.append(Risk(limit.name, limit.expected, share, tuple(own[name] for name, _ in limit.inputs), fails))
+    for tensor in tensors:
+        share = float((~is_tensor_of_body(tensor.moments(values))).mean())
+        about = (f"inertia of body {tensor.body!r}", "that of a body", share)
+        found.append(Risk(*about, tuple(own[name] for name, _ in tensor.inputs)))
+    return tuple(one for one in found if one.probability > 0)
+
+
+def said_of_risks(found: tuple[Risk, ...], realisations: int) -> tuple[str, ...]:
+    """Say what is to be expected among so many realisations: a sentence on those that fail, one on those that run.
+
+    Parameters
+    ----------
+    found : tuple of Risk
+        From `risks`.
+    realisations : int
+        As many are planned; risks of which they have fewer than `EXPECTED` on average are not told.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> k = uqmbd.RandomVariable("k", chaospy.Normal(1000, 400), units="N/m")
+    >>> print(*said_of_risks((Risk("stiffness of SpringDamper 's'", "0 or more", 0.0062, (k,), fails=False),), 100))
+    the stiffness of SpringDamper 's' is negative in 0.62 % of the realisations, and positive at the means: these run...
+    >>> said_of_risks((Risk("stiffness of SpringDamper 's'", "0 or more", 1e-9, (k,), fails=False),), 100)
+    ()
+    """
+    told = [one for one in found if one.probability * realisations >= EXPECTED]
+    return tuple(
+        _said([one for one in told if one.fails is fails], fails)
+        for fails in (True, False)
+        if any(one.fails is fails for one in told)
+    )
+
+
+def _said(found: list[Risk], fails: bool) -> str:
+    """Say which numbers are outside in which share of the realisations, what becomes of these, and what to try."""
+    parts = []
+    for one in sorted(found, key=lambda x: -x.probability)[:NAMED]:
+        share = f"in {format_percent(one.probability)} of the realisations"
+        if fails:
+            parts.append(f"the {one.name} is outside of its range ({one.expected}) {share}")
+        else:
+            wrong, usual = ("negative", "positive") if one.expected == "0 or more" else ("positive", "negative")
+            parts.append(f"the {one.name} is {wrong} {share}, and {usual} at the means")
+    more = [f"{len(found) - NAMED} more numbers alike"] if len(found) > NAMED else []
+    inputs = {v.name: f"{v.name} = {v.description}" for one in found for v in one.inputs}
+    listed = [*list(inputs.values())[:NAMED], *(["..."] if len(inputs) > NAMED else [])]
+    what = "these fail" if fails else "these run, and are driven by what is to hold or to damp them"
+    return (
+        f"{'; '.join([*parts, *more])}: {what}. It follows from {', '.join(listed)}; try a distribution that ends "
+        "where the quantity does, as chaospy.Trunc(...), chaospy.LogNormal or chaospy.Gamma"
+    )
+
+
+def _exact(limit: Limit, expression: sympy.Expr) -> float | None:
+    """Return the probability that an affine expression of one independent variable is outside; None of others."""
+    variables = expression.free_symbols
+    if len(variables) != 1:
+        return None
+    variable: Any = next(iter(variables))
+    if len(variable.joint.names) > 1 or not expression.is_polynomial(variable):
+        return None
+    coefficients = sympy.Poly(expression, variable).all_coeffs()
+    law = Law.of(variable.distribution)
+    if len(coefficients) != 2 or law.discrete:
+        return None
+    slope, offset = (float(x) for x in coefficients)
+    ends = sorted((end - offset) / slope for end in (limit.minimum, limit.maximum))
+    below, above = (float(law.cdf(np.array([end]))[0]) if math.isfinite(end) else float(end > 0) for end in ends)
+    return below + 1.0 - above
+
+
+def _spread(dimension: int) -> np.ndarray:
+    """Points (`SAMPLES`, dimension) of a Latin hypercube, in the middle of their strata."""
+    rng = np.random.default_rng(0)
+    columns = [rng.permutation(SAMPLES) for _ in range(dimension)]
+    return (np.stack(columns, axis=1) + 0.5) / SAMPLES
