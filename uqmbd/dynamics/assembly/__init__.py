@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, statement_rows, velocities
+from uqmbd.dynamics.assembly.assembly import assemble, independent_rows, positions, statement_rows, velocities
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
+from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.assembly.start_check import require_conditions
 from uqmbd.dynamics.assembly.undefined import ahead
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols

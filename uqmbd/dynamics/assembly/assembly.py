@@ -7,8 +7,6 @@ accelerations from the index-1 system.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
@@ -16,72 +14,18 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.assembly.conditions import met
 from uqmbd.dynamics.assembly.least_norm import least_norm
 from uqmbd.dynamics.assembly.programs import BODY_RATE, closed_poses, least_velocities
+from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
-from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
-__all__ = ["Start", "assemble", "independent_rows", "placed", "positions", "statement_rows", "velocities"]
+__all__ = ["assemble", "independent_rows", "placed", "positions", "statement_rows", "velocities"]
 
 
 POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
-
-
-@dataclass(frozen=True)
-class Start:
-    """Consistent initial states of K realisations.
-
-    Attributes
-    ----------
-    q, s, v, a, rates, multipliers : array, shape (K, ...)
-        Coordinates, auxiliary states, velocities, accelerations, rates of the auxiliary states, and multipliers of the
-        kept equations.
-    messages : tuple of str
-        Empty where the realisation could be assembled, else the reason.
-    outside : array of bool, shape (K,)
-        Where that is a number outside of its range.
-    """
-
-    q: Array
-    s: Array
-    v: Array
-    a: Array
-    rates: Array
-    multipliers: Array
-    messages: tuple[str, ...]
-    outside: NDArray[np.bool_]
-
-    def select(self, members: Index) -> Start:
-        """Make the initial states of some realisations."""
-        return Start(
-            self.q[members],
-            self.s[members],
-            self.v[members],
-            self.a[members],
-            self.rates[members],
-            self.multipliers[members],
-            tuple(self.messages[k] for k in members),
-            self.outside[members],
-        )
-
-    @property
-    def state(self) -> Array:
-        """Coordinates, auxiliary states and velocities, shape (K, 2 coordinate + state)."""
-        return np.concatenate([self.q, self.s, self.v], axis=1)
-
-    @property
-    def ok(self) -> NDArray[np.bool_]:
-        """Which realisations could be assembled, shape (K,)."""
-        return np.array([not m for m in self.messages], dtype=bool)
-
-    @property
-    def status(self) -> Index:
-        """What has become of each realisation so far, as :class:`Status`, shape (K,)."""
-        lost = np.where(self.outside, Status.OUTSIDE_LIMITS, Status.ASSEMBLY_FAILED)
-        return np.where(self.ok, Status.OK, lost).astype(np.int64)
 
 
 def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import Start
+from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array, Index
 
