@@ -174,3 +174,23 @@ def test_failure_leaves_nothing_behind(script):
     message(script("raise ValueError('no')\n", name="script_that_fails.py"))
     assert "script_that_fails" not in sys.modules
     assert sys.path == path_before
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("rocker.angel", "'Body' object has no attribute 'angel'; did you mean 'angle'?"),
+        ("rockr.angle", "name 'rockr' is not defined; did you mean 'rocker'?"),
+        ("ragne(3)", "name 'ragne' is not defined; did you mean 'range'?"),
+        ("numpy.linspce(0, 1)", "did you mean 'linspace'?"),
+    ],
+)
+def test_a_misspelt_name_comes_with_what_it_may_mean(script, line, meant):
+    text = script(f"""
+        import numpy
+        import uqmbd
+        rocker = uqmbd.Mechanism("m", uqmbd.Planar()).body("rocker", mass=1, inertia=1)
+        value = {line}
+        study = uqmbd.Study("a")
+    """)
+    assert meant in (told := message(text)) and told.lower().count("did you mean") == 1

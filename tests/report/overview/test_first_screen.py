@@ -6,6 +6,7 @@ import re
 import chaospy
 import numpy as np
 import pytest
+import sympy
 import xarray as xr
 
 import uqmbd
@@ -16,6 +17,7 @@ from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import of_history
 from uqmbd.report.view import StudyResult
+from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -183,3 +185,25 @@ def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
     tree["comparison"].attrs |= {"reference": "blind", "recommended": "[]"}
     (row,) = asked(StudyResult.of(tree))["rows"]
     assert row["method"] == "other" and float(row["spread"].removesuffix(" m")) == pytest.approx(0.2)
+
+
+def test_an_output_is_told_by_the_method_that_knows_it():
+    """A distance has a kink where it passes zero, which no polynomial of order 2 follows; the place itself is linear."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(0, 1), units="m/s")
+    mechanism = uqmbd.Mechanism("slide", uqmbd.Line())
+    stone = mechanism.body("stone", mass=1, velocity=speed)
+    mechanism.output("place", stone.position[0], units="m")
+    mechanism.output("distance", sympy.sqrt(stone.position[0] ** 2), units="m")
+    methods = [MonteCarlo(samples=100, seed=1), Collocation(order=2)]
+    result = StudyResult.of(uqmbd.Study("s", mechanism, np.linspace(1, 2, 3), methods).run())
+    place, distance = sorted(belief(result), key=lambda line: line.name, reverse=True)
+    assert (place.level, distance.level) == (2, 0)
+    assert place.text.startswith("by collocation, stated error ") and "agrees with monte-carlo" in place.text
+    assert "by collocation" not in distance.text
+    assert {row["name"]: row["method"] for row in asked(result)["rows"]} == {
+        "place": "collocation",
+        "distance": "monte-carlo",
+    }
+    lead = advice(result)["words"][0]
+    assert lead.startswith("No other method is resolved well enough to check monte-carlo, the reference, on distance (")
+    assert lead.endswith("collocation agrees with it on place.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import hashlib
 import importlib
 import importlib.machinery
@@ -14,6 +15,7 @@ from pathlib import Path
 from types import ModuleType
 
 from uqmbd.errors import StudyError
+from uqmbd.names import did_you_mean
 from uqmbd.propagation.studies.study import Study
 
 __all__ = ["load_study"]
@@ -149,7 +151,7 @@ def _explain(error: BaseException, file: Path, shown: str) -> str:
         text = str(error)
     elif isinstance(error, SystemExit):
         text = f"the script ended itself (SystemExit: {error.code}) before it could be used"
-    text += _remedy(error)
+    text += _nearest(error, text) + _remedy(error)
     notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _same_file(frame.filename, file)]
     if not frames:
@@ -157,6 +159,19 @@ def _explain(error: BaseException, file: Path, shown: str) -> str:
     frame = frames[-1]
     inside = "" if frame.name == "<module>" else f", in {frame.name}"
     return f"{shown}, line {frame.lineno}{inside}:\n    {_statement(frame)}\n{text}{notes}"
+
+
+def _nearest(error: BaseException, text: str) -> str:
+    """Name what a misspelt name or attribute may mean; empty where the text does, or nothing is near."""
+    name, known = getattr(error, "name", None), list[str]()
+    if not isinstance(name, str) or "did you mean" in text.lower():
+        return ""
+    if isinstance(error, AttributeError) and error.obj is not None:
+        known = dir(error.obj)
+    elif isinstance(error, NameError):
+        frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][-1:]
+        known = [each for frame in frames for each in (*frame.f_locals, *frame.f_globals, *dir(builtins))]
+    return did_you_mean(name, [each for each in known if name.startswith("_") or not each.startswith("_")])
 
 
 def _remedy(error: BaseException) -> str:

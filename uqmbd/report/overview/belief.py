@@ -6,12 +6,19 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 
-from uqmbd.report.overview.trusted import answer_of, comparison_of, holder_of, populations
+from uqmbd.report.overview.trusted import (
+    ROUGHLY,
+    WELL,
+    answer_of,
+    comparison_of,
+    holder_of,
+    populations,
+    trusted_labels,
+)
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.results.comparison import (
     AGREES,
-    COARSE,
     DIFFERS,
     FEW,
     REFERENCE,
@@ -24,9 +31,6 @@ from uqmbd.results.statistics import rtol_of
 from uqmbd.wording import format_count, format_percent
 
 __all__ = ["RARE", "Line", "belief"]
-
-WELL, ROUGHLY = 0.05, COARSE
-"""Stated errors, in shares of the standard deviation, up to which an output is known well, and roughly."""
 
 WIDE = 0.5
 """Half an interval, in shares of the probability, up to which that is known well."""
@@ -85,6 +89,8 @@ def belief(result: StudyResult) -> list[Line]:
             if method.label not in known:
                 known[method.label] = _of_method(part, method, scalar=scalar)
             line = known[method.label][method.names.index(name)]
+            if method.label != trusted_labels(part)[0]:
+                line = replace(line, text=f"by {method.label}, {line.text}")
             found.append(line if len(parts) == 1 else replace(line, name=f"{name} ({method.label})"))
     order = {line.name: k for k, line in enumerate(found)}
     return sorted(found, key=lambda line: (line.level, -line.error, order[line.name]))

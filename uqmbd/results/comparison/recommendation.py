@@ -155,10 +155,7 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
                 "on none of them before the reasons below are understood."
             )
         else:
-            lead = (
-                f"No other method is resolved well enough to check {reference}, the reference"
-                f"{_known(comparison, reference)}: rely on it as far as its stated error allows, and not on the others."
-            )
+            lead = _unresolved(comparison, reference)
     elif not best:
         lead = (
             f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "
@@ -170,6 +167,35 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     if unknown := _unknown(comparison, reference):
         others.append(f"{reference}, the reference, {unknown}.")
     return (lead, *others)
+
+
+def _unresolved(comparison: xr.Dataset, reference: str) -> str:
+    """Say that no method checks the reference in all outputs, and which do in some."""
+    kinds = comparison["verdict_kind"].transpose("output", "method")
+    names = [str(name) for name in comparison["output"].values]
+    agree = [str(m) for m in comparison["method"].values if (kinds.sel({"method": m}) == AGREES).any()]
+    still = (kinds.sel({"method": reference}) == NO_SPREAD).values
+    alone = (~(kinds == AGREES).any("method").values) & ~still
+    lead = f"No other method is resolved well enough to check {reference}, the reference"
+    rely = "rely on it as far as its stated error allows, and not on the others"
+    if not agree or not alone.any():
+        return f"{lead}{_known(comparison, reference)}: {rely}."
+    on: dict[tuple[str, ...], list[str]] = {}
+    for m in agree:
+        of = kinds.sel({"method": m}).values
+        on.setdefault(tuple(name for name, kind in zip(names, of, strict=True) if kind == AGREES), []).append(m)
+    parts = [
+        f"{_listed(ms, 'and')} agree{'s' if len(ms) == 1 else ''} with it on {_listed(_few(list(of)), 'and')}"
+        for of, ms in on.items()
+    ]
+    missing = _few([name for name, is_alone in zip(names, alone, strict=True) if is_alone])
+    known = _known(comparison.isel(output=alone), reference)
+    return f"{lead}, on {_listed(missing, 'and')}{known}: {rely}. {_listed(parts, 'and')}."
+
+
+def _few(names: list[str]) -> list[str]:
+    """Return at most three names, and how many more there are."""
+    return names if len(names) <= 3 else [*names[:2], f"{len(names) - 2} more"]
 
 
 def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
