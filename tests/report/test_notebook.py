@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import builtins
 import re
 import sys
 import types
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import chaospy
 import numpy as np
@@ -251,3 +253,21 @@ def test_results_of_one_time_show_densities_and_others_what_is_over_another_outp
     moving = report.show(tree(list(np.linspace(0, 1, 21)))).html
     assert moving.count('<figure class="charted"') == 3
     assert '<figure class="charted" data-alt="y over x.">' in moving and 'src=""' not in moving
+
+
+def test_the_picture_of_a_mechanism_names_what_it_shows_and_says_if_it_is_not_assembled():
+    """Bodies and components have their names beside them; Matplotlib is not asked."""
+    mechanism = uqmbd.Mechanism("pair <1>", uqmbd.Planar())
+    rods = [mechanism.body(f"rod & {k}", mass=1, inertia=1, position=(k + 0.5, 0)) for k in range(2)]
+    mechanism.add(Revolute("pivot", mechanism.ground, rods[0], (0, 0), (-0.5, 0)))
+    mechanism.add(Revolute("elbow", *rods, (0.5, 0), (-0.5, 0)))
+    told = drawn_texts(mechanism)
+    assert {"rod & 0", "rod & 1", "pivot", "elbow"} <= set(told) and not any("assembled" in text for text in told)
+    mechanism.add(Revolute("far", mechanism.ground, rods[1], (9, 0), (0.5, 0)))
+    assert "as drawn: it cannot be assembled" in drawn_texts(mechanism)
+
+
+def drawn_texts(mechanism):
+    (image,) = Page(report.notebook.mechanism_html(mechanism)).images
+    source = base64.b64decode(image["src"].removeprefix("data:image/svg+xml;base64,"))
+    return [element.text for element in ElementTree.fromstring(source).iter() if element.tag.endswith("text")]

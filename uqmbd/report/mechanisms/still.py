@@ -55,14 +55,7 @@ def still(data: xr.Dataset) -> Drawing:
     """
     film = Film(data, WIDTH, INCH)
     bounds, frame = film.bounds, film.widest
-    height = _height(bounds)
-    sheet = sheet_for(bounds, WIDTH, height)
-    made = Drawing(INCH * WIDTH, INCH * height)
-
-    def page(places: Array) -> Array:
-        return INCH * (places * [1, -1] + [0, height])
-
-    _scale(made, sheet, page(np.array([0.15, 0.16])))
+    made, sheet, page = _empty(bounds)
     count = len(film.points) - 1
     alpha = f"{np.clip(5 / max(count, 1), 0.15, 0.6):.2f}"
     for (body, corners), outlines in zip(film.corners, film.outlines(sheet, frame), strict=True):
@@ -85,14 +78,7 @@ def pose_still(data: xr.Dataset) -> Drawing:
     bounds = sketch.extent(points)
     known = bounds[np.isfinite(bounds).all(axis=-1)]
     bounds = known if len(known) else np.zeros((1, bounds.shape[-1]))
-    height = _height(bounds)
-    sheet = sheet_for(bounds, WIDTH, height)
-    made = Drawing(INCH * WIDTH, INCH * height)
-
-    def page(places: Array) -> Array:
-        return INCH * (places * [1, -1] + [0, height])
-
-    _scale(made, sheet, page(np.array([0.15, 0.16])))
+    made, sheet, page = _empty(bounds)
     pen = sketch.draw(sheet, points)
     _paint(made, pen.shapes, page)
     names, lines = placed_names(sketch.labels(sheet, points), pen.shapes, sheet.box)
@@ -107,6 +93,19 @@ def pose_still(data: xr.Dataset) -> Drawing:
     if data.attrs["note"]:
         made.text(6, 12, "as drawn: it cannot be assembled", "limit", font_size=10)
     return made
+
+
+def _empty(bounds: Array) -> tuple[Drawing, Sheet, Callable[[Array], Array]]:
+    """Return a drawing with nothing but its scale, its sheet, and what maps inches on the sheet to the drawing."""
+    height = _height(bounds)
+    sheet = sheet_for(bounds, WIDTH, height)
+    made = Drawing(INCH * WIDTH, INCH * height)
+
+    def page(places: Array) -> Array:
+        return INCH * (places * [1, -1] + [0, height])
+
+    _scale(made, sheet, page(np.array([0.15, 0.16])))
+    return made, sheet, page
 
 
 def _paint(made: Drawing, shapes: Iterable[Shape], page: Callable[[Array], Array]) -> None:
