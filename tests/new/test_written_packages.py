@@ -18,9 +18,9 @@ def test_they_are_found_by_their_entry_points(python):
     run = python("-m", "uqmbd", "plugins", "--json")
     found = {info["distribution"]: info for info in json.loads(run.stdout)}
     for name, kind in PLUGIN_KINDS.items():
-        if kind.hook:
+        if kind.registered:
             info = found[name_of(name)]
-            assert (info["status"], info["errors"], info["hooks"]) == ("loaded", [], [kind.hook])
+            assert (info["status"], info["errors"], info["hooks"]) == ("loaded", [], [kind.registered.hook])
             assert len(info[kind.registry]) == 1
         else:
             assert name_of(name) not in found

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from uqmbd.plugins import Kind
 
 __all__ = ["PLUGIN_KINDS", "PluginKind"]
 
@@ -24,20 +27,12 @@ class PluginKind:
         Of the package, where the example stands.
     page : str
         Of docs, which says all that may be written.
-    noun : str
-        What the hook returns.
-    hook : str
-        Empty for what is given to a component as it is.
+    registry : str
+        Key of `uqmbd.plugins.KINDS`, which knows its hook; empty for what is given to a component as it is.
     base : str
         Type of what the hook returns.
-    registry : str
-        Key of `uqmbd.plugins.KINDS` under which it is known by its name; empty without a hook.
-    group : str
-        Entry points of its hook.
     offers : {"class", "function"}
         What the package offers.
-    by_class_name : bool
-        Whether it is known by the name of its class, else by its attribute ``name``.
     """
 
     title: str
@@ -45,13 +40,16 @@ class PluginKind:
     example: str
     module: str
     page: str
-    noun: str = ""
-    hook: str = ""
-    base: str = ""
     registry: str = ""
-    group: str = ""
+    base: str = ""
     offers: Literal["class", "function"] = "class"
-    by_class_name: bool = False
+
+    @property
+    def registered(self) -> Kind | None:
+        """Its hook, and what the classes of it have in common; none for what is given to a component as it is."""
+        from uqmbd.plugins import KINDS
+
+        return KINDS[self.registry] if self.registry else None
 
 
 PLUGIN_KINDS = {
@@ -61,12 +59,8 @@ PLUGIN_KINDS = {
         example="two points that attract each other",
         module="component",
         page="how-to/plugins/component.md",
-        noun="components",
-        hook="uqmbd_components",
-        base="uqmbd.Component",
         registry="components",
-        group="uqmbd",
-        by_class_name=True,
+        base="uqmbd.Component",
     ),
     "law": PluginKind(
         title="A component with a law in a symbol",
@@ -74,12 +68,8 @@ PLUGIN_KINDS = {
         example="two bodies that attract each other by a law of the user",
         module="component",
         page="how-to/plugins/law.md",
-        noun="components",
-        hook="uqmbd_components",
-        base="uqmbd.Component",
         registry="components",
-        group="uqmbd",
-        by_class_name=True,
+        base="uqmbd.Component",
     ),
     "contact-law": PluginKind(
         title="A law of contact",
@@ -95,11 +85,8 @@ PLUGIN_KINDS = {
         example="first-order perturbation",
         module="propagator",
         page="how-to/plugins/propagator.md",
-        noun="propagators",
-        hook="uqmbd_propagators",
-        base="uqmbd.Propagator",
         registry="propagators",
-        group="uqmbd",
+        base="uqmbd.Propagator",
     ),
     "integrator": PluginKind(
         title="An integrator",
@@ -107,11 +94,8 @@ PLUGIN_KINDS = {
         example="an explicit Runge-Kutta method of SciPy",
         module="integrator",
         page="how-to/plugins/integrator.md",
-        noun="integrators",
-        hook="uqmbd_integrators",
-        base="uqmbd.Integrator",
         registry="integrators",
-        group="uqmbd",
+        base="uqmbd.Integrator",
     ),
     "design": PluginKind(
         title="A sampling design",
@@ -119,11 +103,8 @@ PLUGIN_KINDS = {
         example="multiples of irrational numbers",
         module="design",
         page="how-to/plugins/sampling_design.md",
-        noun="sampling designs",
-        hook="uqmbd_designs",
-        base="uqmbd.SamplingDesign",
         registry="designs",
-        group="uqmbd",
+        base="uqmbd.SamplingDesign",
     ),
     "section": PluginKind(
         title="A section of the report",
@@ -131,12 +112,8 @@ PLUGIN_KINDS = {
         example="charts of how fast outputs change",
         module="section",
         page="how-to/plugins/report_section.md",
-        noun="sections of the report",
-        hook="uqmbd_report_sections",
-        base="Section",
         registry="report_sections",
-        group="uqmbd",
-        by_class_name=True,
+        base="Section",
     ),
     "reader": PluginKind(
         title="A reader of model files",
@@ -144,10 +121,7 @@ PLUGIN_KINDS = {
         example="tables of masses and springs",
         module="reader",
         page="how-to/other_models.md",
-        noun="readers",
-        hook="uqmbd_readers",
         registry="readers",
-        group="uqmbd",
     ),
     "command": PluginKind(
         title="A command",
@@ -155,11 +129,8 @@ PLUGIN_KINDS = {
         example="a list of the bodies of a study",
         module="command",
         page="how-to/plugins/command.md",
-        noun="commands",
-        hook="uqmbd_commands",
-        base="uqmbd.Command",
         registry="commands",
-        group="uqmbd.commands",
+        base="uqmbd.Command",
     ),
 }
 """By the word that `--kind` takes."""

@@ -68,17 +68,17 @@ def _check_registered(names: PluginNames, kind: PluginKind, target: Path) -> Non
     """Raise where a plugin of this kind is registered by the name, other than by the package that is written."""
     from uqmbd import plugins
 
-    if not kind.registry:
+    known = kind.registered
+    if known is None:
         return
-    word = names.cls if kind.by_class_name else names.short
-    if word in plugins.KINDS[kind.registry].reserved:
+    word = names.short if known.by_attribute else names.cls
+    if word in known.reserved:
         owner = "uqmbd itself"
     else:
         owner = plugins.owner(kind.registry, word)
     ours = (target / "src" / names.package).exists()  # --force, of a package that is installed from there
     if owner and not ours:
-        noun = plugins.KINDS[kind.registry].noun
-        raise StudyError(f"name {names.name!r}: the {noun} {word!r} is that of {owner}; choose another.")
+        raise StudyError(f"name {names.name!r}: the {known.noun} {word!r} is that of {owner}; choose another.")
 
 
 def _check_free(name: str, offered: str, text: str) -> None:
