@@ -249,3 +249,16 @@ def test_a_figure_that_cannot_be_drawn_is_told_and_costs_no_other(tmp_path: Path
     said = [str(one.message) for one in told]
     assert len(said) == 2 and all(str(tmp_path) in one and one.endswith("ValueError: no room") for one in said)
     assert "'first'" in said[0] and "'third'" in said[1]
+
+
+def test_what_does_not_vary_is_written_without_a_warning(tmp_path: Path) -> None:
+    """Outputs without spread have charts that are notes, and figures with axes about the only value."""
+    mechanism = uqmbd.Mechanism("free", uqmbd.Line())
+    mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")
+    body = mechanism.body("body", mass=mass, velocity=1.0)
+    mechanism.output("x", body.position[0], units="m")
+    methods = [MonteCarlo(samples=30, seed=1), Collocation(order=1)]
+    with pytest.warns(uqmbd.UnusedInputWarning):
+        tree = uqmbd.Study("free", mechanism, np.linspace(0, 1, 5), methods).run()
+    report.write_report(tree, tmp_path / "report.html", folder=tmp_path / "figures")
+    assert {"x-bands.svg", "collocation-stated-error.svg"} <= {file.name for file in (tmp_path / "figures").iterdir()}

@@ -1,12 +1,14 @@
 """Charts of elements show the boxes of the chaos, in the units of the inputs, and the errors in them."""
 
+import json
+
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
 from uqmbd.randomness import GermBox, GermSpace, JointInput
-from uqmbd.report.live import elements_data, unpacked
+from uqmbd.report.live import elements_data, json_script, unpacked
 from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels, propagator_node
 
 TIMES = [0.0, 1.0]
@@ -71,6 +73,21 @@ def test_along_one_input_they_are_steps():
     np.testing.assert_allclose(unpacked(data["time"]), [10, 15, 15, 20])
     np.testing.assert_allclose(unpacked(data["methods"][0]["lines"][0]["values"]), [0.1, 0.1, 10, 10])
     assert data["up"]["log"] and data["up"]["low"] <= 0.1 and data["up"]["high"] >= 10
+
+
+@pytest.mark.parametrize("errors", [[np.nan, 0.01, np.nan, 0.02], [np.nan] * 4])
+def test_elements_whose_error_is_not_known_have_no_shade(errors, node):
+    """They are boxes like others, and JSON holds the chart."""
+    chart = elements_data(made(four(), errors))
+    shares = node(["chart_model.js", "chart_layers.js"], """
+    const model = chartModel(given);
+    answer = model.boxes.shade.map((_, k) => shadeShare(model.boxes, k));
+    """, json.loads(json_script(chart)))  # fmt: skip
+    known = np.isfinite(unpacked(chart["boxes"]["shade"]))
+    assert [share is not None for share in shares] == known.tolist() and known.sum() == np.isfinite(errors).sum()
+    assert not known.any() or unpacked(chart["boxes"]["shade"])[chart["start"]] == pytest.approx(2)
+    steps = elements_data(made(whole().split(1), errors[:2]))
+    assert json_script(steps)
 
 
 def test_the_box_that_is_pointed_at_is_told(node):

@@ -93,8 +93,9 @@ def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bo
 
     first, last = decades(low, high)
     axis: Any = axes.xaxis if direction == "x" else axes.yaxis
-    (axes.set_xscale if direction == "x" else axes.set_yscale)("log")
+    # ends first: else Matplotlib looks for its own, and warns where all values are alike
     (axes.set_xlim if direction == "x" else axes.set_ylim)(10.0**first, 10.0**last)
+    (axes.set_xscale if direction == "x" else axes.set_yscale)("log")
     step = -(-(last - first) // 5)
     axis.set_major_locator(FixedLocator([10.0**k for k in range(last, first - 1, -step)][::-1]))
     axis.set_minor_locator(NullLocator())

@@ -47,6 +47,11 @@ def _ends(values: Array) -> tuple[float, float] | None:
     return max(float(positive.min()), SPAN * float(positive.max())), float(positive.max())
 
 
+def _worst(values: Array) -> int:
+    """Return where the largest value is; those that are not known do not count."""
+    return int(np.argmax(np.where(np.isnan(values), -np.inf, values)))
+
+
 def _boxes(found: SplitElements, up: tuple[Array, Array]) -> dict[str, Any]:
     """Return boxes, ordered along the axis."""
     (x0, x1), (y0, y1) = found.across, up
@@ -62,13 +67,13 @@ def _boxes(found: SplitElements, up: tuple[Array, Array]) -> dict[str, Any]:
         probability = {"name": "probability", "units": "", "digits": True, "values": packed(found.probability[order])}
         method["columns"].append(probability)
     ends = _ends(value)
-    largest = float(value.max(initial=0.0))
+    largest = float(np.nanmax(value, initial=0.0))
     return {
         "output": name_up,
         "units": units_up,
         "time": packed((x0 + x1) / 2),
         "of": len(order),
-        "start": int(np.argmax(value)),
+        "start": _worst(value),
         "across": {
             "name": across,
             "units": across_units,
@@ -115,7 +120,7 @@ def _steps(found: SplitElements) -> dict[str, Any]:
         "time": packed(np.column_stack([x0[order], x1[order]]).ravel()),
         "of": 2 * len(order),
         "digits": 2,
-        "start": 2 * int(np.argmax(value)),
+        "start": 2 * _worst(value),
         "across": {"name": found.names[0][0], "units": units, "told": units},
         "up": up,
         "methods": [curve_data(0, 1, curve) | {"filled": True}],
