@@ -134,6 +134,14 @@ def test_broken_plugin_is_told_and_harms_nobody(install, loaded, source, reason)
     assert infos["plugin_good"].status == "loaded" and "Magnet" in registry.classes["components"]
 
 
+def test_a_hook_of_several_that_is_not_decorated_is_told(install, loaded):
+    install("plugin_half", good().replace("@uqmbd.hookimpl\ndef uqmbd_propagators", "def uqmbd_propagators"))
+    registry, infos = loaded()
+    assert infos["plugin_half"].status == "incomplete" and list(registry.classes["components"]) == ["Magnet"]
+    (error,) = infos["plugin_half"].errors
+    assert "its function uqmbd_propagators is not decorated with uqmbd.hookimpl" in error
+
+
 def test_the_reason_says_where_it_comes_from(install, loaded):
     install("plugin_broken", "\n\nraise RuntimeError('no licence found')\n")
     _, infos = loaded()

@@ -31,6 +31,9 @@ __all__ = [
 
 _POWER = re.compile(r"(?:\^|\*\*)(?:\((-?\d+)\)|(-?\d+)(?![\d.]))")
 _TIMES = re.compile(r"\s*\*\s*")
+LIBRARIES = ("uqmbd", "sympy", "numpy", "scipy", "chaospy")
+"""Whose lines say nothing of a mistake to those who call them."""
+
 SMALLEST_SHARE = 1e-6
 """Errors below this part are said to be below it: what they are exactly, rounding decides."""
 
@@ -374,6 +377,10 @@ def minus(text: str) -> str:
 
 
 def place_of(error: BaseException) -> str:
-    """File and line in which an error came up, as a part of a sentence."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]
-    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    """File and line in which an error came up, as a part of a sentence; of calls of libraries, that of the call."""
+    frames = list(traceback.walk_tb(error.__traceback__))[1:]
+    theirs = [x for x in frames if x[0].f_globals.get("__name__", "").partition(".")[0] not in LIBRARIES]
+    if not frames:
+        return ""
+    frame, line = (theirs or frames)[-1]
+    return f" ({Path(frame.f_code.co_filename).name}, line {line})"

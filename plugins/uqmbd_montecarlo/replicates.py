@@ -41,7 +41,7 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
         return [samples]
     if samples < 2 * replicates:
         raise uqmbd.StudyError(
-            f"MonteCarlo: {samples} samples are too few for {replicates} replicates of a {design} design; "
+            f"MonteCarlo: {samples} samples are too few for {replicates} replicates of the design {design!r}; "
             f"take {2 * replicates} samples at least, or fewer replicates."
         )
     if found.base > 1:
@@ -51,7 +51,7 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
         if power * replicates != samples:
             below = replicates * power
             raise uqmbd.StudyError(
-                f"MonteCarlo: a {design} design of {replicates} replicates needs {replicates} times a power of "
+                f"MonteCarlo: the design {design!r} in {replicates} replicates needs {replicates} times a power of "
                 f"{'two' if found.base == 2 else found.base} samples; {samples} were given. Take {below} or "
                 f"{found.base * below}."
             )

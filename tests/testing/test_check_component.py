@@ -309,3 +309,36 @@ def test_motion_that_is_told_wrongly_is_found(component, words):
 
 def test_motion_that_is_told_well_passes():
     check_component(Sundial, propagators=())
+
+
+def magnet(units="N m^2", law=None, **parameter):
+    """Two poles that attract each other, with a mistake."""
+
+    class Magnet(Base):
+        """Attract two points."""
+
+        strength = uqmbd.Parameter(units, "force times the square of a distance", minimum=0, **parameter)
+
+        def terms(self, p):
+            d = p.let("distance", sympy.sqrt(self.offset(p).dot(self.offset(p))))
+            yield uqmbd.VirtualWork(-p.strength * (law(d) if law else 1 / (d + 0.1) ** 2), p.rate_of(d))
+
+    return Magnet
+
+
+def test_units_of_a_parameter_that_fit_its_terms_pass():
+    check_component(magnet(), propagators=())
+    check_component(magnet("N/m^1.5", lambda d: d ** sympy.Rational(3, 2)), propagators=())
+
+
+MISTAKES = {
+    "another dimension": (magnet("N/m"), r"Magnet in Planar space, .*: force times velocity of a VirtualWork: .* to be W"),
+    "no units": (magnet("Newton square"), "Magnet.strength: units is 'Newton square', which is no unit"),
+    "a root of a negative number": (magnet("N", lambda d: sympy.sqrt(0.01 - d / (d + 0.1))), "a term is not finite .* outside of its range"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("component", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_in_units_or_ranges_is_told_as_such(component, words):
+    with pytest.raises(AssertionError, match=words):
+        check_component(component, propagators=())

@@ -275,4 +275,4 @@ def new_plugin_package(
     print(f"\nNext:    cd {folder / name}")
     print('         python -m pip install --editable ".[test]"')
     print("         python -m pytest")
-    print(f"Then replace the example by your own: docs/{about.page} of uqmbd says what there is.")
+    print(f"Then replace the example by your own: docs/{about.page} in the folder of uqmbd says what there is.")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,14 @@ from uqmbd.dynamics.equations import (
     Model,
     ParameterMap,
     Statement,
+    acting,
     angle_counters,
     break_times,
     compiled_conditions,
     inputs_of_conditions,
     instances_of,
     limits_of,
+    links,
     output_map,
     state_arguments,
 )
@@ -191,7 +192,8 @@ def _kinematics(
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
-        links=_links(instances, order),
+        links=links(instances, order),
+        acting=acting(instances, order),
         turned=tuple(i.component.name for i in instances if i.component.prescribed_angle),
         length=size_of(mechanism) or 1.0,
         limits=limits,
@@ -220,17 +222,6 @@ def _kinematics(
         model = replace(model, conditions=conditions)
         require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
     return model, instances, blocks
-
-
-def _links(instances: list[Instance], order: dict[str, int]) -> tuple[tuple[int, int], ...]:
-    """Pairs of bodies that components connect, by number; -1 is the ground."""
-    found: set[tuple[int, int]] = set()
-    for instance in instances:
-        numbers = sorted(
-            {order.get(str(getattr(body, "name", "")), -1) for body in instance.component.attached.values()}
-        )
-        found |= set(combinations(numbers, 2))
-    return tuple(sorted(found))
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:

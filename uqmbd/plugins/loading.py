@@ -137,6 +137,9 @@ def _load_one(
     known = {kind.hook for kind in KINDS.values() if kind.group == group}
     hooks = tuple(name for name in names if name in known)
     errors = [_misplaced(name, entry_point, known) for name in names if name not in known]
+    plain = sorted(name for name in known - set(names) if inspect.isfunction(vars(plugin).get(name)))
+    if names and plain:
+        errors.append(f"its function {plain[0]} is not decorated with uqmbd.hookimpl, and what it offers is not known")
     if not names:
         wanted = ", ".join(sorted(known))
         errors.append(f"{entry_point.value} implements no hook; decorate its functions ({wanted}) with uqmbd.hookimpl")

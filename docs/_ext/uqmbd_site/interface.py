@@ -74,7 +74,7 @@ def write_hooks(source: str | Path) -> None:
         specification = getattr(hooks, kind.hook).spec.function
         lines += [kind.hook, "-" * len(kind.hook), "", inspect.getdoc(specification) or "", ""]
         facts = {
-            "A class is": f"a {kind.noun}",
+            "A class is": f"{'an' if kind.noun[0] in 'aeiou' else 'a'} {kind.noun}",
             "Entry-point group": f"``{kind.group}``",
             "Derives from": f"`{kind.base}`" if kind.base else "",
             "Known by": "its class attribute ``name``" if kind.by_attribute else "the name of the class",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import warnings
 
 import chaospy
@@ -66,6 +68,33 @@ def test_terms_that_mean_nothing_name_the_component_and_the_remedy(how, words):
     assert "'holder'" in str(caught.value)
     for word in words:
         assert word in str(caught.value)
+
+
+SLIPS = {
+    "a misspelt parameter": (lambda self, p: p.stifness, "nothing named 'stifness' here; did you mean 'stiffness'"),
+    "the time": (lambda self, p: p.t, "the time is p.time"),
+    "a choice of Python": (lambda self, p: min(p.stiffness, p.body.position[0]), r"line \d+\)\. Python's if, .* sympy.Piecewise"),
+    "a function of math": (lambda self, p: math.sqrt(p.stiffness), "sympy.sqrt for math.sqrt"),
+    "a function of NumPy": (lambda self, p: np.sqrt(p.stiffness * p.body.position[0]), "sympy.sqrt for numpy.sqrt"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("slip", "words"), SLIPS.values(), ids=SLIPS)
+def test_a_slip_in_terms_is_told_with_its_line_and_what_to_write(slip, words):
+    class Slip(uqmbd.Component):
+        bodies = ("body",)
+        stiffness = uqmbd.Parameter("N/m", "spring rate")
+
+        def terms(self, p):
+            yield uqmbd.Potential(slip(self, p))
+
+    mechanism, stone = falling()
+    mechanism.add(Slip("slip", stone, 2.0))
+    with pytest.raises(
+        uqmbd.StudyError, match=r"Slip 'slip': terms\(\) raised .*\(test_expressions.py, line.*"
+    ) as caught:
+        uqmbd.simulate(mechanism, [0, 0.1])
+    assert re.search(words, str(caught.value))
 
 
 def test_a_component_without_terms_is_told():

@@ -38,8 +38,10 @@ def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameter
         rows = found["acceleration"][name][0].reshape(model.layout.coordinates, -1)
         if (wrong := np.flatnonzero(~np.isfinite(rows).all(axis=1))).size:
             value = rows[wrong[0]][~np.isfinite(rows[wrong[0]])][0]
-            body = model.bodies[int(wrong[0]) // model.size]
-            return f"{what} body {body!r} is {value:g} {at}: a spring, a load or another component has none. {REMEDY}"
+            body = model.bodies[k := int(wrong[0]) // model.size]
+            names = [repr(x) for x in (model.acting[k] if model.acting else ())] if name == "force" else []
+            whose = "one of " + ", ".join(names) if len(names) > 1 else (names or ["a component"])[0]
+            return f"{what} body {body!r} is {value:g} {at}: {whose} has none there. {REMEDY}"
     return ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.dynamics.equations.attached import acting, links
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
@@ -35,6 +36,7 @@ __all__ = [
     "Statement",
     "TIME",
     "Tables",
+    "acting",
     "angle_counters",
     "break_times",
     "compiled_conditions",
@@ -43,6 +45,7 @@ __all__ = [
     "inputs_of_conditions",
     "instances_of",
     "limits_of",
+    "links",
     "mechanism_terms",
     "output_map",
     "plain",

@@ -125,6 +125,8 @@ class Model:
     """Whether a command is a speed that a constraint prescribes."""
     links: tuple[tuple[int, int], ...] = ()
     """Pairs of bodies that components connect, by number; -1, the first of a pair: the ground."""
+    acting: tuple[tuple[str, ...], ...] = ()
+    """Components that exert forces on each body, by name, those of constraints apart."""
     turned: tuple[str, ...] = ()
     """Components that prescribe an angle, by name (`Component.prescribed_angle`)."""
     start_at: str = "drawn"

@@ -98,7 +98,7 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
         return f"the integration stopped at t = {now:.6g} s: more than {most} steps"
     return (
         f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
-        "pose, a stop or an impact, or a force that jumps"
+        "pose, a stop or an impact, or a force that jumps or grows without bound"
     )
 
 

@@ -394,7 +394,8 @@ def diagnosis(solution: Solution, time: float, rtol: float) -> str:
     if solution.too_much_work:
         cause = "too many steps: the motion is very stiff or very fast for the output times"
     else:
-        cause = "the steps became too small: a singular pose, a stop or an impact, or a force that jumps"
+        cause = "the steps became too small: a singular pose, a stop or an impact, or a force that "
+        cause += "jumps or grows without bound"
     return (
         f"the integration stopped at t = {time:.6g} s ({solution.message}); probably {cause}. "
         f"Try another rtol (now {rtol:g}), or look at the motion up to that time."

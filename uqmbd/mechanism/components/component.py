@@ -21,6 +21,7 @@ from uqmbd.mechanism.components.joint_motion import (
     told_motion,
 )
 from uqmbd.mechanism.components.local import Local
+from uqmbd.mechanism.components.mistakes import remedy
 from uqmbd.mechanism.components.parameter import Parameter
 from uqmbd.mechanism.components.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.components.terms import (
@@ -269,8 +270,7 @@ class Component:
         except Exception as error:
             raise StudyError(
                 f"{type(self).__name__} {self.name!r}: {method} raised {type(error).__name__}: {error}"
-                f"{place_of(error)}. It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are "
-                "written in what p offers."
+                f"{place_of(error)}. {remedy(error)}"
             ) from error
         finally:
             self.stating = False

@@ -10,6 +10,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import flatten
 from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.names import did_you_mean
 
 __all__ = ["RESERVED", "Local", "Quantity"]
 
@@ -84,9 +85,11 @@ class Local:
         try:
             return self.__dict__["_names"][name]
         except KeyError:
-            raise AttributeError(
-                f"nothing named {name!r} here; there are {sorted(self.__dict__.get('_names', ()))}"
-            ) from None
+            names = sorted(self.__dict__.get("_names", ()))
+            there = f"there are {', '.join(names)}, and time, space, let, rate_of, state"
+            if name == "t":
+                raise AttributeError(f"nothing named 't' here; the time is p.time; {there}") from None
+            raise AttributeError(f"nothing named {name!r} here{did_you_mean(name, names)}; {there}") from None
 
     def state(self, name: str) -> sympy.Symbol:
         """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""

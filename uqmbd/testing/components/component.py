@@ -20,7 +20,9 @@ from uqmbd.testing.components.events import check_events
 from uqmbd.testing.components.methods import check_studies
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
 from uqmbd.testing.components.told_motion import check_told_motion
+from uqmbd.testing.components.units import check_units
 from uqmbd.typing import Array
+from uqmbd.units import spelling
 
 __all__ = ["check_component"]
 
@@ -42,6 +44,7 @@ def check_component(
     """Check a component in mechanisms with random poses and values, in every space it declares.
 
     - Its parameters have units and descriptions, each has an effect, and all may be random.
+    - Units of parameters fit the terms: energies are in J, force times velocity in W, terms of sums alike.
     - The exact Jacobian agrees with central differences of the residual.
     - Realisations are computed side by side as each would be alone.
     - Between two bodies: what it exerts on them cancels (action and reaction), and does not depend on where the bodies
@@ -96,6 +99,8 @@ def check_component(
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
         for number, case in enumerate(cases(component, space, given or {}, rng)):
             bench = Bench.of(f"{name_of(component, space)}, {case.title}", case, rng)
+            if number == 0:
+                check_units(bench.title, case.component, case.mechanism.space)
             _check_jacobian(bench, rng)
             _check_broadcasting(bench, rng)
             check_events(bench, rng, between=internal and case.free and len(component.bodies) > 1)
@@ -116,12 +121,19 @@ def _check_declaration(component: type[Component]) -> None:
         assert parameter.description, f"{component.__name__}.{key} has no description."
         numeric = parameter.kind != "option"
         assert parameter.units or not numeric, f"{component.__name__}.{key} has no units; '1' for a pure number."
+        told = spelling(f"{component.__name__}.{key}", parameter.units) if numeric else ""
+        assert not told, told
 
 
 def _check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
     """Compare ``dr/dy + c dr/dy'`` with central differences; what is absent from it must not change the residual."""
     state, parameters, h = bench.state(rng), bench.parameters(bench.inputs), 1e-5
     rows = bench.kernel("residual")[1]
+    assert np.isfinite(bench.evaluate("residual", state, parameters)).all(), (
+        f"{bench.title}: a term is not finite in a random pose, with random values of its parameters: a division by "
+        "zero, or a root, logarithm or power outside of its range. Hold it in its range (sympy.Max, sympy.Piecewise), "
+        "or declare minimum=, maximum= or example= of the parameters."
+    )
     entries = dict(zip(bench.kernel("jacobian")[1], bench.evaluate("jacobian", state, parameters).T, strict=True))
     for letter, rate in (("q", "dq"), ("s", "ds"), ("v", "dv"), ("l", None), ("m", None)):
         for k in range(state[letter].shape[1] if letter in state else 0):

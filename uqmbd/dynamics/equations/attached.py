@@ -1,0 +1,31 @@
+"""Which components connect bodies, and which of them exert forces on a body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+from uqmbd.dynamics.equations.block import Instance
+
+__all__ = ["acting", "links"]
+
+
+def links(instances: Sequence[Instance], order: Mapping[str, int]) -> tuple[tuple[int, int], ...]:
+    """Pairs of bodies that components connect, by number; -1 is the ground."""
+    found: set[tuple[int, int]] = set()
+    for instance in instances:
+        numbers = sorted(
+            {order.get(str(getattr(body, "name", "")), -1) for body in instance.component.attached.values()}
+        )
+        found |= set(combinations(numbers, 2))
+    return tuple(sorted(found))
+
+
+def acting(instances: Sequence[Instance], order: Mapping[str, int]) -> tuple[tuple[str, ...], ...]:
+    """Names of the components that state a potential or work on each body, in the order of the bodies."""
+    found: list[list[str]] = [[] for _ in order]
+    for instance in instances:
+        if not instance.type.owns and (instance.type.work or instance.type.potential != 0):
+            for body in instance.bodies:
+                found[order[body.name]].append(instance.component.name)
+    return tuple(tuple(names) for names in found)

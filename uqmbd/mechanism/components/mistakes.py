@@ -1,0 +1,42 @@
+"""What to write in place of what cannot be done with symbols: for errors that come up in the terms of a component."""
+
+from __future__ import annotations
+
+__all__ = ["remedy"]
+
+EXPECTED = "It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are written in what p offers."
+"""Where nothing better is known."""
+
+REMEDIES = (
+    (
+        "truth value",
+        "Python's if, min, max and comparisons cannot decide on symbols: write sympy.Piecewise, sympy.Min, sympy.Max, "
+        "or uqmbd.step for a smooth change.",
+    ),
+    (
+        "loop of ufunc",
+        "NumPy's functions take no symbols: write those of SymPy, sympy.sqrt for numpy.sqrt.",
+    ),
+    (
+        "Cannot convert expression to float",
+        "Functions of math, and float, take no symbols: write those of SymPy, sympy.sqrt for math.sqrt.",
+    ),
+    (
+        "object is not iterable",
+        f"Is `yield` missing, or `return` written for it? {EXPECTED}",
+    ),
+)
+"""A part of the words of Python, NumPy and SymPy, and what to do."""
+
+
+def remedy(error: Exception) -> str:
+    """Say what to write in the terms of a component, by what Python says of them.
+
+    Examples
+    --------
+    >>> remedy(TypeError("cannot determine truth value of Relational: x < 1"))[:45]
+    "Python's if, min, max and comparisons cannot "
+    >>> remedy(ValueError("?")) == EXPECTED
+    True
+    """
+    return next((words for part, words in REMEDIES if part in str(error)), EXPECTED)

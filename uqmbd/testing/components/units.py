@@ -1,0 +1,123 @@
+"""Do the units of a component's parameters fit its terms: energies in J, work in W, sums of one dimension."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism import Body, Component, Constraint, Frame, Kinetic, Local, Potential, Space, VirtualWork
+from uqmbd.mechanism.expressions import findings, flatten, t, units_of
+from uqmbd.units import read_units
+
+__all__ = ["check_units"]
+
+
+class _Stated(sympy.Dummy):
+    """Symbol of a number whose units are stated."""
+
+    units: str = ""
+
+    def _sympystr(self, printer: Any) -> str:
+        return str(self.name)
+
+
+def check_units(title: str, component: Component, space: Space) -> None:
+    """Compare the units of terms with what they have to be.
+
+    Left out are terms in which no parameter has other units than m (a stiffness of one is not written), powers whose
+    exponent is a parameter (the units of their factor depend on it), and components that are given a law of the user.
+
+    Parameters
+    ----------
+    title : str
+        For messages.
+    component : Component
+        A part of a mechanism.
+    space : Space
+        Of that mechanism.
+
+    Raises
+    ------
+    AssertionError
+        If a dimension does not fit.
+    """
+    declared = component.parameters()
+    options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]
+    if not all(option is None or isinstance(option, (str, bool, int, float)) for option in options):
+        return
+    values = {key: _symbols(key, x, declared.get(key)) for key, x in component.values.items()}
+    frames = {
+        role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
+        for role, body in component.attached.items()
+    }
+    local = Local(space, frames, values, t)
+    terms, _ = component.stated(local)
+    named: dict[sympy.Basic, sympy.Basic] = {}
+    for symbol, (kind, expression) in local.quantities.items():
+        expression = expression.xreplace(named)
+        _require(title, f"what is named {symbol.name!r}", expression, "")
+        units = units_of(expression)
+        named[symbol] = _stated(str(symbol.name), f"({units})/s" if units and kind == "rate" else units)
+    for term in terms:
+        for what, expression, units in _claims(term):
+            inserted = expression.xreplace(named)
+            if _tells(expression.free_symbols | _within(expression, local), values.values()):
+                _require(title, what, inserted, units)
+
+
+def _claims(term: object) -> Iterator[tuple[str, sympy.Expr, str]]:
+    """Yield what a term holds, what it is, and in what it has to be."""
+    match term:
+        case Potential(energy):
+            yield "the energy of a Potential", sympy.sympify(energy), "J"
+        case Kinetic(energy):
+            yield "the energy of a Kinetic", sympy.sympify(energy), "J"
+        case VirtualWork(force, velocity):
+            for f, v in zip(flatten(force), flatten(velocity), strict=True):
+                yield "force times velocity of a VirtualWork", sympy.sympify(f) * sympy.sympify(v), "W"
+        case Constraint(equations, _):
+            for equation in flatten(equations):
+                yield "a constraint", sympy.sympify(equation), ""
+
+
+def _within(expression: sympy.Expr, local: Local) -> set[Any]:
+    """Return the symbols of what named quantities in an expression stand for."""
+    found: set[Any] = set()
+    left = [s for s in expression.atoms(sympy.Symbol) if s in local.quantities]
+    while left:
+        for symbol in local.quantities[left.pop()][1].atoms(sympy.Symbol) - found:
+            found.add(symbol)
+            if symbol in local.quantities:
+                left.append(symbol)
+    return found
+
+
+def _tells(symbols: set[Any], values: Any) -> bool:
+    """Whether there is a parameter with units that are neither lengths nor pure numbers: else a number is left out."""
+    own = {x for value in values for x in flatten(value) if isinstance(x, _Stated) and x.units}
+    plain = {unit.dimension for x in ("m", "1") if (unit := read_units(x)) is not None}
+    return any((unit := read_units(x.units)) is not None and unit.dimension not in plain for x in own & symbols)
+
+
+def _require(title: str, what: str, expression: sympy.Expr, units: str) -> None:
+    if all(power.exp.is_number for power in expression.atoms(sympy.Pow)):
+        wrong = findings(f"{title}: {what}", expression, units)
+        assert not wrong, wrong[0].text
+
+
+def _symbols(key: str, value: Any, parameter: Any) -> Any:
+    """Return symbols for a value of a parameter; what `prepare` adds has units that nobody states."""
+    if value is None or (parameter is not None and parameter.kind == "option"):
+        return value
+    units = parameter.units if parameter is not None else ""
+    if isinstance(value, tuple):
+        return sympy.Matrix([_stated(f"{key}[{k}]", units) for k in range(len(value))]) if value else ()
+    return _stated(key, units)
+
+
+def _stated(name: str, units: str) -> _Stated:
+    symbol = _Stated(name, real=True)
+    symbol.units = units
+    return symbol
