@@ -22,7 +22,7 @@ LIMIT = 900
 """Longest time of a study, s."""
 
 TOPICS = {
-    "To begin with": ("pendulum", "slider_crank", "slider_crank_driven"),
+    "To begin with": ("pendulum", "slider_crank", "slider_crank_driven", "four_bar"),
     "Vehicles": ("motorcycle", "quarter_car", "suspension"),
     "Mechanisms in space, and robots": ("agile_eye", "robot"),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),

@@ -24,7 +24,7 @@ from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.propagation import allowed_of, claimed, load_study, set_aside
 from uqmbd.results.storage import is_kept
-from uqmbd.wording import format_duration
+from uqmbd.wording import format_duration, format_probability
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,6 +102,8 @@ def run_study(
     from uqmbd.results import propagator_nodes, unmet
 
     said = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
+    if allowed is not None and not said:
+        print(f"All requirements are met: each is violated with at most {format_probability(allowed)}, by all methods.")
     said += missed(tree)
     for sentence in said:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
