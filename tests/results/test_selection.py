@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import by_output, labels, load, output, sample_dataset, save, statistics_dataset
+from uqmbd.results import by_output, labels, load, output, sample_dataset, save, statistics_dataset, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
@@ -212,6 +212,8 @@ def test_names_that_are_wrong_are_told_with_the_nearest():
         by_output(statistics, "means")
     with pytest.raises(uqmbd.StudyError, match="A Dataset holds no surrogate"):
         statistics.uqmbd.surrogate()
+    with pytest.raises(uqmbd.StudyError, match=r"A DataArray holds no surrogate; expected .* tree\['LABEL'\]"):
+        surrogate(statistics["mean"])
 
 
 def test_outputs_that_are_called_like_dimensions():

@@ -24,13 +24,14 @@ MOST = 20_000_000
 RENAMED = {"std": "standard_deviation"}
 
 
-def to_frame(results: xr.DataTree, outputs: Sequence[str] | str | None = None) -> pd.DataFrame:
+def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str | None = None) -> pd.DataFrame:
     """Return statistics as a tidy frame of pandas: a row for each method, output and time.
 
     Parameters
     ----------
     results : xarray.DataTree
-        The result of a study, or the node of one method.
+        The result of a study, or the node of one method, ``tree["LABEL"]``, which to checkers of types may be a
+        DataArray.
     outputs : str or sequence of str, optional
         Only these; default: all.
 
@@ -77,7 +78,9 @@ def to_frame(results: xr.DataTree, outputs: Sequence[str] | str | None = None) -
 
 
 def samples_to_frame(
-    results: xr.DataTree, outputs: Sequence[str] | str | None = None, times: Sequence[float] | float | None = None
+    results: xr.DataTree | xr.DataArray,
+    outputs: Sequence[str] | str | None = None,
+    times: Sequence[float] | float | None = None,
 ) -> pd.DataFrame:
     """Return realisations as a frame of pandas, one in a row; those of outputs over time where they are asked for.
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import xarray as xr
 
-from uqmbd.errors import StudyError
 from uqmbd.results.chaos import ComposedChaos, Part, surrogate
 from uqmbd.results.selection import by_output, output
 
@@ -39,7 +38,7 @@ class Accessor:
     def __init__(self, data: Any) -> None:
         self._data = data
 
-    def output(self, name: str, *, input: str | None = None) -> Any:
+    def output(self, name: str, *, input: str | None = None) -> xr.Dataset | xr.DataArray:
         """Return one output with its unit; see :func:`uqmbd.results.output`.
 
         Parameters
@@ -48,8 +47,13 @@ class Accessor:
             Of an output.
         input : str, optional
             Of an input, for variables that have one.
+
+        Returns
+        -------
+        xarray.Dataset, or xarray.DataArray of one
         """
-        return output(self._data, name, input=input)
+        found: xr.Dataset | xr.DataArray = output(self._data, name, input=input)
+        return found
 
     def by_output(self, variable: str = "mean") -> xr.Dataset:
         """Return a variable for each output; see :func:`uqmbd.results.by_output`."""
@@ -70,7 +74,4 @@ class Accessor:
         uqmbd.StudyError
             If it is no node of a method with a surrogate.
         """
-        if not isinstance(self._data, xr.DataTree):
-            kind = type(self._data).__name__
-            raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")
         return surrogate(self._data, output, times)

@@ -1,4 +1,5 @@
-"""mypy and pyright know the arguments of all components: they pass right calls, and refuse each mistake at its line.
+"""mypy and pyright know the arguments of all components, and what results are: they pass right calls, and refuse each
+mistake at its line.
 
 The calls are generated from the declarations, so that a new component is checked, too.
 """
@@ -28,10 +29,15 @@ ROOT = Path(__file__).parents[3]
 PACKAGES = {path.name for path in (ROOT / "plugins").iterdir()}
 
 BEGIN = '''
+from typing import assert_type
+
 import chaospy
 import numpy as np
 import sympy
 import uqmbd
+import uqmbd.results
+import xarray as xr
+from uqmbd.typing import Array
 from uqmbd_calibration import Record, Series
 {imports}
 
@@ -50,6 +56,8 @@ class Untyped(uqmbd.Component):
 
 
 part = Untyped("part", body, 3)
+tree = uqmbd.Study("any", mechanism, [0, 1]).run()
+chaos = uqmbd.results.surrogate(tree["collocation"], "x")
 '''
 
 NUMBERS = (
@@ -81,6 +89,22 @@ sum(x**2 for x in body.point((1, 0, 0)) - other.position)
 mechanism.body("third", mass=np.float64(2), inertia=np.eye(3), rotation=sympy.eye(3), com=[0, 0, length])
 Record("run", [Series("angle", [0, 0.1], (1.0, 0.9), "rad")], known={"speed": 10}).series[0].values.max()
 Record("run", (Series("angle", np.zeros(0), np.ones(3), "rad", noise=0.1),), machine="rig").known["speed"] + 1
+assert_type(tree, xr.DataTree)
+assert_type(uqmbd.results.open("results.zarr"), xr.DataTree)
+assert_type(uqmbd.simulate(mechanism, [0, 1]), xr.Dataset)
+assert_type(uqmbd.results.output(tree, "x"), xr.Dataset)
+assert_type(uqmbd.results.output(tree["collocation"], "x"), xr.Dataset | xr.DataArray)
+assert_type(uqmbd.results.output(tree["collocation"], "x")["std"], xr.DataArray)
+assert_type(uqmbd.results.output(tree["collocation/statistics"].dataset["std"].sel(time=1), "x"), xr.DataArray)
+assert_type(uqmbd.results.by_output(tree["collocation"], "std"), xr.Dataset)
+assert_type(uqmbd.results.Accessor(tree).output("x"), xr.Dataset | xr.DataArray)
+assert_type(chaos.evaluate(length=[1, 1.5]), xr.DataArray)
+assert_type(chaos.evaluate(np.zeros((2, 1))), Array)
+assert_type(chaos.to_xarray(), xr.Dataset)
+uqmbd.to_frame(tree["collocation"], "x").plot()
+uqmbd.samples_to_frame(tree["monte-carlo"], times=1).plot()
+uqmbd.to_arviz(tree["collocation"]).children
+tree["collocation"].uqmbd.surrogate().evaluate(length=1.2)
 """
 
 ALSO_WRONG = """
@@ -91,6 +115,11 @@ uqmbd.RandomVariable("length", chaospy.Uniform(1, 2), unit="m")
 Record("run", Series("angle", [0, 0.1], [1.0, 0.9], "rad"))
 Record("run", [Series("angle", [0, 0.1], units="rad")])
 Series("angle", body, [1.0, 0.9], "rad")
+uqmbd.results.output("results.nc", "x")
+uqmbd.results.output(tree, 3)
+uqmbd.results.surrogate(tree["collocation"].dataset)
+uqmbd.to_frame(tree.to_dataset())
+chaos.evaluat(length=1)
 """
 
 

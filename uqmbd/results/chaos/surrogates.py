@@ -40,7 +40,9 @@ class StoredSurrogate(NamedTuple):
         return self.data.sizes.get("element", 0) > (0 if self.kind == "chaos" else 1)
 
 
-def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
+def surrogate(
+    node: xr.DataTree | xr.DataArray, output: str | None = None, times: Sequence[int] | None = None
+) -> Part | ComposedChaos:
     """Return the surrogate of a method: one polynomial chaos, one of elements, an aligned one, or one of several kinds.
 
     All of them evaluate, sample, and give statistics and densities alike.
@@ -48,7 +50,7 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
     Parameters
     ----------
     node : xarray.DataTree
-        The node of a propagator.
+        The node of a propagator, ``tree["LABEL"]``, which to checkers of types may be a DataArray.
     output : str, optional
         Only this output is read, which is faster; default: all.
     times : sequence of int, optional
@@ -62,7 +64,7 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
     Raises
     ------
     StudyError
-        If the node holds no surrogate, or no such output.
+        If it is no node, or holds no surrogate, or no such output.
 
     Examples
     --------
@@ -76,6 +78,9 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
     >>> surrogate(node, "x").evaluate([[1.2]]).round(9).tolist()
     [[[2.0]]]
     """
+    if not isinstance(node, xr.DataTree):
+        kind = type(node).__name__
+        raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")
     parts = surrogate_parts(node)
     if not parts:
         raise StudyError(f"The propagator {node.name!r} holds no surrogate; collocation and Galerkin make one.")
