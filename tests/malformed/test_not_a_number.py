@@ -86,10 +86,10 @@ def test_a_force_that_is_not_a_number_names_its_body():
 def test_of_several_forces_those_that_act_on_the_body_are_named():
     mechanism, body = rod()
     mechanism.add(PointForce("push", body, (0, 0), (sympy.log(uqmbd.t - 1), 0)))
-    with pytest.raises(uqmbd.AssemblyError, match="is nan at t = 0 s: 'push' has none there"):
+    with pytest.raises(uqmbd.AssemblyError, match="is nan at t = 0 s: 'push' has no finite value there"):
         uqmbd.simulate(mechanism, TIMES)
     mechanism.add(PointForce("pull", body, (0, 0), (1, 0)))
-    with pytest.raises(uqmbd.AssemblyError, match="is nan at t = 0 s: one of 'push', 'pull' has none there"):
+    with pytest.raises(uqmbd.AssemblyError, match="is nan at t = 0 s: one of 'push', 'pull' has no finite value there"):
         uqmbd.simulate(mechanism, TIMES)
 
 

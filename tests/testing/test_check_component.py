@@ -332,7 +332,7 @@ def test_units_of_a_parameter_that_fit_its_terms_pass():
 
 
 MISTAKES = {
-    "another dimension": (magnet("N/m"), r"Magnet in Planar space, .*: force times velocity of a VirtualWork: .* to be W"),
+    "another dimension": (magnet("N/m"), r"Magnet in Planar space, .*: force times velocity of a VirtualWork: .* to be W.* strength in N/m"),
     "no units": (magnet("Newton square"), "Magnet.strength: units is 'Newton square', which is no unit"),
     "a root of a negative number": (magnet("N", lambda d: sympy.sqrt(0.01 - d / (d + 0.1))), "a term is not finite .* outside of its range"),
 }  # fmt: skip

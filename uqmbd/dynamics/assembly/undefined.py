@@ -41,7 +41,7 @@ def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameter
             body = model.bodies[k := int(wrong[0]) // model.size]
             names = [repr(x) for x in (model.acting[k] if model.acting else ())] if name == "force" else []
             whose = "one of " + ", ".join(names) if len(names) > 1 else (names or ["a component"])[0]
-            return f"{what} body {body!r} is {value:g} {at}: {whose} has none there. {REMEDY}"
+            return f"{what} body {body!r} is {value:g} {at}: {whose} has no finite value there. {REMEDY}"
     return ""
 
 

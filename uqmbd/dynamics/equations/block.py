@@ -270,7 +270,8 @@ def _block(
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
-                    "Constraint, VelocityConstraint, Auxiliary, Event, Upright or Separation."
+                    "Constraint, VelocityConstraint, Auxiliary, Event, Upright or Separation. "
+                    "An energy is yielded as uqmbd.Potential(energy), a force as uqmbd.VirtualWork(force, velocity)."
                 )
     for state, symbol in local.states.items():
         if symbol not in rates:

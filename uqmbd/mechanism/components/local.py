@@ -86,10 +86,9 @@ class Local:
             return self.__dict__["_names"][name]
         except KeyError:
             names = sorted(self.__dict__.get("_names", ()))
-            there = f"there are {', '.join(names)}, and time, space, let, rate_of, state"
-            if name == "t":
-                raise AttributeError(f"nothing named 't' here; the time is p.time; {there}") from None
-            raise AttributeError(f"nothing named {name!r} here{did_you_mean(name, names)}; {there}") from None
+            near = "; the time is p.time." if name == "t" else did_you_mean(name, names) or "."
+            there = ", ".join([*names, "time", "space", "let", "rate_of", "state"])
+            raise AttributeError(f"nothing named {name!r} here{near} There are {there}") from None
 
     def state(self, name: str) -> sympy.Symbol:
         """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""

@@ -59,7 +59,9 @@ def check_units(title: str, component: Component, space: Space) -> None:
         expression = expression.xreplace(named)
         _require(title, f"what is named {symbol.name!r}", expression, "")
         units = units_of(expression)
-        named[symbol] = _stated(str(symbol.name), f"({units})/s" if units and kind == "rate" else units)
+        if units and kind == "rate":
+            units = "1/s" if units == "1" else f"({units})/s" if "/" in units else f"{units}/s"
+        named[symbol] = _stated(str(symbol.name), units)
     for term in terms:
         for what, expression, units in _claims(term):
             inserted = expression.xreplace(named)
@@ -102,9 +104,13 @@ def _tells(symbols: set[Any], values: Any) -> bool:
 
 
 def _require(title: str, what: str, expression: sympy.Expr, units: str) -> None:
+    given = sorted(
+        {(str(s.name).partition("[")[0], s.units) for s in expression.free_symbols if isinstance(s, _Stated)}
+    )
+    stated = f"Stated are {', '.join(f'{name} in {own}' for name, own in given if own)}."
     if all(power.exp.is_number for power in expression.atoms(sympy.Pow)):
         wrong = findings(f"{title}: {what}", expression, units)
-        assert not wrong, wrong[0].text
+        assert not wrong, f"{wrong[0].text} {stated}"
 
 
 def _symbols(key: str, value: Any, parameter: Any) -> Any:
