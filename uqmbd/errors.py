@@ -165,31 +165,10 @@ class UnitsWarning(StudyWarning):
 
 
 class UnusedInputWarning(UserWarning):
-    """A random variable enters nothing.
+    """No output depends on a random variable.
 
     Examples
     --------
-    An input of a parameter that no term holds moves nothing:
-
-    >>> import warnings
-    >>> import chaospy
-    >>> import uqmbd
-    >>> class Label(uqmbd.Component):
-    ...     bodies, spaces = ("body",), (uqmbd.Line,)
-    ...     number = uqmbd.Parameter("1", "enters nothing")
-    ...     def terms(self, p):
-    ...         yield uqmbd.Potential(0 * p.body.position[0])
-    >>> number = uqmbd.RandomVariable("number", chaospy.Uniform(0, 1))
-    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
-    >>> stone = mechanism.body("stone", mass=1)
-    >>> label = mechanism.add(Label("label", stone, number=number))
-    >>> mechanism.output("height", stone.position[0], units="m")
-    >>> with warnings.catch_warnings(record=True) as seen:
-    ...     warnings.simplefilter("always")
-    ...     motion = uqmbd.simulate(mechanism, [0, 1])
-    >>> [warning.category.__name__ for warning in seen]
-    []
-
     The mass of what falls freely changes nothing:
 
     >>> import warnings
