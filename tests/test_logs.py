@@ -39,7 +39,7 @@ def said(caplog):
 def test_info_says_what_begins_and_ends_and_refinements(said):
     found = said("INFO", study(MonteCarlo(samples=20), Collocation(order=1, adaptive="order", tolerance=0.05)).run)
     words = [text for name, _, text in found if name == "uqmbd.methods"]
-    assert words[0] == "monte-carlo: begins, 1 inputs, 11 output times"
+    assert words[0] == "monte-carlo: begins, 1 input, 11 output times"
     assert words[1].startswith("monte-carlo: ends: 20 realisations, 0 failed, ")
     assert [text.split(":")[0] for text in words] == ["monte-carlo", "monte-carlo", "collocation", "collocation"]
     steps = [text for name, _, text in found if name == "uqmbd.refinement"]
@@ -152,4 +152,4 @@ def test_nothing_is_printed():
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     before, _, after = done.stderr.partition("listens\n")
     assert (done.stdout, before) == ("", "")
-    assert "INFO:uqmbd.methods:monte-carlo: begins, 1 inputs, 2 output times" in after
+    assert "INFO:uqmbd.methods:monte-carlo: begins, 1 input, 2 output times" in after

@@ -39,6 +39,7 @@ from uqmbd.results.chaos import verified_std, verified_trials
 from uqmbd.results.schema import with_units
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
+from uqmbd.wording import format_count
 
 __all__ = ["run_method"]
 
@@ -62,7 +63,8 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
         The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
         requirements; variables that have one unit say it.
     """
-    methods.info("%s: begins, %d inputs, %d output times", problem.label, len(problem.inputs), len(problem.times))
+    sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
+    methods.info("%s: begins, %s, %s", problem.label, *sizes)
     found = with_units(_run_all(propagator, problem, check))
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs
