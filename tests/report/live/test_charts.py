@@ -112,12 +112,34 @@ def test_lines_of_reference_are_drawn_wherever_they_are(node):
 
 @pytest.mark.parametrize("length", [3, 30, 40, 60, 300])
 def test_letters_of_an_axis_fit_or_are_cut(node, length):
-    """260 pixels have room for 34 letters of 13 pixels, and for 42 of the smallest; of longer names the ends are left."""
+    """260 pixels have room for 34 letters of 13 pixels, and for 42 of the smallest; of longer words the ends are left."""
     name = "a" * (length - 1) + "b"
-    lines = "const { letters, most } = fitted(given, 260); answer = [letters, shortName(given, most)];"
-    letters, shown = node(["chart_options.js"], lines, name)
+    lines = "const { letters, rows } = fitted(given, 260); answer = [letters, rows];"
+    letters, (shown,) = node(["chart_options.js"], lines, name)
     assert 10.5 <= letters <= 13 and 0.577 * letters * len(shown) <= 260 + 0.577 * letters * 2 and shown.endswith("b")
     assert (shown == name) == (length <= 42)
+
+
+@pytest.mark.parametrize(
+    "name", ["standard deviation of crank_angle [rad]", "difference of the standard deviation [rad]"]
+)
+def test_long_names_of_axes_have_two_rows_and_lose_no_letter(node, name):
+    """Half a page wide and 146 pixels high: each row fits, and both are the whole name."""
+    letters, rows = node(
+        ["chart_options.js"], "const { letters, rows } = fitted(given, 146); answer = [letters, rows];", name
+    )
+    assert " ".join(rows) == name and len(rows) == 2
+    assert all(0.577 * letters * len(row) <= 146 for row in rows)
+
+
+def test_numbers_break_beside_to_and_plus_minus_only(node):
+    given = ["5.619 × 10⁻⁵ m", "−1.5 × 10⁻⁴ to 2 N", "0.5 ± 0.1 rad"]
+    found = node(["numbers.js"], "answer = given.map(unbroken);", given)
+    assert [text.split(" ") for text in found] == [
+        ["5.619\u00a0×\u00a010⁻⁵\u00a0m"],
+        ["−1.5\u00a0×\u00a010⁻⁴", "to", "2\u00a0N"],
+        ["0.5", "±", "0.1\u00a0rad"],
+    ]
 
 
 @pytest.mark.parametrize(("limit", "drawn"), [(2.9, True), (3.1, False), (-1.9, True), (-2.1, False), (0.5, True)])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from uqmbd import report
+from uqmbd import report, results
 
 pytestmark = pytest.mark.slow
 
@@ -20,3 +20,34 @@ def test_no_verdict_is_cut(opened, study, tmp_path, width):
     assert page.locator("table.stacked td").count() > 5
     assert page.evaluate(CUT) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+SIDEWAYS = """() => [...document.querySelectorAll(".wide")]
+    .filter((one) => one.checkVisibility() && (one.querySelector(":scope > table.stacked") || one.matches(".readout")))
+    .filter((one) => one.scrollWidth > one.clientWidth + 1)
+    .map((one) => one.textContent.trim().slice(0, 60))"""
+
+
+def test_numbers_of_charts_and_influences_do_not_scroll_sideways(opened, make_chaos, tmp_path):
+    """Every chart of the page is made; names stand above their numbers, which are seen whole."""
+    study = results.study_tree([make_chaos("coarse", 2), make_chaos("fine", 4)], study="s", mechanism="m")
+    page = opened(report.write_report(study, tmp_path / "report.html"), width=390, height=844)
+    page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    for figure in page.locator("figure.charted").all():
+        figure.scroll_into_view_if_needed()
+        figure.locator(".chart").first.wait_for()
+    assert page.locator(".readout").count() > 3 and page.locator("#influence table.stacked td").count() > 0
+    assert page.evaluate(SIDEWAYS) == []
+    name, number = (page.locator(".readout tbody tr:has(td ~ td)").first.locator(of).first for of in ("th", "td"))
+    assert number.bounding_box()["y"] > name.bounding_box()["y"] + 5
+
+
+def test_charts_of_one_figure_have_one_legend_on_paper(opened, study, tmp_path):
+    """The legend stands above the charts; a file of one of them has it inside."""
+    page = opened(report.write_report(study, tmp_path / "report.html"))
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    figure = page.locator("figure.several:has(> .legend svg)").first
+    names = set(figure.locator("> .legend svg text").all_text_contents())
+    drawn = figure.locator(".view > .paper svg").all()
+    assert names and len(drawn) > 1
+    assert not any(names & set(one.locator("text").all_text_contents()) for one in drawn)

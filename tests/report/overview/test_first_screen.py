@@ -13,6 +13,7 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd import report, results
 from uqmbd.report.overview.advice import advice
+from uqmbd.report.overview.answers import ANSWERS
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import of_history
@@ -63,6 +64,23 @@ def test_effects_are_those_of_the_model():
     assert found.names == ("a", "b") and found.signed
     np.testing.assert_allclose(found.shares, np.array([2, -1]) / 5**0.5, atol=0.02)
     assert found.words == "a (+89 %)" and "100 % of the variance" in found.kind
+
+
+@pytest.mark.parametrize(("product", "first", "total"), [(1, 1 / 3, 2 / 3), (0, 1 / 2, 1 / 2)])
+def test_total_indices_that_add_up_to_more_than_all_say_so(product, first, total):
+    """Of a + b + ab, of independent normal inputs, each explains a third alone and takes part in two: 133 % in all."""
+    axes = results.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    ones = np.ones((1, len(TIMES)))
+    data = results.statistics_dataset(
+        axes, mean=0 * ones, std=ones, sobol_first=first * np.stack([ones, ones]), sobol_total=total * np.stack([ones, ones])
+    )  # fmt: skip
+    node = results.propagator_node("c", data, propagator="collocation", realisations=9, wall_time=1.0, options={})
+    result = StudyResult.of(results.study_tree([node], study="s", mechanism="m"))
+    found = of_history(result, "y")
+    np.testing.assert_allclose([found.shares, found.alone], [[total, total], [first, first]])
+    assert ("133 %" in found.together) == bool(product)
+    bars = ANSWERS.content(result)["matters"]["bars"]
+    assert [bar["alone"] for bar in bars] == (["50.0", "50.0"] if product else [None, None])
 
 
 def test_inputs_that_depend_on_one_another_have_correlations_and_no_shares():

@@ -9,12 +9,15 @@ import { markLook, markPath, nearestMark } from "./chart_plane.js";
 import { button, element } from "./dom.js";
 import { fileName, pictureOf, saveBlob } from "./exports.js";
 import { onInputs, pageInputs } from "./inputs_bus.js";
-import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
+import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken } from "./numbers.js";
 import { onTheme, palette } from "./theme.js";
 import { announceTime, onTime, pageTime, proposeTime } from "./time_bus.js";
 
 const NARROW = 480;
 const papers = [];
+
+/** Call `draw` whenever the page is printed. */
+export const onPaper = (draw) => papers.push(draw);
 
 /** Draw all charts for paper; in microtasks, which are done before a page is printed. */
 export const drawForPaper = () => papers.forEach((draw) => draw());
@@ -198,13 +201,13 @@ export function makeChart(figure, model) {
     rowsAt(model, index).forEach((texts, k) => {
       const { row, cells } = rows[k];
       row.classList.toggle("hidden-method", !model.methods[k].shown);
-      texts.forEach((text, j) => (cells[j].textContent = text));
+      texts.forEach((text, j) => (cells[j].textContent = unbroken(text)));
     });
     if (chosen.values) {
       const spread = model.methods[0].columns[0].values[index];
       chosenRow.classList.toggle("hidden-method", !chosen.shown);
       chosenValue.textContent = formatNumber(chosen.values[index], spread);
-      chosenError.textContent = chosen.rms ? `stated error ${formatError(chosen.rms[index], model.units)}` : "its error is not known";
+      chosenError.textContent = chosen.rms ? `stated error ${unbroken(formatError(chosen.rms[index], model.units))}` : "its error is not known";
     }
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
@@ -372,7 +375,7 @@ export function makeChart(figure, model) {
   }).observe(space);
   const paper = element("div", { class: "paper", role: "img", "aria-label": described });
   holder.after(paper);
-  papers.push(() => {
+  onPaper(() => {
     drawChart(model, seenIn(plot), (drawing) => paper.replaceChildren(drawing), true);
   });
   if (model.follows && pageInputs()) follow(pageInputs());

@@ -6,6 +6,9 @@ import { planeLayers } from "./chart_plane.js";
 import { axisPower, decadeTicks, formatQuantity, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
+/** Letters of an axis are no smaller than this, and rows of them this many times their size apart. */
+const SMALLEST = 10.5;
+export const LEADING = 1.2;
 const OUTER = "2b";
 const INNER = "4d";
 
@@ -177,7 +180,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
   const chosen = { width: model.chosen.width * scale, points: { show: false }, show: model.chosen.shown };
   if (!model.plane) series.push({ stroke: () => colourOf(model.chosen, palette()), ...chosen });
   const upName = model.up?.hidden ? "" : withUnits(model.axis ?? model.output, model.units);
-  const { letters, most } = fitted(upName, (height - 60) / scale);
+  const { letters, rows } = fitted(upName, (height - 60) / scale);
   const font = `${12 * scale}px ${FONT}`;
   const axis = {
     font,
@@ -201,9 +204,9 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
       y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => model.plane?.up ?? upRange(model.up, ...fromZero(model, low, high)) },
     },
     hooks: model.plane
-      ? { draw: [(u) => drawPlane(u, model, palette, scale)] }
+      ? { drawAxes: [(u) => drawUpRows(u, palette, scale)], draw: [(u) => drawPlane(u, model, palette, scale)] }
       : {
-          drawAxes: [(u) => drawLayers(u, model, palette, scale, true)],
+          drawAxes: [(u) => drawUpRows(u, palette, scale), (u) => drawLayers(u, model, palette, scale, true)],
           draw: [(u) => drawLayers(u, model, palette, scale, false), (u) => drawMarks(u, model, palette, scale)],
         },
     axes: [
@@ -215,13 +218,12 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
       },
       {
         ...axis,
-        label: (u) => {
-          const { min, max } = u.scales.y;
-          const power = model.up?.log ? 0 : axisPower(min, max);
-          return shortName(upName, most) + powerLabel(power);
-        },
-        labelFont: `${letters * scale}px ${FONT}`,
+        // its rows are drawn below: uPlot writes one only
+        label: "",
+        labelSize: (rows.length === 1 ? 20 : letters * (1 + LEADING) + 3) * scale,
         letters,
+        rows,
+        log: Boolean(model.up?.log),
         space: 34 * scale,
         size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
         values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
@@ -275,10 +277,42 @@ function meanPoint(model, scale) {
   };
 }
 
-/** The size of letters with which a name has room, in pixels, and how many letters have; the smallest is still read. */
+/** Rows of the label of a vertical axis, the first of them leftmost; the last one tells of the power of ten. */
+export function upRows({ rows, log }, { scales: { y } }) {
+  const power = log ? "" : powerLabel(axisPower(y.min, y.max));
+  return rows.map((row, k) => (k === rows.length - 1 ? row + power : row));
+}
+
+function drawUpRows(u, palette, scale) {
+  const [, up] = u.axes;
+  const size = up.letters * scale * uPlot.pxRatio;
+  const { ctx, bbox } = u;
+  ctx.save();
+  Object.assign(ctx, { font: `${size}px ${FONT}`, fillStyle: palette().soft, textAlign: "center", textBaseline: "middle" });
+  upRows(up, u).forEach((text, k) => {
+    ctx.save();
+    ctx.translate(size * (0.65 + LEADING * k), bbox.top + bbox.height / 2);
+    ctx.rotate(-Math.PI / 2);
+    ctx.fillText(text, 0, 0);
+    ctx.restore();
+  });
+  ctx.restore();
+}
+
+/**
+ * The size of letters with which a name has room, in pixels, and its rows: one, or two of small letters, which are still
+ * read. What two have no room for loses its middle.
+ */
 export function fitted(name, room) {
-  const letters = Math.min(Math.max(room / (0.577 * Array.from(name).length), 10.5), 13);
-  return { letters, most: room / (0.577 * letters) };
+  const count = Array.from(name).length;
+  const letters = Math.min(Math.max(room / (0.577 * count), SMALLEST), 13);
+  const most = room / (0.577 * letters);
+  if (count <= most) return { letters, rows: [name] };
+  const spaces = [...name.matchAll(/ /g)].map(({ index }) => index);
+  const longer = (at) => Math.max(Array.from(name.slice(0, at)).length, Array.from(name.slice(at + 1)).length);
+  const at = spaces.reduce((best, one) => (best === null || longer(one) < longer(best) ? one : best), null);
+  const parts = at === null ? [name] : [name.slice(0, at), name.slice(at + 1)];
+  return { letters, rows: parts.map((part) => shortName(part, most)) };
 }
 
 /** Cut the middle out of a long name: what tells names apart is often their end. */

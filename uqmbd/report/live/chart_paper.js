@@ -2,14 +2,14 @@
 
 import { barsOf, boxOrder, rangesOf, shadeColour, shadeShare } from "./chart_layers.js";
 import { shownOf } from "./chart_model.js";
-import { chartOptions, limitLook, limitName, dotSize, namesOfSigns, seriesData, shortName, showIn } from "./chart_options.js";
+import { chartOptions, LEADING, limitLook, limitName, dotSize, namesOfSigns, seriesData, shortName, showIn, upRows } from "./chart_options.js";
 import { markLook, markPath, planeLayers } from "./chart_plane.js";
 import { LIGHT } from "./colours.js";
 import { formatError, withUnits } from "./numbers.js";
 
 const PAPER = { width: 660, height: 290 };
 // half as wide as the page, beside another one
-const PART = { width: 400, height: 210 };
+const PART = { width: 400, height: 206 };
 const SPACE = "http://www.w3.org/2000/svg";
 const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 const ROW = 18;
@@ -28,8 +28,10 @@ export function drawChart(model, seen, done, small = false) {
   const size = small || model.title ? PART : PAPER;
   const plot = new uPlot(chartOptions(model, size, () => LIGHT), seriesData(model));
   showIn(plot, model, seen);
+  // charts of one figure that have one legend stand below it on paper
+  const bare = small && model.sharesLegend && !(model.chosen.values && model.chosen.shown);
   queueMicrotask(() => {
-    done(drawingOf(model, plot, size));
+    done(drawingOf(model, plot, size, bare));
     plot.destroy();
   });
 }
@@ -37,13 +39,43 @@ export function drawChart(model, seen, done, small = false) {
 /** The text of a file. */
 export const svgText = (drawing) => `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(drawing)}`;
 
-function drawingOf(model, plot, size) {
+/** The legend of several charts, in rows as wide as the page. */
+export function drawLegend(model) {
+  const width = 2 * PART.width + 30;
+  const placed = [];
+  let [x, rows] = [12, 1];
+  model.methods.forEach((method, k) => {
+    const text = namesOfSigns(method, k === 0, 50);
+    const wide = 44 + LETTER * Array.from(text).length + 24;
+    if (x > 12 && x + wide > width) [x, rows] = [12, rows + 1];
+    placed.push(...signShapes(method, x, ROW * (rows - 0.4), [text]));
+    x += wide;
+  });
+  const height = ROW * rows + 2;
+  const svg = shape("svg", { xmlns: SPACE, viewBox: `0 0 ${width} ${height}`, width, height, "font-family": FAMILY, "font-size": 12 });
+  svg.append(...placed);
+  return svg;
+}
+
+/** The line or the mark of a method, and what it is called beside it in rows of text. */
+function signShapes(method, x, row, texts) {
+  const look = { stroke: method.colours[0], fill: "none", ...( method.bars ? { "stroke-width": 9 } : method.dots ? { "stroke-width": 6, "stroke-linecap": "round", transform: "translate(17 0)" } : { "stroke-width": method.width, "stroke-dasharray": dashOf(method) }) };
+  const shapes = [];
+  if (method.joined || !method.shape) shapes.push(shape("path", { d: `M${x} ${row}h${method.dots ? 0.01 : 36}`, ...look }));
+  if (method.shape) {
+    const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper);
+    shapes.push(shape("path", { d: markPath(method.shape, x + 18, row, (method.size ?? 7) / 2), fill, stroke, "stroke-width": width }));
+  }
+  return [...shapes, ...texts.map((text, n) => shape("text", { x: x + 44, y: row + 4 + n * ROW, fill: LIGHT.ink }, text))];
+}
+
+function drawingOf(model, plot, size, bare) {
   const shown = shownOf(model);
   const titled = model.title ? 1 : 0;
   const shaded = model.boxes ? 1 : 0;
   const limits = model.limits ?? [];
   const room = (size.width - 62) / LETTER;
-  const signs = shown.map((method, k) => wrapped(namesOfSigns(method, k === 0, size === PART ? 34 : 50), room));
+  const signs = bare ? [] : shown.map((method, k) => wrapped(namesOfSigns(method, k === 0, size === PART ? 34 : 50), room));
   const named = signs.reduce((sum, rows) => sum + rows.length, 0);
   const legend = ROW * (named + titled + shaded + limits.length) + 6;
   const ratio = plot.ctx.canvas.width / size.width;
@@ -67,10 +99,12 @@ function drawingOf(model, plot, size) {
     svg.append(shape("path", { d: `M${box.left - 4} ${y(value)}h${box.width + 4}`, stroke: LIGHT.grid, fill: "none" }));
     svg.append(shape("text", { x: box.left - 8, y: y(value) + 4, "text-anchor": "end", fill: LIGHT.soft }, up._values[k]));
   });
-  const label = (axis) => (typeof axis.label === "function" ? axis.label(plot) : axis.label);
-  svg.append(shape("text", { x: box.left + box.width / 2, y: height - 5, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, label(across)));
+  svg.append(shape("text", { x: box.left + box.width / 2, y: height - 5, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, across.label(plot)));
   const middle = top + box.height / 2;
-  svg.append(shape("text", { x: 14, y: middle, transform: `rotate(-90 14 ${middle})`, "text-anchor": "middle", fill: LIGHT.ink, "font-size": up.letters ?? 13 }, label(up)));
+  upRows(up, plot).forEach((text, k) => {
+    const left = up.letters * (0.95 + LEADING * k);
+    svg.append(shape("text", { x: left, y: middle, transform: `rotate(-90 ${left} ${middle})`, "text-anchor": "middle", fill: LIGHT.ink, "font-size": up.letters }, text));
+  });
 
   // an inner drawing, which ends at its edges
   const inner = { x: box.left, y: top, width: box.width, height: box.height };
@@ -155,16 +189,9 @@ function drawingOf(model, plot, size) {
   }
 
   let above = titled;
-  shown.forEach((method, k) => {
-    const row = ROW * (above + 0.6);
-    above += signs[k].length;
-    const look = { stroke: method.colours[0], fill: "none", ...( method.bars ? { "stroke-width": 9 } : method.dots ? { "stroke-width": 6, "stroke-linecap": "round", transform: "translate(17 0)" } : { "stroke-width": method.width, "stroke-dasharray": dashOf(method) }) };
-    if (method.joined || !method.shape) svg.append(shape("path", { d: `M12 ${row}h${method.dots ? 0.01 : 36}`, ...look }));
-    if (method.shape) {
-      const { fill, stroke, width } = markLook(method, method.colours[0], LIGHT.paper);
-      svg.append(shape("path", { d: markPath(method.shape, 30, row, (method.size ?? 7) / 2), fill, stroke, "stroke-width": width }));
-    }
-    signs[k].forEach((text, n) => svg.append(shape("text", { x: 56, y: row + 4 + n * ROW, fill: LIGHT.ink }, text)));
+  signs.forEach((texts, k) => {
+    svg.append(...signShapes(shown[k], 12, ROW * (above + 0.6), texts));
+    above += texts.length;
   });
   if (model.boxes) svg.append(...shadesRow(model.boxes, ROW * (named + titled + 0.6)));
   return svg;

@@ -6,7 +6,7 @@ import { meanGerms, randomGerms } from "./germs.js";
 import { announceInputs } from "./inputs_bus.js";
 import { inputRow } from "./input_row.js";
 import { limitAt, marginAt } from "./limits.js";
-import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
+import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken } from "./numbers.js";
 import { LiveSurrogate } from "./surrogate.js";
 import { onTime, pageTime } from "./time_bus.js";
 
@@ -105,9 +105,9 @@ export function makeExplorer(panel, data) {
       const at = o * own.count + (own.times ? index : 0);
       const { units } = own.outputs[o];
       const spread = about.std[at];
-      row[0].textContent = formatQuantity(own.values[at], units, spread);
-      row[1].textContent = `${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`;
-      row[2].textContent = own.statedRms ? formatError(own.statedRms[at], units) : "not known";
+      row[0].textContent = unbroken(formatQuantity(own.values[at], units, spread));
+      row[1].textContent = unbroken(`${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`);
+      row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "not known");
     }
   }
 

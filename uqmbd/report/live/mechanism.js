@@ -2,7 +2,7 @@
 
 import { unpackArray } from "./arrays.js";
 import { poseAt, resolvedBy, weightsAt } from "./between.js";
-import { isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
+import { hullOf, isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
 import { nearestIndex } from "./numbers.js";
 import { Pen } from "./symbols.js";
 
@@ -37,6 +37,8 @@ export class Mechanism {
     this.reaches = this.own.map((own) => Math.max(0, ...own.map((k) => Math.hypot(...this.local.subarray(k * data.dimension, (k + 1) * data.dimension)))));
     const size = Math.hypot(...data.bounds[0].map((low, axis) => data.bounds[1][axis] - low));
     this.resolved = data.bodies.every((_, b) => resolvedBy(this.times, this.reader(this.stored, 0, b), data.dimension, size));
+    // bodies that are drawn as a point; how they move is seen by their tracks
+    this.pointlike = data.bodies.flatMap((_, b) => (this.own[b].length && this.reaches[b] < 1e-9 * (size || 1) ? [b] : []));
     this.boxed = new Set(data.parts.filter((p) => BOXED.includes(p.symbol) && p.bodies.length > 1).map((p) => p.bodies[1]));
   }
 
@@ -141,6 +143,21 @@ export class Mechanism {
       if (corners.length) pen.ghost(corners.map((k) => points[k]), mixedColours(this.colourOf(b, palette), palette.ink, 0.3), alpha);
     });
     return pen.shapes;
+  }
+
+  /** Return where bodies that are points go: `pointsAt` are the points of a frame. */
+  tracks(view, pointsAt, palette) {
+    if (!this.pointlike.length) return [];
+    const frames = Array.from(this.times, (_, k) => pointsAt(k));
+    return this.pointlike.flatMap((b) => {
+      const places = frames.map((points) => points[this.own[b][0]]).filter(isKnown);
+      const looks = { edge: this.colourOf(b, palette), face: null, width: 1, closed: false, dash: [3, 4], order: 1.5, alpha: 0.8 };
+      if (places.length < 2) return [];
+      const page = places.map((place) => view.project(place));
+      // to and fro along a line: dashes would lie on one another
+      const corners = hullOf(page);
+      return [{ ...looks, points: corners.length === 2 ? corners : page }];
+    });
   }
 
   component(pen, part, points, palette, radii) {

@@ -113,6 +113,9 @@ export function nearestIndex(times, time) {
   return time - times[low] <= times[high] - time ? low : high;
 }
 
+/** A number, or a range of them, that breaks beside "to" and "±" only. */
+export const unbroken = (text) => text.replace(/(?<!\bto|±) (?!to |± )/g, "\u00a0");
+
 /** Write an error: two digits are enough, and the second one is written where it is zero, too. */
 export function formatError(value, units = "") {
   const known = value === null ? NaN : Number(value.toPrecision(2));

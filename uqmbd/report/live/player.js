@@ -84,6 +84,10 @@ export function makePlayer(figure, data) {
     const chosen = found && mechanism.foundAt(found, time);
     const way = data.followed ? minusWay(mechanism.storedAt(0, time)) : null;
     const moved = (points) => (way ? mechanism.shifted(points, way) : points);
+    if (!data.followed) {
+      const pointsAt = (k) => (found ? mechanism.foundAt(found, times[k]) : mechanism.storedAt(0, times[k]));
+      shapes.push(...mechanism.tracks(view, pointsAt, colours));
+    }
     if (cloud || chosen) {
       const alpha = Math.min(Math.max(5 / Math.max(data.realisations - 1, 1), 0.15), 0.6);
       const from = chosen ? 0 : 1;

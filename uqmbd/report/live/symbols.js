@@ -5,6 +5,8 @@ import { acrossOf, dot, footOf, hullOf, isKnown, lengthOf, minus, normalsOf, plu
 
 const PIN = 0.06;
 const THICK = 4.2;
+// a body that is a point
+const POINT = 9;
 const PUSH = [0.5, 0.8];
 const circle = (radius, corners = 33) =>
   Array.from({ length: corners }, (_, k) => {
@@ -47,15 +49,16 @@ export class Pen {
     const corners = hullOf(rounded.filter((p, k) => rounded.findIndex((q) => q[0] === p[0] && q[1] === p[1]) === k));
     const closed = corners.length > 2;
     const shown = corners.length > 1 ? corners : [plus(corners[0], [-1e-3, 0]), plus(corners[0], [1e-3, 0])];
-    this.add(shown, { edge: colour, face: closed ? colour : null, width: THICK, closed, order });
-    this.add(shown, { edge: light, face: closed ? light : null, width: 0.8 * THICK, closed, order: order + 1e-3 });
+    const width = corners.length > 1 ? THICK : POINT;
+    this.add(shown, { edge: colour, face: closed ? colour : null, width, closed, order });
+    this.add(shown, { edge: light, face: closed ? light : null, width: 0.8 * width, closed, order: order + 1e-3 });
   }
 
   /** A body of another realisation: its outline only. */
   ghost(points, colour, alpha) {
     const page = points.map((p) => this.at(p));
     const corners = this.view.spatial && page.length > 3 ? hullOf(page) : page;
-    if (corners.length === 1) this.add([corners[0], plus(corners[0], [1e-3, 0])], { edge: colour, width: 5, order: 1.9, alpha });
+    if (corners.length === 1) this.add([corners[0], plus(corners[0], [1e-3, 0])], { edge: colour, width: 0.6 * POINT, order: 1.9, alpha });
     else this.add(corners, { edge: colour, width: 0.8, closed: corners.length > 2, order: 1.9, alpha });
   }
 

@@ -6,6 +6,8 @@ import { paintShapes } from "./symbols.js";
 
 const MARGIN = 0.5;
 const WIDE = 6.4;
+// what is narrower than this share of its height is beside empty paper: it is drawn lower
+const SLENDER = 0.5;
 const SIDE = { azimuth: -58, elevation: 24 };
 const degrees = Math.PI / 180;
 const clip = (x, low, high) => Math.min(Math.max(x, low), high);
@@ -46,7 +48,7 @@ export class View {
     } else {
       const [across, up] = this.extent;
       this.unit = Math.max(across, largest > 0 ? 0.25 * largest : 0.5) / room;
-      this.high = height === null ? clip(up / this.unit + 2 * MARGIN, 1.9, 4.8) : height / this.inch;
+      this.high = height === null ? clip(up / this.unit + 2 * MARGIN, 1.9, across < SLENDER * up ? 3.6 : 4.8) : height / this.inch;
       this.unit = Math.max(this.unit, up / (this.high - 2 * MARGIN));
     }
     return this.high * this.inch;

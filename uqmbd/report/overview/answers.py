@@ -91,12 +91,16 @@ def _bars(found: Influences, of_what: str) -> Content:
             "text": found.written(k),
             "width": f"{100 * min(abs(found.shares[k]) / scale, 1.0):.1f}",
             "lowers": found.shares[k] < 0 and found.signed,
+            # of the bar, what the input explains alone, where inputs act together
+            "alone": f"{100 * min(max(found.alone[k] / found.shares[k], 0.0), 1.0):.1f}"
+            if found.together and found.shares[k] > 0
+            else None,
         }
         for k, one in enumerate(found.names[:count])
     ]
     rest = found.names[count:]
     others = f"{format_count(len(rest), 'other')}, each at most {found.written(count).lstrip('+−')}" if rest else ""
-    return {"of": of_what, "bars": bars, "others": others, "kind": found.kind, "signed": found.signed}
+    return {"of": of_what, "bars": bars, "others": others, "kind": found.kind, "together": found.together}
 
 
 def _failures(result: StudyResult) -> list[str]:

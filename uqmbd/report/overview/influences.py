@@ -24,6 +24,9 @@ LEAST = 0.005
 SAMPLES = 4
 """Samples for each input that effects of a regression need."""
 
+COMMON = 0.02
+"""Sum of total indices, less one, from which on inputs are said to act together."""
+
 DEPENDENT = 0.3
 """Correlation of two inputs from which on a regression does not tell their effects apart."""
 
@@ -44,6 +47,8 @@ class Influences:
         Whether they are effects, of which a negative one lowers the quantity.
     correlations : bool
         Whether they are correlations, which are no shares of anything.
+    alone : tuple of float
+        Of shares of the variance what each input explains alone, in the same order; empty of others.
     """
 
     names: tuple[str, ...]
@@ -51,6 +56,18 @@ class Influences:
     kind: str
     signed: bool = False
     correlations: bool = False
+    alone: tuple[float, ...] = ()
+
+    @property
+    def together(self) -> str:
+        """What parts that several inputs have in common do to the sum of the shares; empty where that is about one."""
+        total = sum(self.shares)
+        if not self.alone or not total > 1 + COMMON:
+            return ""
+        return (
+            f"They add up to {format_share(total)}: what inputs cause together counts for each of them. "
+            "Dark: what each explains alone."
+        )
 
     @property
     def words(self) -> str:
@@ -76,7 +93,8 @@ def of_history(result: StudyResult, name: str) -> Influences | None:
         found = indices_of(node, name)
         if found.meaningful.any():
             kind = "Total Sobol’ indices: the share of the variance, over all times, in which each takes part"
-            return _sorted(found.names, found.weighted[1], f"{kind} ({label_of(node)}).")
+            alone, total = found.weighted
+            return _sorted(found.names, total, f"{kind} ({label_of(node)}).", alone=alone)
     return _of_samples(result, name, scalar=False)
 
 
@@ -114,18 +132,25 @@ def _has(node: xr.DataTree, name: str) -> bool:
 
 def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None:
     """Return total indices of one output without a time, or with one that has the weight of its variance."""
-    for variable, dim in (("sobol_total", "input"), ("sobol_total_germ", "germ")):
-        if variable not in data:
+    for end, dim in (("", "input"), ("_germ", "germ")):
+        if f"sobol_total{end}" not in data:
             continue
-        values, std = data[variable].values, np.asarray(data["std"].values, dtype=float)
-        if values.ndim > 1:
-            weight = np.nan_to_num(std) ** 2
-            values = values @ weight / weight.sum() if weight.sum() > 0 else values[:, 0] * np.nan
+        std = np.asarray(data["std"].values, dtype=float)
+        values = _over_time(data[f"sobol_total{end}"].values, std)
         if not np.isfinite(values).all() or not np.nanmax(std) > 0:
             continue
         kind = f"Total Sobol’ indices: the share of the variance {of_what}in which each takes part ({label})."
-        return _sorted(data[dim].values, values, kind)
+        first = _over_time(data[f"sobol_first{end}"].values, std) if f"sobol_first{end}" in data else None
+        return _sorted(data[dim].values, values, kind, alone=first)
     return None
+
+
+def _over_time(values: Array, std: Array) -> Array:
+    """Return indices (input, ...) as they are, or over all times, each with the weight of its variance."""
+    if values.ndim == 1:
+        return np.asarray(values, dtype=float)
+    weight = np.nan_to_num(std) ** 2
+    return np.asarray(values @ weight / weight.sum() if weight.sum() > 0 else values[:, 0] * np.nan, dtype=float)
 
 
 def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences | None:
@@ -180,9 +205,16 @@ def _regression(inputs: Array, response: Array) -> tuple[Array, float]:
 
 
 def _sorted(
-    names: Iterable[object], shares: Array, kind: str, *, signed: bool = False, correlations: bool = False
+    names: Iterable[object],
+    shares: Array,
+    kind: str,
+    *,
+    signed: bool = False,
+    correlations: bool = False,
+    alone: Array | None = None,
 ) -> Influences:
     known = [str(name) for name in names]
     order = sorted(range(len(shares)), key=lambda k: (-abs(shares[k]), k))
     numbers = tuple(float(shares[k]) for k in order)
-    return Influences(tuple(known[k] for k in order), numbers, kind, signed, correlations)
+    own = () if alone is None or not np.isfinite(alone).all() else tuple(float(alone[k]) for k in order)
+    return Influences(tuple(known[k] for k in order), numbers, kind, signed, correlations, own)

@@ -7,8 +7,9 @@ import numpy as np
 from uqmbd.report.sections.section import Content
 from uqmbd.report.view import StudyResult
 from uqmbd.results import overall
-from uqmbd.results.comparison import COARSE, NO_SPREAD
-from uqmbd.wording import format_duration, format_integer
+from uqmbd.results.comparison import AGREES, COARSE, NO_SPREAD, REFERENCE
+from uqmbd.typing import Array
+from uqmbd.wording import format_duration, format_integer, format_percent
 
 __all__ = ["agreement"]
 
@@ -22,6 +23,15 @@ _SIGNS = {
 }
 _SHORT = {"reference": "the reference", NO_SPREAD: "nothing varies"}
 """Verdicts in a word or two, where their names do not say them."""
+
+
+def _largest(stated: Array, names: list[str]) -> str:
+    """Say how large the stated error of a method is at most, and of which output; nothing where it is not known."""
+    known = np.where(np.isfinite(stated), stated, -np.inf)
+    if not np.isfinite(known).any():
+        return ""
+    of = f", {names[int(known.argmax())]}" if len(names) > 1 else ""
+    return f"stated error up to {format_percent(float(known.max()))} of the standard deviation{of}"
 
 
 def agreement(result: StudyResult) -> Content | None:
@@ -39,6 +49,8 @@ def agreement(result: StudyResult) -> Content | None:
         kind, _, which = overall(data, method)
         stated = data["stated_error_max"].values[m] if "stated_error_max" in data else np.zeros(0)
         large = bool(np.any(np.isfinite(stated) & (stated > COARSE)))
+        if kind in (AGREES, REFERENCE):
+            which = _largest(stated, [str(v) for v in data["output"].values])
         sign = "!" if kind == "agrees" and large else _SIGNS[kind]
         rows.append(
             {
