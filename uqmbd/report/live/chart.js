@@ -211,7 +211,7 @@ export function makeChart(figure, model) {
     }
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
-    if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.map((method, k) => ({ ...method, shown: k === 0 })) }, index);
+    if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.map((method, k) => ({ ...method, shown: k === 0 })) }, index).replaceAll(" × ", "\u00a0×\u00a0");
   }
 
   function placeRings() {
