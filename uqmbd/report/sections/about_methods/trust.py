@@ -173,7 +173,8 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
                 functools.partial(figures.coefficient_decay, nodes, name),
                 f"Part of the standard deviation of {name} that the polynomials of each order carry.",
                 "Whether the order suffices: the part of the spread in the polynomials of each total order, and of "
-                "each degree in each input. Where it falls from order to order, what lies beyond the last one is smaller still.",
+                "each degree in each input. Where it falls from order to order, what lies beyond the last one is "
+                "smaller still.",
                 f"{name}-coefficient-decay",
                 lambda: json_chart(live.decay_data(nodes, name)),
             )
