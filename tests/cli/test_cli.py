@@ -15,6 +15,7 @@ import warnings
 from pathlib import Path
 from typing import ClassVar, Literal
 
+import chaospy
 import numpy as np
 import pytest
 from rich.console import Console
@@ -23,7 +24,7 @@ import uqmbd
 import uqmbd.report
 from uqmbd import plugins, results
 from uqmbd.cli import tables
-from uqmbd.cli.check.check import _equations, _show_apart
+from uqmbd.cli.check.check import _equations, _show_apart, _show_turned
 from uqmbd.cli.run.settings import apply_settings, parse_value
 from uqmbd.cli.terminal import progress
 from uqmbd_joints import Revolute
@@ -56,7 +57,7 @@ class FakeStudy:
     propagators: tuple = (FakeMonteCarlo(),)
     name: str = "fake"
     mechanism: object = dataclasses.field(
-        default_factory=lambda: types.SimpleNamespace(name="machine", requirements={})
+        default_factory=lambda: types.SimpleNamespace(name="machine", requirements={}, bodies={})
     )
     times: object = dataclasses.field(default_factory=lambda: np.array([0.0, 1.0]))
     error: BaseException | None = None
@@ -340,6 +341,21 @@ def test_check_of_bodies_that_nothing_holds():
     _show_apart(Console(file=screen, width=200), found)
     assert "body 'ball' is connected to nothing" in screen.getvalue()
     assert "bodies 'one', 'two' are connected with each other only" in screen.getvalue()
+
+
+def test_check_of_bodies_that_are_drawn_in_degrees():
+    """60 rad are 9.55 turns; a variable has no number to look at, and one turn may be meant."""
+    made = uqmbd.Mechanism("parts", uqmbd.Planar())
+    tilt = uqmbd.RandomVariable("tilt", chaospy.Normal(50, 1), units="rad")
+    for name, angle in (("degrees", 60), ("radians", 1.05), ("turned", -6.2), ("random", tilt)):
+        made.body(name, mass=1, inertia=1, angle=angle)
+    screen = io.StringIO()
+    _show_turned(Console(file=screen, width=200), made)
+    note = "body 'degrees' is drawn at 60 rad, 9.55 turns; degrees are written math.radians(60)"
+    assert screen.getvalue().split(maxsplit=1) == ["note", f"{note}\n"]
+    space = uqmbd.Mechanism("space", uqmbd.Spatial())
+    space.body("cube", mass=1, inertia=(1, 1, 1))
+    _show_turned(Console(file=screen, width=200), space)
 
 
 def test_check(cli, study, monkeypatch):

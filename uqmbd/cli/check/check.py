@@ -76,6 +76,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     if found.mobility:
         _show_frequencies(screen, study)
     _show_apart(screen, found)
+    _show_turned(screen, study.mechanism)
     _show_omissions(screen, study.mechanism)
     _show_components(screen, found.components)
     _show_controllers(screen, getattr(found, "controllers", ()))
@@ -142,6 +143,16 @@ def _show_apart(screen: Console, found: Any) -> None:
             every = ", ".join(map(repr, names))
             note = f"bodies {every} are connected with each other only: no component leads to the ground"
         screen.print(f"  note        {note}", markup=False)
+
+
+def _show_turned(screen: Console, mechanism: Mechanism) -> None:
+    """Note bodies that are drawn by more than a turn, as by degrees in the place of radians."""
+    for name, body in mechanism.bodies.items():
+        angle = body.pose.angle
+        if getattr(angle, "is_number", True) and abs(float(angle)) > 2 * math.pi:
+            drawn, turns = f"{float(angle):g}", f"{float(angle) / (2 * math.pi):.3g} turns"
+            note = f"body {name!r} is drawn at {drawn} rad, {turns}; degrees are written math.radians({drawn})"
+            screen.print(f"  note        {note}", markup=False)
 
 
 def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
