@@ -64,7 +64,8 @@ class Curve:
     quantity : str
         What the values are, such as ``mean``: the head of their column in the table.
     drawn : {"line", "points", "bars"}
-        How: points have no line between them, and bars stand on zero, or on the lower end of a logarithmic axis.
+        How: points have no line between them, and bars stand on zero, or on the lower end of a logarithmic axis; bars
+        are for charts over categories.
 
     Examples
     --------
@@ -84,8 +85,12 @@ class Curve:
         return replace(self, values=np.asarray(self.values)[places], bands=bands)
 
 
-def checked(name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "") -> tuple[_Array, list[Curve]]:
+def checked(
+    name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "", *, categories: bool = False
+) -> tuple[_Array, list[Curve]]:
     """Return the times and curves of a chart as arrays; of another axis places may be equal, and one is enough.
+
+    Bars are for categories: they are as wide as these are apart.
 
     Raises
     ------
@@ -121,6 +126,11 @@ def checked(name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "")
         if curve.drawn not in ("line", "points", "bars"):
             raise StudyError(
                 f"{where}: curve {curve.name!r} is drawn as {curve.drawn!r}; expected line, points or bars."
+            )
+        if curve.drawn == "bars" and not categories:
+            raise StudyError(
+                f"{where}: curve {curve.name!r} is drawn as bars along numbers; expected names as the places of a "
+                "uqmbd.report.Chart, or a curve of points."
             )
         if len(curve.bands) > 2:
             raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected two at most.")

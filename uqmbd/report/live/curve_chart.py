@@ -81,7 +81,7 @@ class Chart:
         names = self._categories()
         places = np.arange(1.0, len(names) + 1) if names else self.places
         axis = self.across or ("category" if names else "")
-        moments, found = checked(self.name, places, self.curves, axis)
+        moments, found = checked(self.name, places, self.curves, axis, categories=bool(names))
         if not isinstance(self.limits, Mapping) or not all(map(_finite, self.limits.values())):
             raise StudyError(f"{where}: limits is {self.limits!r}; expected finite numbers by their names.")
         if self.ends is not None and not (
