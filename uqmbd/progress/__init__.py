@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.progress.board import Board
-from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed
+from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed, stage
 from uqmbd.progress.lines import Lines
 from uqmbd.progress.notebook import Notebook, in_notebook
 from uqmbd.progress.told import told
@@ -19,5 +19,6 @@ __all__ = [
     "expected",
     "failed",
     "in_notebook",
+    "stage",
     "told",
 ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed"]
+__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage"]
 
 
 class AtMost(int):
@@ -34,7 +34,8 @@ class Progress(Protocol):
     """What a study tells of its progress.
 
     An object with further methods is told more: ``expect(totals)``, the labels of all methods before the first begins,
-    with their numbers of realisations (`AtMost`, or None: not known); and ``fail(label)``, that a method has failed.
+    with their numbers of realisations (`AtMost`, or None: not known); ``fail(label)``, that a method has failed;
+    and ``stage(text)``, work that is no realisations and may take a while, which ends as soon as another begins.
 
     Examples
     --------
@@ -137,6 +138,10 @@ class UntilTheEnd:
     def finish(self, label: str) -> None:
         """Wait: another part may follow."""
 
+    def stage(self, text: str) -> None:
+        """Pass it on."""
+        stage(self.told, text)
+
     def end(self) -> None:
         """Say that all of it is done."""
         for label in self.begun:
@@ -154,3 +159,9 @@ def failed(progress: Progress, label: str) -> None:
     """Tell that a method has failed, to who wants to know."""
     if callable(tell := getattr(progress, "fail", None)):
         tell(label)
+
+
+def stage(progress: Progress, text: str) -> None:
+    """Tell of work without a number that begins, to who wants to know."""
+    if callable(tell := getattr(progress, "stage", None)):
+        tell(text)

@@ -49,8 +49,14 @@ class Notebook:
         self.board.expect(totals)
         self._show()
 
+    def stage(self, text: str) -> None:
+        """Show what begins."""
+        self.board.stage(text, self.clock())
+        self._show()
+
     def start(self, label: str, total: int) -> None:
         """Show a bar; one that has not ended grows, one that has starts again."""
+        self.board.settle(self.clock())
         self.board.begun(label, total, self.clock())
         self._show()
 

@@ -17,7 +17,7 @@ import numpy as np
 from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, declares, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
-from uqmbd.progress import Progress, Silent
+from uqmbd.progress import Progress, Silent, stage
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
     Arrays,
@@ -447,6 +447,8 @@ class Problem:
             Where nothing is random, or an input has no polynomials.
         """
         self.require_random()
+        if awaited := [v.name for v in self.inputs.variables if getattr(v.distribution, "tabulated", False)]:
+            stage(self.progress, f"{self.label}: tables of quantiles of {', '.join(awaited)}")
         try:
             return GermSpace.of(self.inputs, transform)
         except StudyError as error:

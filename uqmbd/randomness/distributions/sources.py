@@ -6,13 +6,19 @@ Neither package is imported here: objects of them bring what is needed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
+from uqmbd import logs
+from uqmbd.randomness.distributions.inverted import Inverted, inverted
 from uqmbd.typing import Array
 
 __all__ = ["Frozen", "Infrastructure", "OpenTurns", "Source"]
+
+INTEGRALS = {"levy_stable", "studentized_range"}
+"""Families of scipy whose density is an integral itself, which takes milliseconds and is not smooth."""
 
 
 class Source(Protocol):
@@ -38,8 +44,15 @@ class Source(Protocol):
     def upper_quantile(self, u: float) -> float:
         """Value that is exceeded with probability `u`."""
 
+    def lower_quantile(self, u: float) -> float:
+        """Quantile of one probability, without a table."""
+
     def moment(self, order: int) -> float:
         """Raw moment; NaN or infinite where there is none."""
+
+
+TURNS = {"vonmises": (-np.pi, np.pi)}
+"""Where scipy's quantiles lie of a density that it repeats without end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +81,46 @@ class Frozen:
         return np.asarray(self.given.cdf(x), dtype=float)
 
     def quantile(self, u: Array) -> Array:
-        """Quantiles."""
-        return np.asarray(self.given.ppf(u), dtype=float)
+        """Quantiles, of a table where scipy has no formula of them."""
+        if self._table is None:
+            return np.asarray(self.given.ppf(u), dtype=float)
+        probability = np.asarray(u, dtype=float)
+        inside = (probability > 0) & (probability < 1)
+        found = self._table.quantile(np.where(inside, probability, 0.5))
+        low, high = self.support
+        return np.where(inside, found, np.where(probability == 0, low, np.where(probability == 1, high, np.nan)))
 
     def upper_quantile(self, u: float) -> float:
         """Value that is exceeded with probability `u`."""
         return float(self.given.isf(u))
 
+    def lower_quantile(self, u: float) -> float:
+        """Quantile of one probability, without a table."""
+        return float(self.given.ppf(u))
+
     def moment(self, order: int) -> float:
         """Raw moment."""
         # the mean of most has a formula of its own
         return float(self.given.mean() if order == 1 else self.given.moment(order))
+
+    @cached_property
+    def _table(self) -> Inverted | None:
+        """Quantiles by the density, where it is all that scipy has a formula of."""
+        from scipy.stats import rv_continuous
+
+        family = getattr(self.given, "dist", None)
+        if not isinstance(family, rv_continuous) or family.name in INTEGRALS:
+            return None
+        kind = type(family)
+        if kind._ppf is not rv_continuous._ppf or kind._pdf is rv_continuous._pdf:
+            return None
+        logs.methods.info("quantiles of scipy.stats.%s: no formula; a table is made of its density", family.name)
+        with np.errstate(all="ignore"):
+            quartiles = np.asarray(self.given.ppf([0.25, 0.5, 0.75]), dtype=float)
+            found = inverted(self.density, self.cdf, TURNS.get(family.name, self.support), quartiles)
+        if found is None:
+            logs.methods.info("quantiles of scipy.stats.%s: no table is accurate; each is searched for", family.name)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +139,10 @@ class Infrastructure(Frozen):
     def upper_quantile(self, u: float) -> float:
         """Value that is exceeded with probability `u`."""
         return float(self.given.iccdf(u))
+
+    def lower_quantile(self, u: float) -> float:
+        """Quantile of one probability."""
+        return float(self.given.icdf(u))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +178,10 @@ class OpenTurns:
     def upper_quantile(self, u: float) -> float:
         """Value that is exceeded with probability `u`."""
         return float(self.given.computeQuantile(u, True)[0])
+
+    def lower_quantile(self, u: float) -> float:
+        """Quantile of one probability."""
+        return float(self.given.computeQuantile(u)[0])
 
     def moment(self, order: int) -> float:
         """Raw moment; NaN where there is none, which OpenTURNS raises."""

@@ -34,11 +34,14 @@ class WrappedDistribution(SimpleDistribution):
         How it is shown.
     """
 
+    tabulated = True
+    """Whether its quantiles are found by numbers, which may take a while."""
+
     def __init__(self, source: Source, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])
         self._source, self._text = source, text
         low, high = source.support
-        self._low = low if np.isfinite(low) else float(source.quantile(np.array([RARE]))[0])
+        self._low = low if np.isfinite(low) else source.lower_quantile(RARE)
         self._high = high if np.isfinite(high) else source.upper_quantile(RARE)
 
     def __repr__(self) -> str:
@@ -69,6 +72,8 @@ class WrappedDistribution(SimpleDistribution):
 
 class MovedDistribution(ShiftScaleDistribution):
     """The distribution of ``shift + scale * x``, with ``x`` distributed as another; shown as its package shows it."""
+
+    tabulated = True
 
     def __init__(self, standard: WrappedDistribution, shift: float, scale: float, text: str) -> None:
         super().__init__(standard, shift=shift, scale=scale)
@@ -102,7 +107,7 @@ class WholeNumbers(SimpleDistribution):
     def __init__(self, source: Source, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])
         low, high = source.support
-        low = low if np.isfinite(low) else float(source.quantile(np.array([RARE]))[0])
+        low = low if np.isfinite(low) else source.lower_quantile(RARE)
         high = high if np.isfinite(high) else source.upper_quantile(RARE)
         if not (np.isfinite([low, high]).all() and high - low < MOST_VALUES):
             raise StudyError(f"it takes whole numbers from {low:g} to {high:g}; expected at most {MOST_VALUES} of them")

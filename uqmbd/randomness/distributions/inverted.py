@@ -1,0 +1,173 @@
+"""Quantiles of distributions of scipy that have a formula of the density, and none of the quantiles.
+
+scipy searches for each such quantile by Brent's method: the table of 6,601 that a surrogate needs took 3 to 60 s, and
+``norminvgauss`` failed in its tails.  By the density it takes 0.1 s.  UNU.RAN, which scipy has as
+`scipy.stats.sampling.NumericalInversePolynomial`, is as quick, but its errors are relative to the whole probability: of
+``norminvgauss`` the probability at the quantile of 1e-12 is wrong by 0.1 %, at that of 1e-14 by 5 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.typing import Array
+
+__all__ = ["ACCURACY", "Inverted", "inverted"]
+
+
+ACCURACY = 1e-10
+"""Error of probabilities above which a table is not used; it is measured by the distribution function of scipy."""
+
+POINTS = 20
+"""Nodes of the Gauss-Legendre rule on each panel."""
+
+SPARED = 1e-13
+"""Size of the last coefficients of a panel's density, relative to the largest, at which it is a polynomial."""
+
+SMALLEST = 1e-40
+"""Probability beyond which tails are cut."""
+
+MOST = 1500
+"""Panels; more are a sign of a density full of noise, which is an integral itself."""
+
+STEPS = 60
+"""Of Newton's method or bisection."""
+
+PROBE = np.array([1e-12, 1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
+"""Probabilities at which a table is compared with the distribution function."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inverted:
+    """The integral of a density on panels, each a polynomial, summed from both ends.
+
+    Parameters
+    ----------
+    edges : array, shape (n + 1,)
+        Of the panels.
+    series : array, shape (n, 21)
+        Legendre coefficients of the integral from the left edge of each panel.
+    below, above : array, shape (n + 1,)
+        Probability below and above each edge: each is accurate relative to itself.
+    """
+
+    edges: Array
+    series: Array
+    below: Array
+    above: Array
+
+    def quantile(self, u: Array) -> Array:
+        """Return quantiles; those beyond the tails that are cut are the last edges."""
+        lower = u < 0.5
+        return self._solved(np.where(lower, u, 1 - u), lower)
+
+    def _solved(self, wanted: Array, lower: NDArray[np.bool_]) -> Array:
+        """Return where a probability is below, or else above: Newton's method, kept within its bracket."""
+        last = len(self.series)
+        left = np.searchsorted(self.below, wanted, side="right") - 1
+        right = last - np.searchsorted(self.above[::-1], wanted, side="right")
+        panel = np.clip(np.where(lower, left, right), 0, last - 1)
+        missing = np.where(lower, wanted - self.below[panel], self.above[panel] - wanted)
+        series, width = self.series[panel].T, (self.edges[1:] - self.edges[:-1])[panel]
+        slope = np.polynomial.legendre.legder(series)
+        low, high, at = np.full(wanted.shape, -1.0), np.full(wanted.shape, 1.0), np.zeros(wanted.shape)
+        for _ in range(STEPS):  # as many for all: a value does not hang on which others are asked for
+            value = np.polynomial.legendre.legval(at, series, tensor=False) - missing
+            low, high = np.where(value < 0, at, low), np.where(value < 0, high, at)
+            with np.errstate(all="ignore"):
+                newton = at - value / np.polynomial.legendre.legval(at, slope, tensor=False)
+            at = np.where((newton > low) & (newton < high), newton, (low + high) / 2)
+        found: Array = np.clip(self.edges[panel] + width * (1 + at) / 2, self.edges[0], self.edges[-1])
+        return found
+
+
+def inverted(
+    density: Callable[[Array], Array], cdf: Callable[[Array], Array], support: tuple[float, float], quartiles: Array
+) -> Inverted | None:
+    """Return a table of the quantiles of a distribution; None where its density is not integrated to `ACCURACY`.
+
+    The panels begin at the quartiles, double outwards, and are bisected until the density is a polynomial on each.
+    What is found is compared with the distribution function at probabilities from 1e-12 to 1 - 1e-6.
+
+    Parameters
+    ----------
+    density, cdf : callable
+        Of arrays of shape (N,).
+    support : tuple of float
+        Its ends, which may be infinite.
+    quartiles : array, shape (3,)
+        Of it.
+
+    Examples
+    --------
+    >>> import scipy.stats
+    >>> normal = scipy.stats.norm()
+    >>> table = inverted(normal.pdf, normal.cdf, normal.support(), normal.ppf([0.25, 0.5, 0.75]))
+    >>> u = np.array([1e-30, 1e-9, 0.3, 0.5, 1 - 1e-12])
+    >>> bool(np.abs(table.quantile(u) - normal.ppf(u)).max() < 1e-12)
+    True
+    """
+    points, rule = (np.asarray(x, dtype=float) for x in np.polynomial.legendre.leggauss(POINTS))
+    analysis = np.polynomial.legendre.legvander(points, POINTS - 1) * rule[:, None] * (np.arange(POINTS) + 0.5)
+    edges = _edges(density, support, quartiles)
+    if edges is None:
+        return None
+    left, right = edges[:-1], edges[1:]
+    found: list[tuple[Array, Array, Array]] = []
+    for _ in range(60):
+        middle: Array = (left + right) / 2
+        half: Array = (right - left) / 2
+        x = middle[:, None] + half[:, None] * points
+        values = density(x.ravel()).reshape(x.shape)
+        if not np.isfinite(values).all() or (values < 0).any():
+            return None
+        spectrum = values @ analysis
+        size = np.abs(spectrum)
+        rough = (size[:, -4:].max(axis=1) > SPARED * size.max(axis=1)) & (size.max(axis=1) * half > SMALLEST)
+        rough &= half > 4e-16 * np.maximum(np.abs(left), np.abs(right))
+        rough &= (size[:, -4:].max(axis=1) * half > 1e-18) | (half > 1e-3 * (quartiles[2] - quartiles[0]))
+        found.append((left[~rough], right[~rough], spectrum[~rough] * half[~rough, None]))
+        left, middle, right = left[rough], middle[rough], right[rough]
+        if not len(left):
+            break
+        if len(left) + sum(len(part[0]) for part in found) > MOST:
+            return None
+        left, right = np.r_[left, middle], np.r_[middle, right]
+    starts, ends, spectra = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(starts)
+    starts, ends, spectra = starts[order], ends[order], spectra[order]
+    series = np.polynomial.legendre.legint(spectra, lbnd=-1, axis=1)
+    masses = 2 * spectra[:, 0]
+    below, above = np.r_[0.0, np.cumsum(masses)], np.r_[np.cumsum(masses[::-1])[::-1], 0.0]
+    table = Inverted(np.r_[starts, ends[-1:]], series, below, above)
+    if not abs(below[-1] - 1) < ACCURACY:
+        return None
+    with np.errstate(all="ignore"):
+        error = np.abs(cdf(table.quantile(PROBE)) - PROBE).max()
+    return table if error < ACCURACY else None
+
+
+def _edges(density: Callable[[Array], Array], support: tuple[float, float], quartiles: Array) -> Array | None:
+    """Return edges from end to end: ever wider outwards, and ever narrower towards an end of the support."""
+    low, high = float(quartiles[0]), float(quartiles[2])
+    spread = high - low
+    if not 0 < spread < np.inf:
+        return None
+    parts: list[Array] = [np.asarray(np.linspace(low, high, 5), dtype=float)]
+    for start, end, sign in ((low, support[0], -1.0), (high, support[1], 1.0)):
+        if np.isfinite(end):
+            steps: Array = start + (end - start) * (1 - 2.0 ** -np.arange(1, 60))
+            parts += [steps[np.abs(end - steps) > 1e-15 * max(abs(end), spread)], np.array([end])]
+            continue
+        reach: Array = spread * 2.0 ** np.arange(-1, 1000)
+        values = density(start + sign * reach) * reach
+        small = np.flatnonzero(~(values > SMALLEST))
+        if not len(small):
+            return None
+        parts.append(start + sign * reach[: small[0] + 1])
+    edges = np.unique(np.concatenate(parts))
+    return edges[np.r_[True, np.diff(edges) > 0]]
