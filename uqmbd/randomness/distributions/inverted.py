@@ -160,10 +160,10 @@ def _edges(density: Callable[[Array], Array], support: tuple[float, float], quar
     parts: list[Array] = [np.asarray(np.linspace(low, high, 5), dtype=float)]
     for start, end, sign in ((low, support[0], -1.0), (high, support[1], 1.0)):
         if np.isfinite(end):
-            steps: Array = start + (end - start) * (1 - 2.0 ** -np.arange(1, 60))
+            steps: Array = start + (end - start) * (1 - np.exp2(-np.arange(1.0, 60.0)))
             parts += [steps[np.abs(end - steps) > 1e-15 * max(abs(end), spread)], np.array([end])]
             continue
-        reach: Array = spread * 2.0 ** np.arange(-1, 1000)
+        reach: Array = spread * np.exp2(np.arange(-1.0, 1000.0))
         values = density(start + sign * reach) * reach
         small = np.flatnonzero(~(values > SMALLEST))
         if not len(small):
