@@ -165,7 +165,7 @@ class UnitsWarning(StudyWarning):
 
 
 class UnusedInputWarning(UserWarning):
-    """No output depends on a random variable.
+    """No output of a study depends on a random variable.
 
     Examples
     --------

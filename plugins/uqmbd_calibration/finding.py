@@ -128,7 +128,7 @@ def find(
             warnings.simplefilter("always")
             nodes[id(point)] = point.surrogates(chosen, outputs)
         methods += [_described(node) for node in nodes[id(point)]]
-        notes += [str(one.message) for one in told if not issubclass(one.category, uqmbd.UnusedInputWarning)]
+        notes += [str(one.message) for one in told]
 
     def build(cases: tuple[Case, ...], *, doubted: bool = True) -> Posterior:
         """Make the posterior by the surrogates over the prior; what these state of their errors adds to the noise."""

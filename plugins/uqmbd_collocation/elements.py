@@ -14,7 +14,7 @@ import uqmbd
 from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
-from uqmbd_collocation.record import nodes_of, warn_of_idle_inputs
+from uqmbd_collocation.record import nodes_of
 from uqmbd_collocation.runs import Runs, announced_once
 
 __all__ = ["collocate_elements"]
@@ -109,8 +109,6 @@ def collocate_elements(
             "error comes from the others.",
             stacklevel=3,
         )
-    first = work.done[0]
-    warn_of_idle_inputs(first.runs, first.fit, problem.label)
     return problem.node(
         propagator,
         refined.chaos.statistics(),
@@ -125,7 +123,7 @@ def collocate_elements(
         attrs={
             "failures": sum(int((one.runs.status != Status.OK).sum()) for one in work.done),
             "failed_share": _failed_share(kept),
-            "fit": f"{len(kept)} elements, each by {first.fit.how}",
+            "fit": f"{len(kept)} elements, each by {work.done[0].fit.how}",
             "terms": len(refined.chaos.multi_index),
             "highest_degree": int(refined.chaos.multi_index.max()),
             "nodes": sum(len(np.unique(one.fit.where)) + one.fit.failed for one in kept),

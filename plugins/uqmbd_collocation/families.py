@@ -230,7 +230,7 @@ def expand_families(
     for name in work.found:
         for message in work.told[name]:
             # whether a tolerance is met counts for the outputs that take the family, not for all that it refined
-            if name in taken and not isinstance(message, UnmetWarning) or isinstance(message, uqmbd.UnusedInputWarning):
+            if name in taken and not isinstance(message, UnmetWarning):
                 warnings.warn(message, stacklevel=3)
     found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
     lost = np.array([errors[name][k] for k, name in enumerate(taken)]) / largest[:, None]

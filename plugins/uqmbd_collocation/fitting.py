@@ -44,8 +44,6 @@ class Fit:
         Of a quadrature.
     failed : int
         Realisations that were left out because they failed.
-    candidates : array of int, shape (N, d), optional
-        Terms that a sparse regression could choose from.
     """
 
     coefficients: Array
@@ -55,7 +53,6 @@ class Fit:
     leave_one_out: Array | None = None
     weights: Array | None = None
     failed: int = 0
-    candidates: Index | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +186,7 @@ class Regression:
         coefficients, leave_one_out = sparse_regression(response, psi, self.method)
         kept = np.union1d([0], np.flatnonzero((coefficients != 0).any(axis=(1, 2))))
         how = f"sparse regression ({self.method}) on {len(where)} samples, {len(kept)} of {terms} terms"
-        return Fit(
-            coefficients[kept], self.multi_index[kept], how, where, leave_one_out, None, failed, self.multi_index
-        )
+        return Fit(coefficients[kept], self.multi_index[kept], how, where, leave_one_out, None, failed)
 
 
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:

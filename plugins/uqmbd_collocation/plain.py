@@ -11,7 +11,7 @@ from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plans import Plans
-from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
+from uqmbd_collocation.record import nodes_dataset, warn_of_failures
 from uqmbd_collocation.refinement import Limits, history
 from uqmbd_collocation.runs import Runs, Source
 
@@ -56,7 +56,6 @@ def expand(
     verification = runs.verification(points)
     warn_of_failures(verification, label)
     chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
-    warn_of_idle_inputs(runs, fit, label)
     if not quiet:
         warn_of_discontinuities(chaos, plans, label)
     failures, others = int((runs.status != Status.OK).sum()), max(len(runs) - verification.asked, 0)

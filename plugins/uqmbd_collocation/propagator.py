@@ -154,8 +154,6 @@ class Collocation(uqmbd.Propagator):
     -----
     UserWarning
         If realisations failed, a tolerance was not met, or a rule is too coarse for the basis.
-    uqmbd.UnusedInputWarning
-        If no output depends on an input.
 
     References
     ----------

@@ -15,13 +15,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["nodes_dataset", "nodes_of", "nodes_of_elements", "warn_of_failures", "warn_of_idle_inputs"]
-
-
-IDLE = 1e-13
-"""Share of the largest coefficient of an output below which terms are rounding."""
-SAME = 1e-12
-"""Difference of two realisations, over the largest value over time, below which they are the same."""
+__all__ = ["nodes_dataset", "nodes_of", "nodes_of_elements", "warn_of_failures"]
 
 
 def nodes_of(
@@ -106,38 +100,3 @@ def warn_of_failures(verification: uqmbd.Verification, label: str) -> None:
             f"the probability. Reason of the failure: {verification.reason}",
             stacklevel=3,
         )
-
-
-def warn_of_idle_inputs(runs: Runs, fit: Fit, label: str) -> None:
-    """Warn of germs that no output depends on.
-
-    Those of which no coefficient says anything are suspects: they are changed alone, from one point, and the responses
-    compared, for a fit can be blind (an interaction without main effects, a sparse regression on few samples).
-    """
-    candidates = fit.multi_index if fit.candidates is None else fit.candidates
-    size = np.abs(fit.coefficients).max(axis=(0, 2))[:, None]
-    suspects = []
-    for k in range(runs.space.dimension):
-        energy = np.sqrt(np.sum(fit.coefficients[fit.multi_index[:, k] > 0] ** 2, axis=0))
-        # an order of zero raises no suspicion
-        if candidates[:, k].any() and bool((energy <= IDLE * size).all()):
-            suspects.append(k)
-    if not suspects:
-        return
-    # one stack, so that equal realisations have equal bits
-    points = runs.space.from_uniform(np.full((1 + len(suspects), runs.space.dimension), 0.3819660113))
-    changed = runs.space.from_uniform(np.full((1, runs.space.dimension), 0.7236067977))[0]
-    for row, k in enumerate(suspects, start=1):
-        points[row, k] = changed[k]
-    where = runs.at(points)
-    first, *others = runs.response[where]
-    largest = np.abs(first).max(axis=-1, keepdims=True)
-    for k, other in zip(suspects, others, strict=True):
-        # a failed realisation compares as different
-        if bool((np.abs(other - first) <= SAME * largest).all()):
-            warnings.warn(
-                f"{label}: no output depends on the random input {runs.space.names[k]!r}; it costs realisations and "
-                "changes nothing. Leave it out, or observe what it changes.",
-                uqmbd.UnusedInputWarning,
-                stacklevel=2,
-            )

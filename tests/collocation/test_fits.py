@@ -145,7 +145,7 @@ def test_an_input_that_nothing_depends_on_is_named(resting, warned, options):
     study.mechanism.body("stone", mass=idle)
     _, messages = warned(lambda: study.propagate(Collocation(order=2, **options)))
     (message,) = messages
-    assert message.startswith("UnusedInputWarning: collocation: no output depends on the random input 'idle_mass'")
+    assert message.startswith("UnusedInputWarning: study 'resting': no output depends on the random input 'idle_mass'")
 
 
 def test_an_input_that_a_fit_is_blind_for_is_not_called_idle(resting, warned):

@@ -166,7 +166,8 @@ def test_nothing_is_stated_where_nothing_is_integrated():
     mechanism = spring()
     mechanism.outputs.clear()
     mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
-    node = uqmbd.Study("s", mechanism, propagators=[MonteCarlo(samples=4, seed=1)]).run()["monte-carlo"]
+    with pytest.warns(uqmbd.UnusedInputWarning, match="'amplitude'"):
+        node = uqmbd.Study("s", mechanism, propagators=[MonteCarlo(samples=4, seed=1)]).run()["monte-carlo"]
     assert "integration_error" not in node["scalars/statistics"]
 
 

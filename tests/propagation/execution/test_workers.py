@@ -121,6 +121,7 @@ def test_threads_of_this_process(monkeypatch):
     ],
     ids=["declared", "not declared", "implicit", "events", "statics alone"],
 )
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.UnusedInputWarning")
 def test_who_is_asked(integrator, about, who):
     """What is followed in Python, events and statics, is work for processes, whatever the integrator declares."""
     staff = Both()

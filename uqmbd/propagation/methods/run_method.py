@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
+from uqmbd.errors import IntegrationError, StudyError, StudyWarning
 from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
@@ -96,7 +96,7 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
     nodes: dict[Kind, xr.DataTree] = {}
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
-        run = partial(_run, propagator, check=check and one.kind != "requirements", mixed=len(asked) > 1)
+        run = partial(_run, propagator, check=check and one.kind != "requirements")
         found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
         if given.answers_requirements:
             answered, found = _answered(propagator, problem.label, found)
@@ -236,16 +236,12 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
     return own, xr.DataTree.from_dict(parts, name=node.name)
 
 
-def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool = False) -> xr.DataTree:
+def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
     """Run a method on one kind of outputs; however many parts it computes, its progress ends once."""
     progress = UntilTheEnd(problem.progress)
     problem = replace(problem, progress=progress)
-    with warnings.catch_warnings():
-        if mixed:
-            # an input that only one kind of output depends on is not unused
-            warnings.simplefilter("ignore", UnusedInputWarning)
-        with one_thread():
-            node = _checked(propagator, problem, propagator.propagate(problem))
+    with one_thread():
+        node = _checked(propagator, problem, propagator.propagate(problem))
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
     if machines := machine_attribute(problem.observed.counters):

@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from uqmbd.display import html_of
-from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.errors import StudyError, StudyWarning, UnusedInputWarning
 from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.existence import existence_of
+from uqmbd.propagation.idle_inputs import affordable, idle_inputs
 from uqmbd.propagation.methods import Propagator, run_method
 from uqmbd.propagation.observed_model import (
     mechanism_attributes,
@@ -374,7 +375,9 @@ class Study:
         self._checked([propagator])
         self._foretell((propagator,))
         with pool(workers) as executor:
-            return run_method(propagator, self.problem(propagator, executor, progress))
+            node = run_method(propagator, self.problem(propagator, executor, progress))
+        self._tell_idle((propagator,))
+        return node
 
     @checked
     def run(
@@ -472,7 +475,8 @@ class Study:
             foretold = self._foretell(chosen)
             outcome = run_methods(self, chosen, crew, progress, folder, terms, resume=resume)
             outcome.told(self.name, stacklevel=2)
-            tree = joined(self, outcome, self._attributes(foretold))
+            idle = self._tell_idle(chosen)
+            tree = joined(self, outcome, self._attributes((*foretold, *idle)))
             if finished is not None:
                 finished(tree)
             if only is None:
@@ -519,6 +523,26 @@ class Study:
         for sentence in found:
             warnings.warn(f"study {self.name!r}: {sentence}.", StudyWarning, stacklevel=4)
         return found
+
+    def _tell_idle(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
+        """Warn of inputs that no output depends on."""
+        idle = tuple(
+            f"no output depends on the random input {name!r}; it costs realisations and changes nothing. Leave it out, "
+            "or observe what it changes"
+            for name in self._idle(propagators)
+        )
+        for sentence in idle:
+            warnings.warn(f"study {self.name!r}: {sentence}.", UnusedInputWarning, stacklevel=4)
+        return idle
+
+    def _idle(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
+        """Name the inputs that no output depends on, where the methods compute enough to look at them."""
+        inputs = self.mechanism.inputs
+        if not affordable(len(inputs), planned(self, propagators)):
+            return ()
+        about = (self.times, self.rtol, self.integrator)
+        key = ("idle", self.times.tobytes(), self.rtol, self.integrator, self.start, self.max_step, self.breaks)
+        return self.mechanism.remembered(key, lambda: idle_inputs(self.model, inputs, *about))
 
     def _attributes(self, foretold: Sequence[str] = ()) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
