@@ -118,6 +118,7 @@ def test_a_requirement_is_met_where_all_methods_say_so():
     assert [line.level for line in lines] == sorted(line.level for line in lines)
 
 
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.UnusedInputWarning")
 def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(tmp_path):
     mechanism = pendulum()
     x, y = (mechanism.outputs[name].expression for name in "xy")
