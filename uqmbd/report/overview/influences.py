@@ -66,7 +66,7 @@ class Influences:
             return ""
         return (
             f"They add up to {format_share(total)}: what inputs cause together counts for each of them. "
-            "Dark: what each explains alone."
+            "Solid: what each explains alone."
         )
 
     @property
