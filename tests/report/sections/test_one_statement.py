@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import sys
 from pathlib import Path
 
 import chaospy
@@ -75,20 +74,6 @@ def trees(draw: st.DrawFn) -> xr.DataTree:
     return results.study_tree(nodes, study="s", mechanism="m")
 
 
-@pytest.fixture(scope="module")
-def without_figures():
-    """Reports whose figures are not drawn."""
-    blank = {"source": "data:,", "problem": "", "name": ""}
-    drawn = report.drawing.image
-    with pytest.MonkeyPatch.context() as patch:
-        for module in [m for name, m in sys.modules.items() if name.startswith("uqmbd.report")]:
-            if getattr(module, "image", None) is drawn:
-                patch.setattr(
-                    module, "image", lambda draw, alt, caption, name="": {**blank, "alt": alt, "caption": caption}
-                )
-        yield
-
-
 def text_of(fragment: str) -> str:
     fragment = re.sub(r"<(style|script).*?</\1>", "", fragment, flags=re.S)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", fragment)).replace("&#39;", "'")
@@ -106,7 +91,7 @@ def table(page: str, label: str) -> list[list[str]]:
 @pytest.mark.thorough
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
-def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tmp_path: Path) -> None:
+def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path) -> None:
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     page = page.replace("\N{NO-BREAK SPACE}", " ")
     data = tree["comparison"].to_dataset()
