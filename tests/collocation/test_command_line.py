@@ -133,7 +133,7 @@ def test_an_input_without_influence(cli):
     status, _, err = cli("run", function="a**2 + mechanism.body('other', mass=1 + b).mass * 0")
     assert status == 0
     (line,) = [line for line in err.splitlines() if line.startswith("Warning")]
-    assert line.startswith("Warning: collocation: no output depends on the random input 'b'")
+    assert line.startswith("Warning: study 'study': no output depends on the random input 'b'")
 
 
 def test_everything_failed(cli):
