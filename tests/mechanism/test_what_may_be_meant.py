@@ -216,7 +216,8 @@ def test_check_says_what_assembly_moved(tmp_path, command):
 def test_a_study_warns_once_and_every_study_does():
     mechanism, ball = ball_on()
     PointForce("push", ball, (0, 0), (1, uqmbd.RandomVariable("f", chaospy.Normal())))
-    mechanism.body("other", mass=uqmbd.RandomVariable("m", chaospy.Uniform(1, 2)))
+    mass = uqmbd.RandomVariable("m", chaospy.Uniform(1, 2))
+    mechanism.output("momentum", mechanism.body("other", mass=mass).velocity[1] * mass)
     for seed in (1, 2):
         study = uqmbd.Study("drop", mechanism, TIMES, [MonteCarlo(samples=4, seed=seed)])
         with pytest.warns(uqmbd.StudyWarning, match="PointForce 'push'") as caught:

@@ -95,6 +95,7 @@ def test_all_solvers_and_both_integrators_agree(crank, solver):
         assert found.counters["jacobian_products"] > 0 and found.counters["preconditioner_solutions"] > 0
 
 
+@pytest.mark.filterwarnings("ignore:.*no output depends on the random input 'mass':uqmbd.UnusedInputWarning")
 def test_counters_are_in_the_result(mechanisms):
     study = uqmbd.Study("counts", mechanisms["pendulum"](), np.linspace(0, 0.2, 3))
     for integrator, names in (

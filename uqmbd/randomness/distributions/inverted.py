@@ -164,7 +164,8 @@ def _edges(density: Callable[[Array], Array], support: tuple[float, float], quar
             parts += [steps[np.abs(end - steps) > 1e-15 * max(abs(end), spread)], np.array([end])]
             continue
         reach: Array = spread * np.exp2(np.arange(-1.0, 1000.0))
-        values = density(start + sign * reach) * reach
+        with np.errstate(all="ignore"):  # some squares of what is far away are infinite
+            values = density(start + sign * reach) * reach
         small = np.flatnonzero(~(values > SMALLEST))
         if not len(small):
             return None
