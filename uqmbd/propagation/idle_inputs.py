@@ -16,7 +16,7 @@ from uqmbd.typing import Array
 if TYPE_CHECKING:
     from uqmbd.dynamics import Model
 
-__all__ = ["affordable", "idle_inputs"]
+__all__ = ["POINTS", "affordable", "idle_inputs"]
 
 AT_LEAST = 8
 """As many realisations are computed together in hardly more time than one: they are always spent."""
@@ -26,6 +26,9 @@ SHARE = 20
 
 POINTS = 6
 """From as many points an input is changed alone that changed nothing at the first: events may be rare."""
+
+FAR = 1e-6
+"""To these quantiles, of either end, it is changed from the first two: what happens rarely often does so there."""
 
 SAME = 1e-12
 """Outputs that differ by less, as a part of their largest value over time, are the same."""
@@ -92,8 +95,9 @@ def idle_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, int
         warnings.simplefilter("ignore")
         suspects = unchanged(everything, np.full((1, size), 0.3819660113), np.full((1, size), 0.7236067977))
         if suspects:
-            drawn = np.random.default_rng(0).uniform(0.01, 0.99, (2, POINTS, size))
-            found = unchanged(suspects, *drawn)
+            points, others = np.random.default_rng(0).uniform(0.01, 0.99, (2, POINTS, size))
+            others[:2] = [[FAR], [1 - FAR]]
+            found = unchanged(suspects, points, others)
     return tuple(inputs.names[k] for k in found)
 
 

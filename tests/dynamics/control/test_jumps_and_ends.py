@@ -115,6 +115,7 @@ def sled(contact, rate=10, at=0.5, function=as_it_is):
     return mechanism
 
 
+@pytest.mark.filterwarnings("ignore:.*no output depends on the random input 'mass':uqmbd.UnusedInputWarning")
 @pytest.mark.parametrize("at", [0.3, 0.5, 1.0])
 @pytest.mark.parametrize("way", ["dop853", "ida", "impacts", pytest.param("galerkin", marks=pytest.mark.thorough)])
 def test_a_prescribed_speed_jumps_before_it_is_sampled(way, at):
