@@ -85,6 +85,13 @@ class Idle(Base):
     terms = Sound.terms
 
 
+class IdleExample(Base):
+    """A spring with a parameter that it never uses, and for which one value is tried."""
+
+    rate = uqmbd.Parameter("N/m", "spring rate", default=1, example=2)
+    terms = Sound.terms
+
+
 class Endless(Base):
     """A force that is infinite."""
 
@@ -110,7 +117,10 @@ class Optional(Base):
     """A force that follows a law."""
 
     law = uqmbd.Parameter("N", "force over length", kind="option")
-    terms = Sound.terms
+
+    def terms(self, p):
+        d = self.offset(p)
+        yield uqmbd.Potential(d.dot(d) / (1 if p.law == "soft" else 2))
 
 
 class Ratchet(Base):
@@ -163,7 +173,8 @@ FAULTS = {
     Compass: "its forces change by .* when everything is moved and turned as a whole",
     Anchored: "its reactions do not cancel; a constraint changes if all bodies move as one",
     Impossible: "no state was found at which its constraints hold",
-    Idle: "parameter 'rate' .*nothing|parameter 'rate' has no effect",
+    IdleExample: "parameter 'rate' is declared, and enters no term",
+    Idle: "parameter 'rate' is declared, and enters no term",
     Unitless: "Unitless.rate has no units",
     Undescribed: "Undescribed.rate has no description",
     Ratchet: "energy is not conserved: a potential feeds in a power of",

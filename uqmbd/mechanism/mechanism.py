@@ -86,6 +86,8 @@ class Mechanism:
         self.margins: dict[str, Output] = {}
         self.conditions: dict[str, StartCondition] = {}
         """What holds at the start."""
+        self.effective: dict[Hashable, frozenset[str]] = {}
+        """Parameters that have an effect, for classes of components with their options."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
     @checked

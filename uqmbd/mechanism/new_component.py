@@ -6,7 +6,7 @@ from typing import Any
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground
-from uqmbd.mechanism.components import Component, settle
+from uqmbd.mechanism.components import Component, require_effects, settle
 from uqmbd.mechanism.declared import Described, require_free, require_holonomic, require_known
 from uqmbd.mechanism.expressions import shown
 
@@ -42,6 +42,7 @@ def new_component(mechanism: Described, given: Any) -> Component:
         if declared is None or declared.kind != "option":
             require_known(mechanism, f"{where}: {key}", value, "law")
     require_holonomic(where, part, mechanism.space)
+    require_effects(where, part, mechanism.space, mechanism.effective)
     return part
 
 

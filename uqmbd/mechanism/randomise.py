@@ -13,7 +13,7 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError, StudyWarning
-from uqmbd.mechanism.components import Component, range_text, settle, stated_in_bodies
+from uqmbd.mechanism.components import Component, known_effects, no_effect, range_text, settle, stated_in_bodies
 from uqmbd.mechanism.declared import Described
 from uqmbd.mechanism.expressions import shown
 from uqmbd.names import did_you_mean
@@ -40,6 +40,8 @@ class Quantity:
     minimum: float = -math.inf
     maximum: float = math.inf
     stated: bool = True
+    unused: str = ""
+    """Why nothing depends on it; empty: something does."""
 
     @property
     def name(self) -> str:
@@ -72,6 +74,8 @@ class Law:
     absolute: float | None
     distribution: Any
     left: list[str] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+    """Numbers that match and have no effect, with the reason."""
 
     @property
     def scales(self) -> bool:
@@ -136,6 +140,9 @@ def randomise(
     changes: list[tuple[Quantity, Any]] = []
     found: list[RandomVariable] = []
     for quantity, indices in chosen:
+        if quantity.unused:
+            law.unused.append(f"{quantity.name} has {quantity.unused}")
+            continue
         new, variables = (_tensor if quantity.tensor else _numbers)(quantity, indices, law)
         for variable in variables:
             if variable.name in known:
@@ -146,7 +153,9 @@ def randomise(
             changes.append((quantity, new))
             found += variables
     if not found:
-        raise StudyError(f"{where}: nothing of what it matches can vary: {'; '.join(law.left) or 'all is zero'}.")
+        raise StudyError(
+            f"{where}: nothing of what it matches can vary: {'; '.join(law.left + law.unused) or 'all is zero'}."
+        )
     _warn(where, law, changes)
     _settle(mechanism, changes)
     return found
@@ -187,10 +196,12 @@ def _quantities(mechanism: Described) -> Iterator[Quantity]:
         if body.terms.values["inertia"]:
             yield Quantity(body.name, "inertia", body.terms, "kg m^2", minimum=0)
     for component in mechanism.components.values():
+        effective = known_effects(component, mechanism.space, mechanism.effective)
         for key, p in component.parameters().items():
             if p.kind in KINDS and component.values.get(key) not in (None, ()) and p.fits(mechanism.space):
-                stated = key in component.given
-                yield Quantity(component.name, key, component, p.units, p.minimum, p.maximum, stated)
+                stated, idle = key in component.given, not p.required and key not in effective
+                unused = no_effect(component, mechanism.space, p) if idle else ""
+                yield Quantity(component.name, key, component, p.units, p.minimum, p.maximum, stated, unused)
 
 
 def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Quantity, list[int]]]:

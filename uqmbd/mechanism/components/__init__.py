@@ -21,6 +21,7 @@ from uqmbd.mechanism.components.component import (
     flatten,
 )
 from uqmbd.mechanism.components.declaration import BEGUN
+from uqmbd.mechanism.components.effects import effective_parameters, known_effects, no_effect, require_effects
 from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in, told_by
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
@@ -54,11 +55,15 @@ __all__ = [
     "VirtualWork",
     "angles_in",
     "counted_angle",
+    "effective_parameters",
     "flatten",
     "half_angle",
+    "known_effects",
     "law_at",
     "law_values",
+    "no_effect",
     "range_text",
+    "require_effects",
     "settle",
     "told_by",
     "stated_in_bodies",

@@ -167,6 +167,8 @@ class Component:
         self.values: dict[str, Any] = {}
         self.read: set[str] = set()
         """Parameters whose values were read, by anything but `prepare`."""
+        self.prepared_from: frozenset[str] = frozenset()
+        """Parameters whose values `prepare` read."""
         if not self.offered:
             for body in self.attached.values():
                 getattr(body, "drafts", {})[name] = kind

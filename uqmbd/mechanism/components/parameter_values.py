@@ -60,10 +60,12 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
             # helpers on axes and rotations do not know whom they work for
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
     known = [(x, set(x.read)) for x in (component, *_holders(component))]
+    component.read = set()
     try:
         prepared = dict(component.prepare())
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
+    component.prepared_from = frozenset(component.read)
     for holder, read in known:  # what `prepare` reads is computed again whenever it changes
         holder.read = read
     for key, value in prepared.items():

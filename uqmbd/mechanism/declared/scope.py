@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Literal, Protocol
 
 import sympy
@@ -43,6 +43,7 @@ class Described(Protocol):
     controllers: dict[str, Controller]
     outputs: dict[str, Output]
     scalars: dict[str, Output]
+    effective: dict[Hashable, frozenset[str]]
 
     @property
     def requirements(self) -> Mapping[str, object]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, t
+from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, effective_parameters, t
 from uqmbd.randomness import uniform_variable
 
 __all__ = ["Case", "cases", "moving_case", "name_of"]
@@ -130,13 +130,33 @@ def _case(
     bodies: list[Any] = [
         mechanism.ground if k == ground else _body(mechanism, role, rng) for k, role in enumerate(component.bodies)
     ]
+    declared = _declared(component, space)
     values = {
         key: given[key] if key in given else _value(parameter, mechanism.space, rng, turning=turning, moving=moving)
-        for key, parameter in _declared(component, space).items()
+        for key, parameter in declared.items()
         if key in given or key in wanted
     }
+    values = _with_effect(component, space, declared, values)
     made = component("trial", **_arguments(component, bodies, values))
     return Case(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
+
+
+def _with_effect(
+    component: type[Component], space: type[Space], declared: Mapping[str, Parameter], values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Leave out values that may be left out and enter nothing with the options among them: they would be refused."""
+    if all(declared[key].required for key in values):
+        return dict(values)
+    mechanism, rng = Mechanism("trial", space()), np.random.default_rng(0)
+    bodies = [_body(mechanism, role, rng) for role in component.bodies]
+    kept = {
+        key: x
+        for key, x in values.items()
+        if declared[key].required or declared[key].words or declared[key].default is None
+    }
+    probe = mechanism.add(component("trial", **_arguments(component, bodies, kept)))
+    effective = effective_parameters(probe, mechanism.space)
+    return {key: x for key, x in values.items() if key in kept or key in effective}
 
 
 def _arguments(component: type[Component], bodies: list[Any], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, derive
-from uqmbd.mechanism import Component, Space
+from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
 from uqmbd.testing.components.cases import cases, name_of
@@ -95,6 +95,7 @@ def check_component(
     unknown = sorted(set(given or ()) - set(component.parameters()))
     usage = f"{component.__name__}{component.signature()}"
     assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {usage}."
+    _check_some_effect(component, given or {})
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
         for number, case in enumerate(cases(component, space, given or {}, rng)):
@@ -123,6 +124,21 @@ def _check_declaration(component: type[Component]) -> None:
         assert parameter.units or not numeric, f"{component.__name__}.{key} has no units; '1' for a pure number."
         told = spelling(f"{component.__name__}.{key}", parameter.units) if numeric else ""
         assert not told, told
+
+
+def _check_some_effect(component: type[Component], given: Mapping[str, Any]) -> None:
+    """Require each parameter to enter a term in one of the spaces, with one of the options at least."""
+    idle = set(component.parameters())
+    for space in component.spaces:
+        rng = np.random.default_rng(0)
+        for case in cases(component, space, given, rng):
+            idle -= effective_parameters(case.component, case.mechanism.space, drawn=False)
+            if not idle:
+                return
+    raise AssertionError(
+        f"{component.__name__}: parameter {min(idle)!r} is declared, and enters no term in any space with any option; "
+        "use it in terms(), or leave it out."
+    )
 
 
 def _check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
