@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import subprocess
 import sys
+import time
 import warnings
 
 import numpy as np
@@ -14,6 +15,7 @@ import uqmbd
 from uqmbd.cli import main
 from uqmbd.dynamics import Ensemble, build, integrate
 
+from .clock import CLOCK
 from .mechanisms import oscillator, pendulum, rolling_wheel, sleigh, slider_crank, spatial_pendulum
 
 
@@ -22,6 +24,15 @@ def pytest_collection_finish():
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def counted_clocks():
+    """Let durations be counted: the clocks they are measured by go on whenever they are read."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(time, "perf_counter", CLOCK)
+        patch.setattr(time, "process_time", CLOCK)
+        yield
 
 
 @pytest.fixture(scope="session")

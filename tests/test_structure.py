@@ -184,6 +184,25 @@ def test_what_an_extra_installs_is_imported_where_it_is_used():
     assert [one for one in found if not one.startswith(("uqmbd.testing", "uqmbd_pytest"))] == []
 
 
+WAIT = {
+    "tests/clusters/conftest.py": "a scheduler that starts",
+    "tests/propagation/execution/test_run_folder.py": "a process that ends",
+}
+"""Files of tests that look at a clock to give up what they wait for."""
+
+
+def test_no_test_depends_on_measured_time():
+    """Durations are counted (``tests/clock.py``); what is promised of times is in ``studies/benchmarks/promises.py``."""
+    readers = "(perf_counter|process_time|monotonic|thread_time|time)(_ns)?"
+    allowed = {"tests/clock.py", "tests/conftest.py", "tests/malformed/isolated.py", "tests/test_structure.py", *WAIT}
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        name = path.relative_to(ROOT).as_posix()
+        found = re.search(rf"\b(time|clock)\.{readers}\(|from time import (?!sleep)", path.read_text(encoding="utf-8"))
+        assert found is None or name in allowed, (
+            f"{name} reads a clock by {found[0]!r}; count what the time is spent on, or let tests/clock.py go on."
+        )
+
+
 def test_no_folder_is_crowded():
     counts = {package: 0 for package in PACKAGES}
     for name in MODULES:

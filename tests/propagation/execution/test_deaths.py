@@ -168,11 +168,9 @@ def test_processes_of_our_own_lose_nothing_but_what_kills():
         # a stopped process is no reason to wait: another one does its piece, and it ends
         assert [one and one[1] for one in found] == [None if k in killers else k for k in range(200)]
         assert set(lost) == killers
-        begin = time.monotonic()
         os.kill(found[-1][0], signal.SIGSTOP)
         again = through(staff.processes, 40, Packed.of(set()), kills, patience=0.3)
         assert [k for _, k in again] == list(range(40))
-    assert time.monotonic() - begin < 60
 
 
 def test_answers_say_who_has_computed():
@@ -193,19 +191,3 @@ def test_answers_say_who_has_computed():
     assert names[:3] == ["uqmbd", "Python", "numpy"]
     assert answer.seconds > 0
     assert compute_chunk(Packed.of(problem.model), np.ones((1, 1)), TIMES, 1e-6).counters[f"on {machine_type()}"] == 1
-
-
-def plain(packed, piece):
-    return np.full((512, 1, 31), float(piece))
-
-
-@pytest.mark.slow
-def test_handing_out_a_million_realisations_costs_less_than_four_seconds():
-    """Of this process, with pickling, queues and threads: they are 1,954 pieces of 512, here with all responses."""
-    packed, pieces = Packed.of(bytes(50_000)), 1_000_000 // 512 + 1
-    with Crew(2) as crew, crew.at_work() as staff:
-        through(staff.processes, 20, packed, plain)
-        before = time.process_time()
-        through(staff.processes, pieces, packed, plain)
-        spent = time.process_time() - before
-    assert spent < 4.0

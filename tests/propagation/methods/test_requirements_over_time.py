@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 
 import chaospy
@@ -161,11 +160,9 @@ def slider_crank():
 @pytest.mark.slow
 def test_a_surrogate_of_64_realisations_agrees_with_20000_real_ones():
     study = slider_crank()
-    begin = time.process_time()
     node = study.propagate(Collocation(order=2, method="regression", samples=48, verify=16))
-    spent = time.process_time() - begin
     found = node["requirements"].to_dataset().isel(requirement=0)
-    assert node.attrs["realisations"] == 64 and spent < 20
+    assert node.attrs["realisations"] == 64
     counted = study.propagate(MonteCarlo(samples=20_000, seed=1))["requirements"].to_dataset().isel(requirement=0)
     low, high = counted["interval"].values
     assert low <= found["violation_probability"] <= high

@@ -1,8 +1,7 @@
-"""What the statistics of a chaos cost: time and memory, and which route to the shape is taken."""
+"""What the statistics of a chaos cost: memory, and which route to the shape is taken."""
 
 from __future__ import annotations
 
-import time
 import tracemalloc
 from collections.abc import Callable
 
@@ -77,20 +76,3 @@ def test_too_many_products_are_replaced_by_samples() -> None:
         for most in (pairs - 1, products - 1):
             patch.setattr(chaos_moments, "MAX_PRODUCTS", most)
             assert chaos_moments._cheaper(index, germs, 1) == "samples"
-
-
-@pytest.mark.slow
-def test_time_of_ten_thousand_outputs() -> None:
-    """286 terms (3 inputs, order 10): 0.2 s for variance and indices, 4 s for the shape are promised; thrice is failure.
-
-    Measured on one core: 0.07 s and 1.1 s. The tolerance is for machines that are busy.
-    """
-    chaos = large(3, 10, 1000)
-    start = time.perf_counter()
-    assert chaos.mean.shape == chaos.variance.shape == (10, 1000)
-    assert chaos.sobol_first.shape == chaos.sobol_total.shape == (3, 10, 1000)
-    assert chaos.sobol_second.shape == (3, 3, 10, 1000)
-    after = time.perf_counter()
-    assert chaos.skewness.shape == chaos.kurtosis.shape == (10, 1000)
-    assert after - start < 0.6
-    assert time.perf_counter() - after < 12

@@ -67,7 +67,7 @@ class Timing:
 
 
 def timing_of(
-    study: Any, propagator: Propagator, limit: float = 0.3, clock: Callable[[], float] = time.perf_counter
+    study: Any, propagator: Propagator, limit: float = 0.3, clock: Callable[[], float] | None = None
 ) -> Timing | None:
     """Time realisations of a study: one at the means to compile what is compiled, then more and more.
 
@@ -78,15 +78,15 @@ def timing_of(
         One of its methods, whose realisations are meant.
     limit : float
         Seconds that may be spent, roughly; less where one realisation takes longer.
-    clock : callable
-        Seconds.
+    clock : callable, optional
+        Seconds; default `time.perf_counter`.
 
     Returns
     -------
     Timing or None
         None where no realisation can be computed.
     """
-    found = None
+    found, clock = None, clock or time.perf_counter
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         problem = first_problem(study, propagator)

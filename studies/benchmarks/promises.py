@@ -1,0 +1,118 @@
+"""Times that users notice and no test measures: the command's help, statistics of a chaos, handing out chunks.
+
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/promises.py [--repeat 5]``; processor time, median of the runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import chaospy
+import numpy as np
+
+import uqmbd
+from uqmbd import results
+from uqmbd.propagation.execution import Crew, Packed, in_order
+from uqmbd.randomness.germs.germ import Germ
+from uqmbd.randomness.index_sets import index_set
+from uqmbd.randomness.space.germ_space import GermSpace
+
+HELP = """
+import runpy, sys, time
+sys.argv = ["uqmbd", "--help"]
+try:
+    runpy.run_module("uqmbd.cli", run_name="__main__")
+except SystemExit:
+    pass
+print(time.process_time())
+"""
+
+
+def of_help() -> float:
+    """Return the processor time of ``uqmbd --help``, from the start of the interpreter on, s."""
+    run = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)
+    return float(run.stdout.split()[-1])
+
+
+def spent(work: Callable[[], Any]) -> float:
+    """Return the processor time of this process that some work takes, s."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def chaos() -> results.PolynomialChaos:
+    """Return a chaos of 286 terms (3 inputs, order 10) with ten outputs at 1,000 times."""
+    germs = tuple(Germ.classical(f"x{k}", ("hermite", "legendre")[k % 2]) for k in range(3))
+    names, index = tuple(g.name for g in germs), index_set(3, 10)
+    values = np.random.default_rng(0).normal(size=(len(index), 10, 1000)) * 0.5 ** index.sum(axis=1)[:, None, None]
+    axes = results.labels([f"y{k}" for k in range(10)], names, np.arange(1000.0))
+    return results.PolynomialChaos(values, index, GermSpace(names, germs, ()), axes)
+
+
+def of_indices() -> float:
+    """Return the processor time of variance and Sobol' indices up to second order of 10,000 outputs, s."""
+    one = chaos()
+    return spent(lambda: (one.variance, one.sobol_first, one.sobol_second, one.sobol_total))
+
+
+def of_shape() -> float:
+    """Return the processor time of skewness and kurtosis of 10,000 outputs, s."""
+    one = chaos()
+    return spent(lambda: (one.skewness, one.kurtosis))
+
+
+def of_table() -> float:
+    """Return the processor time of a table of a thousand random values over time, and of its derivative, s."""
+    f, g = (uqmbd.RandomVariable(name, chaospy.Normal(0, 1)) for name in ("f", "g"))
+    values = [a * f + b * g for a, b in np.random.default_rng(0).normal(size=(1000, 2))]
+    return spent(lambda: uqmbd.spline(np.arange(1000), values).diff(uqmbd.t))
+
+
+def response(packed: Packed, piece: int) -> np.ndarray:
+    """Return what a chunk of 512 realisations returns with all responses, and computes nothing."""
+    return np.full((512, 1, 31), float(piece))
+
+
+def of_handing_out() -> float:
+    """Return the processor time of the coordinator that hands out a million realisations to two processes, s."""
+    packed, count = Packed.of(bytes(50_000)), 1_000_000 // 512 + 1
+    with Crew(2) as crew, crew.at_work() as staff:
+
+        def work(pieces: int) -> None:
+            for _ in in_order(
+                range(pieces), staff.processes, lambda k: None, lambda k: (response, (packed, k)), lambda p, r, s: r
+            ):
+                pass
+
+        work(20)
+        return spent(lambda: work(count))
+
+
+PROMISES = (
+    ("`uqmbd --help`", of_help, 0.5),
+    ("variance and indices of 10,000 outputs", of_indices, 0.2),
+    ("skewness and kurtosis of 10,000 outputs", of_shape, 4.0),
+    ("a table of 1,000 random values, differentiated", of_table, 3.0),
+    ("handing out a million realisations", of_handing_out, 4.0),
+)
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeat", type=int, default=5)
+    repeat = parser.parse_args().repeat
+    print("| work | measured, s | promised, s |\n|---|---|---|")
+    for name, measure, promised in PROMISES:
+        print(f"| {name} | {statistics.median(measure() for _ in range(repeat)):.2g} | {promised:g} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
