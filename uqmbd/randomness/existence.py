@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from uqmbd.randomness.distributions import Law, Tail, heaviest_tail, is_dependent, tail_of
-from uqmbd.randomness.joint import JointInput, in_blocks
+from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.variable import Joint
 from uqmbd.typing import Array
 
 __all__ = ["exists", "moment_orders"]
@@ -53,7 +54,7 @@ def moment_orders(inputs: JointInput) -> dict[str, float]:
     for group in {id(v.joint): v.joint for v in inputs.variables}.values():
         with np.errstate(all="ignore"):
             if is_dependent(group.distribution):
-                order = min(_dependent(group.distribution, len(group.names)))
+                order = min(_dependent(group))
                 found |= dict.fromkeys(group.names, order)
             else:
                 found |= {v.name: _order(v.distribution) for v in group.members()}
@@ -65,10 +66,11 @@ def _order(distribution: Any) -> float:
     return np.inf if law.discrete else heaviest_tail(law).moments
 
 
-def _dependent(distribution: Any, count: int) -> Sequence[float]:
-    """Orders of the inputs of a dependent distribution, the others of which are at their medians."""
+def _dependent(joint: Joint) -> Sequence[float]:
+    """Orders of inputs that depend on each other, each with the others at their medians."""
     import chaospy
 
+    distribution, count = joint.distribution, len(joint.names)
     if isinstance(distribution, chaospy.MvStudentT):  # conditional tails are lighter than those of the whole
         return [float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])]
 
@@ -76,8 +78,8 @@ def _dependent(distribution: Any, count: int) -> Sequence[float]:
         def conditional(u: Array) -> Array:
             uniform = np.full((len(u), count), 0.5)
             uniform[:, k] = u
-            return in_blocks(distribution.inv, uniform, 0.5)[:, k]
+            return joint.transform.inverse(uniform)[:, k]
 
         return tail_of(conditional)
 
-    return [tail(k).moments for k in range(count)]
+    return [np.inf if joint.transform.law.discrete[k] else tail(k).moments for k in range(count)]

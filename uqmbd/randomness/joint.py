@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.names import natural_order
 from uqmbd.randomness.distributions import Law, is_dependent
+from uqmbd.randomness.rosenblatt import in_blocks
 from uqmbd.randomness.variable import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["JointInput", "in_blocks"]
-
-
-BLOCK = 1024
-"""Rows of dependent inputs that are mapped at once."""
+__all__ = ["JointInput"]
 
 
 @dataclass(frozen=True)
@@ -148,42 +144,21 @@ class JointInput:
         values = np.empty_like(uniform)
         for group in {id(v.joint): v.joint for v in self.variables}.values():
             columns = [self.names.index(name) for name in group.names]
-            laws = [] if is_dependent(group.distribution) else [Law.of(v.distribution) for v in group.members()]
+            if is_dependent(group.distribution):
+                values[:, columns] = group.transform.inverse(uniform[:, columns])
+                continue
+            laws = [Law.of(v.distribution) for v in group.members()]
             if any(law.mends for law in laws):
                 for column, law in zip(columns, laws, strict=True):
-                    values[:, column] = law.quantile(uniform[:, column])
+                    quantiles = law.quantile(uniform[:, column])
+                    values[:, column] = np.rint(quantiles) if law.discrete else quantiles
             elif len(columns) == 1:
                 mapped = np.ravel(group.distribution.inv(uniform[:, columns[0]]))
                 # chaospy's discrete distributions invert to a continuous number around each integer
                 whole = getattr(group.distribution, "interpret_as_integer", False)
                 values[:, columns[0]] = np.rint(mapped) if whole else mapped
             else:
-                values[:, columns] = in_blocks(group.distribution.inv, uniform[:, columns], 0.5)
+                mapped = in_blocks(group.distribution.inv, uniform[:, columns], 0.5)
+                single = np.array([law.discrete for law in laws])
+                values[:, columns] = np.where(single, np.rint(mapped), mapped)
         return values
-
-
-def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike) -> Array:
-    """Map rows in blocks of one size: matrix products round by the shape and the place in it.
-
-    Parameters
-    ----------
-    function : callable
-        Maps arrays of shape ``(n, BLOCK)``, a point in each column.
-    rows : array, shape (K, n)
-        A point in each row.
-    filler : array_like, shape (n,) or ()
-        A point that fills the last block.
-
-    Returns
-    -------
-    array, shape (K, n)
-    """
-    values = np.empty_like(rows)
-    for first in range(0, len(rows), BLOCK):
-        part = rows[first : first + BLOCK]
-        padded = np.empty((BLOCK, rows.shape[1]))
-        padded[:] = filler
-        padded[: len(part)] = part
-        mapped = np.asarray(function(padded.T), dtype=float)
-        values[first : first + BLOCK] = mapped.reshape(rows.shape[1], -1).T[: len(part)]
-    return values

@@ -13,6 +13,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
+from uqmbd.randomness.rosenblatt import NotUnderstood, Transform, means_of, rewritten
 from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import stated_tolerance
 from uqmbd.typing import Distribution
@@ -31,7 +32,18 @@ class Joint:
     @cached_property
     def means(self) -> np.ndarray:
         """Expectations, shape ``(dimension,)``."""
-        return mean_of(self.distribution)
+        from uqmbd.randomness.distributions import is_dependent
+
+        if not is_dependent(self.distribution):
+            return np.concatenate([mean_of(variable.distribution) for variable in self.members()])
+        if _moments_known(self.distribution):
+            return mean_of(self.distribution)
+        return means_of(self.names, self.transform, lambda distribution: float(mean_of(distribution)[0]))
+
+    @cached_property
+    def transform(self) -> Transform:
+        """Rosenblatt's transform, of variables that depend on each other."""
+        return Transform.of(self.distribution)
 
     def members(self) -> tuple[RandomVariable, ...]:
         """All variables of the group."""
@@ -210,7 +222,7 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
     """Return what is given as a distribution of chaospy that exists and has a dimension."""
     import chaospy
 
-    from uqmbd.randomness.distributions import adopted, flaw_of
+    from uqmbd.randomness.distributions import adopted, flaw_of, is_dependent
 
     distribution = adopted(where, given)
     if isinstance(distribution, type) and issubclass(distribution, chaospy.Distribution):
@@ -231,12 +243,64 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
             else "give one name for each dimension"
         )
         raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
-    if flaw := flaw_of(distribution):
+    try:
+        distribution = rewritten(distribution)
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}.") from None
+    flaw = _flaw_of_joint(where, distribution) if is_dependent(distribution) else flaw_of(distribution)
+    if flaw:
         raise StudyError(
             f"{where}: no random number is distributed as {distribution}: {flaw}. Look at its parameters: deviations, "
             "scales and shapes are positive, and lower ends are below upper ones; what does not vary is a plain number."
         )
     return distribution
+
+
+def _flaw_of_joint(where: str, distribution: Any) -> str:
+    """Say why dependent variables have no such distribution; empty where they have.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is made in a way that cannot be evaluated.
+    """
+    import chaospy
+
+    from uqmbd.randomness.distributions import flaw_of
+
+    try:
+        if isinstance(distribution, chaospy.CopulaDistribution) and (
+            flaw := flaw_of(rewritten(distribution._parameters["dist"]))
+        ):
+            return flaw
+        transform = Transform.of(distribution)
+        return flaw_of(distribution) if transform.gaussian else transform.flaw()
+    except NotUnderstood as part:
+        raise StudyError(
+            f"{where}: the joint distribution {distribution} is not taken: of {part}, conditional quantiles are not "
+            "known, or chaospy searches for them with random steps, so that a seed does not give the same realisations "
+            "again. Expected are chaospy.J of distributions with numbers, other members or arithmetic of members as "
+            "parameters, copulas, MvNormal, MvLogNormal, MvStudentT and GaussianMixture. Or declare independent random "
+            "variables, and write what depends on them as an expression of the mechanism."
+        ) from None
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}.") from None
+    except Exception as error:  # whatever chaospy raises: it has no common class for bad parameters
+        said = " ".join(str(error).split())
+        return f"chaospy cannot sample it ({said or type(error).__name__})"
+
+
+def _moments_known(distribution: Any) -> bool:
+    """Whether chaospy has the means of dependent variables: of normal vectors, and of marginals of a copula."""
+    import chaospy
+
+    from uqmbd.randomness.distributions import is_dependent
+
+    if isinstance(distribution, chaospy.CopulaDistribution):
+        return not is_dependent(distribution._parameters["dist"])
+    if not isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)):
+        return False
+    return not any(isinstance(x, chaospy.Distribution) for x in distribution._parameters.values())
 
 
 def mean_of(distribution: Any) -> np.ndarray:
@@ -254,8 +318,8 @@ def mean_of(distribution: Any) -> np.ndarray:
         # chaospy has no moments of what depends on each other; a copula leaves those of its marginals as they are
         marginals = distribution._parameters["dist"]
         if not is_dependent(marginals):
-            return np.concatenate([mean_of(marginals[k]) for k in range(len(marginals))])
-    if len(distribution) > 1 and not is_dependent(distribution) and any(Law.of(d).mends for d in distribution):
+            return np.concatenate([mean_of(rewritten(marginals[k])) for k in range(len(marginals))])
+    if len(distribution) > 1 and not is_dependent(distribution):
         return np.concatenate([mean_of(d) for d in distribution])
     if len(distribution) == 1:
         law = Law.of(distribution)

@@ -83,11 +83,11 @@ def test_reading_needs_no_chaospy(tmp_path):
     assert np.array_equal(eval(done.stdout), expected)
 
 
-def test_a_general_rosenblatt_transform_is_not_stored():
+def test_a_general_rosenblatt_transform_of_an_earlier_version_is_not_stored():
     a = chaospy.Uniform(1, 2)
     joint = JointInput.of(uqmbd.random_vector(["a", "b"], chaospy.J(a, chaospy.Normal(a, 0.3))))
     space = GermSpace.of(joint)
-    again = GermSpace.from_dataset(space.to_dataset())
+    again = GermSpace.from_dataset(space.to_dataset().drop_vars("germ_joint"))
     assert again.names == ("a", "b | a") and not again.independent
     germs = np.array([[0.1, 0.5]])
     index = index_set(2, 3)

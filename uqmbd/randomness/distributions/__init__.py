@@ -6,7 +6,7 @@ Those of other packages are adopted: they become distributions of chaospy.
 from __future__ import annotations
 
 from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
-from uqmbd.randomness.distributions.adopted import adopted
+from uqmbd.randomness.distributions.adopted import adopted, distribution_of
 from uqmbd.randomness.distributions.decomposed import Law, is_dependent
 from uqmbd.randomness.distributions.sound import flaw_of
 from uqmbd.randomness.distributions.tabulated import tabulated
@@ -18,6 +18,7 @@ __all__ = [
     "Tail",
     "adopted",
     "distribution_about",
+    "distribution_of",
     "flaw_of",
     "heaviest_tail",
     "is_dependent",

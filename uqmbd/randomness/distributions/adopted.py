@@ -15,7 +15,7 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions.sources import Frozen, Infrastructure, OpenTurns, Source
 
-__all__ = ["adopted"]
+__all__ = ["adopted", "distribution_of"]
 
 
 PROBE = np.array([1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
@@ -83,17 +83,21 @@ def adopted(where: str, distribution: Any) -> Any:
     if names & {"rv_generic", "rv_frozen", "_ProbabilityDistribution"}:
         _require_parameters(where, distribution, names)
         if "rv_generic" in names:  # of data: it has no parameters
-            return _wrapped(where, Frozen(distribution), f"scipy.stats.{kind.__name__}(...)")
+            return distribution_of(where, Frozen(distribution), f"scipy.stats.{kind.__name__}(...)")
         return _of_frozen(where, distribution) if "rv_frozen" in names else _of_infrastructure(where, distribution)
     if "multivariate_normal_frozen" in names:
         import chaospy
 
         return chaospy.MvNormal(np.asarray(distribution.mean), np.asarray(distribution.cov_object.covariance))
+    if "multivariate_t_frozen" in names:
+        import chaospy
+
+        return chaospy.MvStudentT(float(distribution.df), np.asarray(distribution.loc), np.asarray(distribution.shape))
     if "multi_rv_frozen" in names or "multi_rv_generic" in names:
         raise StudyError(
             f"{where}: the distribution is {kind.__name__} of scipy.stats; of those of several variables "
-            "scipy.stats.multivariate_normal(mean, covariance) is taken. Others are made of marginal distributions by "
-            "chaospy.Nataf(chaospy.J(...), correlation)."
+            "scipy.stats.multivariate_normal(mean, covariance) and multivariate_t(loc, shape, df) are taken. Others "
+            "are made of marginal distributions by chaospy.Nataf(chaospy.J(...), correlation)."
         )
     if any(module.startswith("openturns.") and name == "DistributionImplementation" for module, name in bases) or (
         kind.__module__.startswith("openturns.") and hasattr(kind, "computeQuantile")
@@ -131,12 +135,12 @@ def _of_frozen(where: str, given: Any) -> Any:
         )
     numbers = {name: float(np.ravel(x)[0]) for name, x in parameters.items()}
     if hasattr(given, "pmf"):
-        return _wrapped(where, Frozen(given), text)
+        return distribution_of(where, Frozen(given), text)
     if found := _translated(Frozen(given), family.name, numbers):
         return found
     shift, scale = numbers.pop("loc"), numbers.pop("scale")
     if (shift, scale) == (0.0, 1.0) or not (np.isfinite(shift) and 0 < scale < np.inf):
-        return _wrapped(where, Frozen(given), text)
+        return distribution_of(where, Frozen(given), text)
     from uqmbd.randomness.distributions.wrapped import MovedDistribution, WrappedDistribution
 
     # a mean that is large compared with the deviation costs no digits
@@ -158,7 +162,7 @@ def _of_infrastructure(where: str, given: Any) -> Any:
         numbers = {key: float(getattr(given, key)) for key in ("mu", "sigma", "a", "b") if hasattr(given, key)}
         if found := _translated(source, own, numbers):
             return found
-    return _wrapped(where, source, text)
+    return distribution_of(where, source, text)
 
 
 def _of_openturns(where: str, given: Any) -> Any:
@@ -175,7 +179,7 @@ def _of_openturns(where: str, given: Any) -> Any:
         numbers = dict(zip(given.getParameterDescription(), map(float, given.getParameter()), strict=True))
         if found := _translated(source, family, numbers):
             return found
-    return _wrapped(where, source, text)
+    return distribution_of(where, source, text)
 
 
 def _coupled(where: str, given: Any) -> Any:
@@ -214,7 +218,8 @@ def _translated(source: Source, family: str, parameters: Parameters) -> Any:
         return found if np.abs(ours - theirs).max() <= slack else None
 
 
-def _wrapped(where: str, source: Source, text: str) -> Any:
+def distribution_of(where: str, source: Source, text: str) -> Any:
+    """Return a distribution of chaospy that evaluates a source, and is shown as a text."""
     from uqmbd.randomness.distributions.wrapped import WholeNumbers, WrappedDistribution
 
     if not source.discrete:

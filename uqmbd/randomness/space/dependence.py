@@ -1,9 +1,8 @@
-"""Dependent inputs: Gaussian copulas found exactly, by Nataf's equation, or Rosenblatt's transform by chaospy."""
+"""Dependent inputs: Gaussian copulas found exactly, by Nataf's equation, or Rosenblatt's transform."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,11 @@ import scipy.special
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import Tail, tail_of
 from uqmbd.randomness.germs import Germ
-from uqmbd.randomness.joint import in_blocks
+from uqmbd.randomness.rosenblatt import Transform
 from uqmbd.randomness.space.families import normal_marginal, refuse_tail
 from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt, conditional_names
+from uqmbd.randomness.variable import Joint
 from uqmbd.typing import Array
 
 __all__ = ["dependent_part", "nataf_correlation"]
@@ -25,17 +25,13 @@ Copula = tuple[tuple[Marginal, ...], Array]
 """Maps of standard normals to the inputs, and the correlation of those normals."""
 
 
-def dependent_part(
-    names: Sequence[str], distribution: Any, columns: tuple[int, ...], transform: str
-) -> tuple[tuple[Germ, ...], Group]:
+def dependent_part(joint: Joint, columns: tuple[int, ...], transform: str) -> tuple[tuple[Germ, ...], Group]:
     """Return germs and map of inputs that depend on each other.
 
     Parameters
     ----------
-    names : sequence of str, length n
-        Their names.
-    distribution : chaospy.Distribution
-        Their joint distribution.
+    joint : Joint
+        Their names, and their distribution.
     columns : tuple of int
         Where they stand among all inputs.
     transform : {"rosenblatt", "nataf"}
@@ -49,28 +45,33 @@ def dependent_part(
     Examples
     --------
     >>> import chaospy
-    >>> germs, group = dependent_part(("a", "b"), chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), (0, 1), "rosenblatt")
+    >>> joint = Joint(chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), ("a", "b"), ("m", "m"))
+    >>> germs, group = dependent_part(joint, (0, 1), "rosenblatt")
     >>> [germ.name for germ in germs], group.factor.round(6).tolist()
     (['a', 'b | a'], [[1.0, 0.0], [0.5, 0.866025]])
     """
     import chaospy
 
-    order = tuple(int(k) for k in distribution._rotation)
-    described = str(distribution)
-    if isinstance(distribution, chaospy.Trunc):
-        raise StudyError(
-            f"Inputs {', '.join(names)}: chaospy does not truncate dependent variables correctly ({described}). "
-            "Truncate the marginal distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)."
-        )
+    names, distribution = joint.names, joint.distribution
+    transform_, described = joint.transform, str(distribution)
+    order = tuple(int(k) for k in transform_.law.order)
+    for name, whole in zip(names, transform_.law.discrete, strict=True):
+        if whole:
+            raise StudyError(
+                f"Input {name!r}, of {described}, takes single values only, and depends on other inputs or they on it: "
+                "no smooth function of independent germs is distributed so, which surrogates need. Use Monte Carlo, or "
+                "declare it as a random variable of its own, and write what depends on it as an expression of the "
+                "mechanism."
+            )
     if isinstance(distribution, chaospy.MvStudentT):
         freedom = float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])
         refuse_tail(", ".join(names), described, Tail(freedom, 1.0))
-    copula = _gaussian_copula(names, distribution, order)
+    copula = _gaussian_copula(names, distribution, transform_, order)
     if copula is None and transform == "nataf":
-        copula = _nataf(names, distribution)
+        copula = _nataf(names, distribution, transform_)
     if copula is not None:
         return _coupled(names, copula, columns, order)
-    return _rosenblatt(names, distribution, columns, order)
+    return _rosenblatt(names, distribution, transform_, columns)
 
 
 def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> float:
@@ -115,25 +116,6 @@ def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> 
     return float(brentq(miss, -1.0, 1.0, xtol=1e-15))
 
 
-@dataclass(frozen=True, eq=False)
-class _Joint:
-    """A chaospy joint distribution as a map, evaluated in blocks of one size."""
-
-    distribution: Any
-    spread: Array
-
-    def inverse(self, uniform: Array) -> Array:
-        return in_blocks(self.distribution.inv, uniform, 0.5)
-
-    def forward(self, inputs: Array) -> Array:
-        middle = self.inverse(np.full((1, inputs.shape[1]), 0.5))[0]
-        with np.errstate(all="ignore"):
-            uniform = np.clip(in_blocks(self.distribution.fwd, inputs, middle), 0.0, 1.0)
-            back = self.inverse(np.where(np.isfinite(uniform), uniform, 0.5))
-            near = np.abs(back - inputs) <= 1e-6 * (self.spread + np.abs(inputs))
-        return np.where(near, uniform, np.nan)
-
-
 def _coupled(
     names: Sequence[str], copula: Copula, columns: tuple[int, ...], order: tuple[int, ...]
 ) -> tuple[tuple[Germ, ...], Group]:
@@ -154,40 +136,34 @@ def _coupled(
 
 
 def _rosenblatt(
-    names: Sequence[str], distribution: Any, columns: tuple[int, ...], order: tuple[int, ...]
+    names: Sequence[str], distribution: Any, transform: Transform, columns: tuple[int, ...]
 ) -> tuple[tuple[Germ, ...], Group]:
     normal: list[bool] = []
-    spread: list[float] = []
     for k, name in enumerate(names):
 
         def conditional(u: Array, k: int = k) -> Array:
             """Quantiles of one input where those before it are at their medians."""
             uniform = np.full((len(u), len(names)), 0.5)
             uniform[:, k] = u
-            # in blocks of one size: kernel densities keep arrays of the size before
-            return in_blocks(distribution.inv, uniform, 0.5)[:, k]
+            return transform.inverse(uniform)[:, k]
 
-        try:
-            with np.errstate(all="ignore"):
-                tail = tail_of(conditional)
-                quarters = conditional(np.array([0.25, 0.75]))
-        except Exception as error:
-            raise StudyError(
-                f"Input {name!r}: chaospy cannot evaluate the joint distribution {distribution} "
-                f"({type(error).__name__}: {error})."
-            ) from error
+        with np.errstate(all="ignore"):
+            tail = tail_of(conditional)
         refuse_tail(name, f"a component of {distribution}", tail)
         normal.append(not tail.bounded)
-        spread.append(quarters[1] - quarters[0])
-    labels = conditional_names(tuple(names), order)
+    order, given = transform.law.order, transform.law.given
+    depends = np.array([[j in given[k] for j in range(len(names))] for k in range(len(names))])
+    labels = conditional_names(tuple(names), order, depends)
     germs = tuple(
         Germ.classical(label, "hermite" if unbounded else "legendre")
         for label, unbounded in zip(labels, normal, strict=True)
     )
-    return germs, Rosenblatt(columns, order, tuple(normal), _Joint(distribution, np.array(spread)))
+    return germs, Rosenblatt(columns, order, tuple(normal), transform)
 
 
-def _gaussian_copula(names: Sequence[str], distribution: Any, order: tuple[int, ...]) -> Copula | None:
+def _gaussian_copula(
+    names: Sequence[str], distribution: Any, transform: Transform, order: tuple[int, ...]
+) -> Copula | None:
     """Return the marginals and the correlation of a joint that is a Gaussian copula, confirmed by numbers."""
     import chaospy
 
@@ -220,7 +196,7 @@ def _gaussian_copula(names: Sequence[str], distribution: Any, order: tuple[int, 
     copula = (marginals, np.asarray(correlation, dtype=float))
     _, group = _coupled(names, copula, tuple(range(len(names))), order)
     uniform = np.random.default_rng(0).uniform(0.02, 0.98, (16, len(names)))
-    theirs = np.asarray(distribution.inv(uniform.T), dtype=float).T
+    theirs = transform.inverse(uniform)
     ours = group.to_inputs(scipy.special.ndtri(uniform))
     return copula if np.abs(ours - theirs).max(axis=0).max() <= 1e-6 * np.ptp(theirs, axis=0).min() else None
 
@@ -232,7 +208,7 @@ def _inner_marginals(names: Sequence[str], distribution: Any) -> tuple[Marginal,
     return tuple(normal_marginal(name, inner[k]) for k, name in enumerate(names))
 
 
-def _nataf(names: Sequence[str], distribution: Any) -> Copula:
+def _nataf(names: Sequence[str], distribution: Any, transform: Transform) -> Copula:
     """Keep the marginals and the correlation of a joint, with a Gaussian copula."""
     import chaospy
 
@@ -243,7 +219,7 @@ def _nataf(names: Sequence[str], distribution: Any) -> Copula:
             f"not tell for {distribution}; use transform='rosenblatt', or declare them with a copula, e.g. "
             "chaospy.Nataf(chaospy.J(...), correlation)."
         )
-    wanted = _correlation(distribution, len(names))
+    wanted = _correlation(transform)
     correlation = np.eye(len(names))
     for i in range(len(names)):
         for j in range(i):
@@ -255,8 +231,9 @@ def _nataf(names: Sequence[str], distribution: Any) -> Copula:
     return marginals, correlation
 
 
-def _correlation(distribution: Any, dimension: int) -> Array:
+def _correlation(transform: Transform) -> Array:
     """Correlation of a joint distribution, by quadrature over its Rosenblatt transform."""
+    dimension = transform.dimension
     if dimension <= 3:
         points, rule = Germ.classical("z", "hermite").gauss(40 if dimension == 2 else 20)
         grid = np.stack(np.meshgrid(*[points] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
@@ -267,7 +244,7 @@ def _correlation(distribution: Any, dimension: int) -> Array:
 
         uniform = qmc.Sobol(dimension, seed=0).random(2**14)
         weights = np.full(len(uniform), 1 / len(uniform))
-    values = in_blocks(distribution.inv, np.clip(uniform, 1e-12, 1 - 1e-12), 0.5)
+    values = transform.inverse(np.clip(uniform, 1e-12, 1 - 1e-12))
     centred = values - weights @ values
     covariance = centred.T @ (weights[:, None] * centred)
     deviation = np.sqrt(np.diag(covariance))

@@ -45,8 +45,7 @@ class GermSpace:
 
     Notes
     -----
-    What is evaluated point by point (polynomials, and all maps but Rosenblatt's transform of a general joint
-    distribution, which chaospy evaluates in blocks) has the same bits whichever other points are evaluated with it.
+    What is evaluated point by point has the same bits whichever other points are evaluated with it.
 
     Examples
     --------
@@ -330,12 +329,13 @@ class GermSpace:
         return np.asarray(degrees[(degrees <= highest).all(axis=1)])
 
     def to_dataset(self) -> xr.Dataset:
-        """Return everything as plain arrays and texts, which :meth:`from_dataset` reads without chaospy.
+        """Return everything as plain arrays and texts, which :meth:`from_dataset` reads.
 
-        Rosenblatt's transform of a general joint distribution is left out: :meth:`to_inputs` and :meth:`to_germs` then
-        fail, everything else works.  Recurrence coefficients and affine, lognormal and multivariate normal maps are
-        kept exactly.  Other quantile functions are tables over the probit scale, the same that are used before storing:
-        nothing changes by storing.
+        Rosenblatt's transform of a general joint distribution is stored as text, and evaluated by formulas of chaospy.
+        If it holds functions of a user it is left out: :meth:`to_inputs` and :meth:`to_germs` then fail, everything
+        else works.  Recurrence coefficients and affine, lognormal and multivariate normal maps are kept exactly.  Other
+        quantile functions are tables over the probit scale, the same that are used before storing: nothing changes by
+        storing.
 
         Examples
         --------

@@ -19,7 +19,7 @@ def space_parts(inputs: JointInput, transform: str) -> tuple[tuple[Germ, ...], t
     for joint in {id(v.joint): v.joint for v in inputs.variables}.values():
         columns = tuple(inputs.names.index(name) for name in joint.names)
         if len(columns) > 1 and is_dependent(joint.distribution):
-            found, group = dependent_part(joint.names, joint.distribution, columns, transform)
+            found, group = dependent_part(joint, columns, transform)
             groups.append(group)
             germs.update(zip(columns, found, strict=True))
             continue

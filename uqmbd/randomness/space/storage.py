@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.rosenblatt import Transform
 from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt
 from uqmbd.typing import Array
@@ -19,7 +21,7 @@ __all__ = ["from_dataset", "to_dataset"]
 
 
 CONDITIONAL = {True: "conditional, standard normal", False: "conditional, uniform"}
-"""Kinds of map that are not stored, by whether the germ is standard normal."""
+"""Kinds of map of a general joint distribution, which is stored as text, by whether the germ is standard normal."""
 
 COEFFICIENTS = ("shift", "scale", "mu", "sigma")
 """Numbers of a map, along the dimension ``germ_coefficient``."""
@@ -46,6 +48,7 @@ def to_dataset(
     }
     group_of, order = np.zeros(dimension, dtype=int), np.zeros(dimension, dtype=int)
     factor = np.zeros((dimension, dimension))
+    texts = [""] * dimension
     for number, group in enumerate(groups):
         columns = np.array(group.columns)
         group_of[columns] = number
@@ -53,6 +56,8 @@ def to_dataset(
         if isinstance(group, Rosenblatt):
             for column, normal in zip(columns, group.normal, strict=True):
                 maps["kind"][column] = CONDITIONAL[normal]
+            if group.joint is not None and group.joint.text:
+                texts[min(columns)] = f"[{list(group.columns)}, {group.joint.text}]"
             continue
         factor[np.ix_(columns, columns)] = group.factor
         for column, marginal in zip(columns, group.marginals, strict=True):
@@ -77,6 +82,8 @@ def to_dataset(
         "germ_map_bounds": (("input", "germ_end"), maps["bounds"]),
         "germ_table_of_input": ("input", maps["table"]),
     }
+    if any(texts):
+        variables["germ_joint"] = ("input", np.array(texts, dtype=np.str_))
     if tables:
         width = max(table.shape[1] for table in tables)
         filled = np.stack([_padded(list(table), width) for table in tables])
@@ -124,7 +131,12 @@ def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...]
         order = tuple(int(k) for k in np.argsort(data["germ_order"][list(columns)]))
         kinds = [str(data["germ_map"][c]) for c in columns]
         if kinds[0] in CONDITIONAL.values():
-            groups.append(Rosenblatt(columns, order, tuple(kind == CONDITIONAL[True] for kind in kinds)))
+            text = str(dataset["germ_joint"].values[columns[0]]) if "germ_joint" in dataset.variables else ""
+            if text:
+                columns, joint = _joint(text)  # the distribution has its components in an order of its own
+                order = tuple(int(k) for k in np.argsort(data["germ_order"][list(columns)]))
+            normal = tuple(str(data["germ_map"][c]) == CONDITIONAL[True] for c in columns)
+            groups.append(Rosenblatt(columns, order, normal, joint if text else None))
             continue
         marginals = tuple(
             Marginal(
@@ -138,6 +150,17 @@ def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...]
         factor = np.array(data["germ_factor"][np.ix_(columns, columns)], dtype=float)
         groups.append(Coupled(columns, marginals, factor, order))
     return tuple(str(name) for name in dataset["input"].values), germs, tuple(groups)
+
+
+def _joint(text: str) -> tuple[tuple[int, ...], Transform]:
+    try:
+        columns, law = json.loads(text)
+        return tuple(map(int, columns)), Transform.read(json.dumps(law))
+    except (ValueError, TypeError, KeyError, AttributeError, ImportError, IndexError) as error:
+        raise StudyError(
+            f"The dataset holds a joint distribution that cannot be read ({error}): {text[:200]}. It is of a later "
+            "version, or damaged; build the GermSpace from the study again."
+        ) from error
 
 
 def _keep(table: Array | None, tables: list[Array]) -> int:

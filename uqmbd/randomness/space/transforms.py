@@ -98,6 +98,10 @@ class JointMap(Protocol):
     def forward(self, inputs: Array) -> Array:
         """Map inputs, shape (K, n), to uniform numbers; NaN outside the support."""
 
+    @property
+    def text(self) -> str:
+        """It as text, by which it is stored; empty where it cannot be."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rosenblatt:
@@ -112,7 +116,7 @@ class Rosenblatt:
     normal : tuple of bool
         Which germs are standard normal; the others are uniform on [-1, 1].
     joint : JointMap, optional
-        None after reading from a file.
+        None after reading from a file that does not hold it.
     """
 
     columns: tuple[int, ...]
@@ -172,7 +176,9 @@ Group = Coupled | Rosenblatt
 def _not_stored(direction: str) -> StudyError:
     return StudyError(
         f"The map {direction} of dependent inputs (Rosenblatt's transform of a general joint distribution) is not "
-        "stored with a polynomial chaos. Evaluate it at germs, or build the GermSpace from the study again."
+        "stored with this polynomial chaos: the distribution holds functions of a user, as chaospy.UserDistribution "
+        "does, or the results are of an earlier version. Evaluate it at germs, or build the GermSpace from the study "
+        "again."
     )
 
 

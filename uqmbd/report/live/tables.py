@@ -3,7 +3,7 @@
 A slider moves a germ.  Germs are independent, and the surrogate is a function of them.  Where inputs are independent,
 germ and value of an input are functions of each other.  Where a Gaussian copula couples inputs, all germs of the group
 together give the values: a slider moves what its own germ adds to the inputs before it, and those behind it follow.  A
-general joint distribution is not stored with results: no values are shown, with the reason; the levels of germs are.
+general joint distribution is not evaluated in a page: no values are shown, with the reason; the levels of germs are.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ GRID = 8.0
 """Standard normal up to which means of tables are summed."""
 
 UNKNOWN = (
-    "It depends on other inputs by a joint distribution that is not stored with the results: its slider shows how "
+    "It depends on other inputs by a joint distribution that this page does not evaluate: its slider shows how "
     "probable lower values are, given the inputs before it."
 )
 """Why an input has no values."""

@@ -1,0 +1,51 @@
+"""Roots of rising functions, all at once: the same bits for each whatever others are searched for with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["bisected"]
+
+
+STEPS = 1100
+"""Of bisection, at most: as many as there are halvings of the largest number; nearly all end after 60."""
+
+
+def bisected(
+    rising: Callable[[Array], Array], low: Array, high: Array, slope: Callable[[Array], Array] | None = None
+) -> Array:
+    """Return where a rising function of shape (N,) crosses zero, between brackets, to the last digit.
+
+    With its derivative Newton's steps are taken where they stay within the bracket.  A value does not depend on the
+    others that are searched for with it: each ends on its own.
+
+    Examples
+    --------
+    >>> bisected(lambda x: x**2 - 2, np.array([0.0]), np.array([2.0])).round(12).tolist()
+    [1.414213562373]
+    >>> bisected(lambda x: x**2 - 2, np.array([0.0]), np.array([2.0]), lambda x: 2 * x).round(12).tolist()
+    [1.414213562373]
+    """
+    low, high = low.astype(float), high.astype(float)
+    at = low + (high - low) / 2
+    open_ = (at > low) & (at < high)
+    for _ in range(STEPS):
+        if not open_.any():
+            break
+        value = rising(at)
+        high, low = np.where(open_ & (value > 0), at, high), np.where(open_ & ~(value > 0), at, low)
+        following = low + (high - low) / 2
+        if slope is not None:
+            with np.errstate(all="ignore"):
+                newton = at - value / slope(at)
+            near = (newton > low) & (newton < high)
+            following = np.where(near, newton, following)
+            # a step of some last digits: Newton's method is there
+            open_ = open_ & ~(near & (np.abs(newton - at) <= 4 * np.finfo(float).eps * np.abs(at)))
+        open_ = open_ & (following > low) & (following < high)
+        at = np.where(open_, following, at)
+    return at

@@ -1,0 +1,140 @@
+"""Parameters of a conditional distribution: expressions in the values of other members."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["Column", "Expression", "NotUnderstood", "Operation", "decoded", "encoded", "evaluated", "read", "used"]
+
+
+class NotUnderstood(Exception):
+    """A part of a distribution of chaospy has a structure that is not known here; the message names the part."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """The value of a member of the joint distribution.
+
+    Parameters
+    ----------
+    place : int
+        Its place in the joint distribution.
+    """
+
+    place: int
+
+
+@dataclass(frozen=True)
+class Operation:
+    """An operation on two expressions.
+
+    Parameters
+    ----------
+    kind : str
+        One of `OPERATIONS`.
+    left, right : Expression
+    """
+
+    kind: str
+    left: Expression
+    right: Expression
+
+
+Expression = float | Column | Operation
+
+OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
+    "sum": np.add,
+    "product": np.multiply,
+    "power": np.power,
+    "logarithm": lambda x, base: np.log(x) / np.log(base),
+}
+
+
+def evaluated(expression: Expression, values: Array) -> Any:
+    """Evaluate an expression at values of all members, shape (n, N): a number, or an array of shape (N,)."""
+    if isinstance(expression, Column):
+        return values[expression.place]
+    if isinstance(expression, Operation):
+        left, right = evaluated(expression.left, values), evaluated(expression.right, values)
+        return OPERATIONS[expression.kind](left, right)
+    return expression
+
+
+def used(expression: Expression) -> frozenset[int]:
+    """Return the places of the members that an expression depends on."""
+    if isinstance(expression, Column):
+        return frozenset({expression.place})
+    if isinstance(expression, Operation):
+        return used(expression.left) | used(expression.right)
+    return frozenset()
+
+
+def encoded(expression: Expression) -> Any:
+    """Return an expression as numbers, texts and lists."""
+    if isinstance(expression, Column):
+        return expression.place
+    if isinstance(expression, Operation):
+        return [expression.kind, encoded(expression.left), encoded(expression.right)]
+    return float(expression)
+
+
+def decoded(data: Any) -> Expression:
+    """Return the expression that :func:`encoded` wrote.
+
+    Examples
+    --------
+    >>> decoded(["product", 0.2, 0])
+    Operation(kind='product', left=0.2, right=Column(place=0))
+    """
+    if isinstance(data, list):
+        kind, left, right = data
+        if kind not in OPERATIONS:
+            raise ValueError(f"unknown operation {kind!r}")
+        return Operation(kind, decoded(left), decoded(right))
+    return Column(data) if isinstance(data, int) else float(data)
+
+
+def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Expression:
+    """Return a parameter of a distribution of chaospy as an expression.
+
+    Parameters
+    ----------
+    value : float, array or chaospy.Distribution
+    places : mapping of (int, int) to int
+        The place of each member that comes before, by the identity of its distribution and its component there.
+    component : int
+        Which component, of a value that has several.
+
+    Raises
+    ------
+    NotUnderstood
+        If it is none.
+    """
+    import chaospy
+
+    if not isinstance(value, chaospy.Distribution):
+        numbers = np.ravel(np.asarray(value, dtype=float))
+        if len(numbers) != 1 and component >= len(numbers):
+            raise NotUnderstood(f"a parameter of the shape {np.shape(value)}")
+        return float(numbers[0 if len(numbers) == 1 else component])
+    if (id(value), component) in places:
+        return Column(places[id(value), component])
+    given = value._parameters
+    if isinstance(value, chaospy.ItemDistribution):
+        return read(given["parent"], places, int(given["index"]))
+    if isinstance(value, chaospy.J):
+        owned, owner = value._owners[component]
+        return read(owner, places, owned)
+    if isinstance(value, chaospy.Negative):
+        return Operation("product", -1.0, read(given["left"], places, component))
+    kinds = {chaospy.Add: "sum", chaospy.Multiply: "product", chaospy.Power: "power", chaospy.Logn: "logarithm"}
+    for kind, name in kinds.items():
+        if isinstance(value, kind):
+            return Operation(name, read(given["left"], places, component), read(given["right"], places, component))
+    raise NotUnderstood(str(value))

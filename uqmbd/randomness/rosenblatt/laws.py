@@ -1,0 +1,310 @@
+"""Joint distributions as maps of independent uniform variables: Rosenblatt's transform and its inverse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from uqmbd.randomness.rosenblatt.conditionals import Conditional, decoded_conditional
+from uqmbd.randomness.rosenblatt.copulas import Copula, decoded_copula
+from uqmbd.randomness.rosenblatt.expressions import Expression, decoded, encoded, evaluated, used
+from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
+from uqmbd.typing import Array
+
+__all__ = ["Chain", "Copulated", "JointLaw", "Moved", "Single", "Step", "decoded_law"]
+
+
+class JointLaw(Protocol):
+    """The distribution of several variables, as a map of points in columns, shape (n, N).
+
+    Its parameters may depend on the values of a larger distribution that it is a part of, shape (m, N).
+    """
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Components in the order of conditioning."""
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on, directly or through others."""
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """Places in the larger distribution that its parameters depend on."""
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """Which components take single values only."""
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables; of single values to the middle of their probability."""
+
+    def encoded(self) -> Any:
+        """Return it as numbers, texts and lists.
+
+        Raises
+        ------
+        NotUnderstood
+            If it holds functions of a user.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Single:
+    """One variable.
+
+    Parameters
+    ----------
+    law : Conditional
+    """
+
+    law: Conditional
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Its component."""
+        return (0,)
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """No other component."""
+        return (frozenset(),)
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """Places in the larger distribution that its parameters depend on."""
+        return self.law.given
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """Whether it takes single values only."""
+        return (self.law.discrete,)
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Return quantiles."""
+        return self.law.quantile(u[0], values)[None, :]
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Return probabilities."""
+        found = self.law.upto(x[0], values)
+        if self.law.discrete:
+            found = (found + self.law.below(x[0], values)) / 2
+        return found[None, :]
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        return ["single", self.law.encoded()]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Components of a chain that are drawn together.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        Their places in the chain.
+    law : JointLaw
+        Their distribution, given those of earlier steps.
+    """
+
+    columns: tuple[int, ...]
+    law: JointLaw
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Distributions one after the other, whose parameters may depend on those before.
+
+    Parameters
+    ----------
+    steps : tuple of Step
+    """
+
+    steps: tuple[Step, ...]
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Components in the order of conditioning."""
+        return tuple(step.columns[k] for step in self.steps for k in step.law.order)
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on."""
+        found: dict[int, frozenset[int]] = {}
+        for step in self.steps:
+            outer = step.law.outer.union(*(found[k] for k in step.law.outer))
+            for k in step.law.order:
+                found[step.columns[k]] = outer | {step.columns[j] for j in step.law.given[k]}
+        return tuple(found[k] for k in range(len(found)))
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """None: it is a whole."""
+        return frozenset()
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """Which components take single values only."""
+        found = {column: step.law.discrete[k] for step in self.steps for k, column in enumerate(step.columns)}
+        return tuple(found[k] for k in range(len(found)))
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+        x = np.zeros_like(u)
+        for step in self.steps:
+            rows = list(step.columns)
+            x[rows] = step.law.inverse(u[rows], x)
+        return x
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables."""
+        u = np.zeros_like(x)
+        for step in self.steps:
+            rows = list(step.columns)
+            u[rows] = step.law.forward(x[rows], x)
+        return u
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        return ["chain", [[list(step.columns), step.law.encoded()] for step in self.steps]]
+
+
+@dataclass(frozen=True, eq=False)
+class Copulated:
+    """Uniform variables that a copula makes dependent, as those of another distribution.
+
+    Parameters
+    ----------
+    copula : Copula
+    margins : JointLaw
+    """
+
+    copula: Copula
+    margins: JointLaw
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Components in the order of conditioning."""
+        return self.copula.order
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on."""
+        place = {k: number for number, k in enumerate(self.order)}
+        return tuple(
+            frozenset(self.order[: place[k]]) | self.margins.given[k] - {k} for k in range(len(self.margins.given))
+        )
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """Places in the larger distribution that its parameters depend on."""
+        return self.margins.outer
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """Which components take single values only."""
+        return self.margins.discrete
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+        return self.margins.inverse(self.copula.inverse(u), values)
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables."""
+        return self.copula.forward(self.margins.forward(x, values))
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        return ["copulated", self.copula.encoded(), self.margins.encoded()]
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """Components that are shifted and scaled.
+
+    Parameters
+    ----------
+    inner : JointLaw
+    shift, scale : tuple of Expression
+        Of each component; scales may be negative.
+    """
+
+    inner: JointLaw
+    shift: tuple[Expression, ...]
+    scale: tuple[Expression, ...]
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Components in the order of conditioning."""
+        return self.inner.order
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on."""
+        return self.inner.given
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """Places in the larger distribution that its parameters depend on."""
+        return self.inner.outer.union(*map(used, (*self.shift, *self.scale)))
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """Which components take single values only."""
+        return self.inner.discrete
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+        shift, scale = self._map(values)
+        return shift + scale * self.inner.inverse(np.where(scale < 0, 1 - u, u), values)
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables."""
+        shift, scale = self._map(values)
+        u = self.inner.forward((x - shift) / scale, values)
+        return np.where(scale < 0, 1 - u, u)
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        return ["moved", self.inner.encoded(), *([encoded(x) for x in part] for part in (self.shift, self.scale))]
+
+    def _map(self, values: Array) -> tuple[Array, Array]:
+        shape = values.shape[1]
+        shift, scale = (
+            np.stack([np.broadcast_to(np.asarray(evaluated(x, values), dtype=float), shape) for x in part])
+            for part in (self.shift, self.scale)
+        )
+        return shift, scale
+
+
+def decoded_law(data: Any) -> JointLaw:
+    """Return the distribution that ``encoded`` of one wrote.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    kind, *parts = data
+    if kind == "single":
+        return Single(decoded_conditional(parts[0]))
+    if kind == "chain":
+        return Chain(tuple(Step(tuple(map(int, columns)), decoded_law(law)) for columns, law in parts[0]))
+    if kind == "copulated":
+        return Copulated(decoded_copula(parts[0]), decoded_law(parts[1]))
+    if kind == "vector":
+        freedom = np.inf if parts[3] is None else float(parts[3])
+        centre, order = tuple(map(decoded, parts[0])), tuple(map(int, parts[2]))
+        return Vector(centre, np.array(parts[1], dtype=float), order, freedom, bool(parts[4]))
+    if kind == "mixture":
+        weights, centres, factors = (np.array(part, dtype=float) for part in parts[:3])
+        return Mixture(weights, centres, factors, tuple(map(int, parts[3])))
+    if kind == "moved":
+        return Moved(decoded_law(parts[0]), tuple(map(decoded, parts[1])), tuple(map(decoded, parts[2])))
+    raise ValueError(f"unknown kind of joint distribution {kind!r}")

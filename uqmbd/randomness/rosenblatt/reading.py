@@ -1,0 +1,172 @@
+"""Joint distributions of chaospy, taken apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.distributions import is_dependent
+from uqmbd.randomness.rosenblatt.copulas import FAMILIES, Archimedean, Copula, Elliptical, triangular
+from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, read
+from uqmbd.randomness.rosenblatt.laws import Chain, Copulated, JointLaw, Moved, Single, Step
+from uqmbd.randomness.rosenblatt.members import conditional
+from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
+
+__all__ = ["joint_law", "mixture_of", "owners_of"]
+
+
+Places = Mapping[tuple[int, int], int]
+"""See :func:`uqmbd.randomness.rosenblatt.expressions.read`."""
+
+
+def joint_law(distribution: Any) -> JointLaw:
+    """Return the map of a joint distribution of chaospy.
+
+    Raises
+    ------
+    NotUnderstood
+        If a part of it has a structure that is not known here.
+    uqmbd.StudyError
+        If a part of it is no distribution; the message is a part of a sentence.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> a = chaospy.Uniform(1, 2)
+    >>> law = joint_law(chaospy.J(chaospy.Normal(3 * a, 0.1), a))
+    >>> law.order, law.given
+    ((1, 0), (frozenset({1}), frozenset()))
+    >>> law.inverse(np.array([[0.5], [0.25]]), np.empty((0, 1))).ravel().tolist()
+    [3.75, 1.25]
+    """
+    return _law(distribution, {})
+
+
+def _law(distribution: Any, places: Places) -> JointLaw:
+    import chaospy
+
+    if len(distribution) == 1:
+        return Single(conditional(distribution, places))
+    given = distribution._parameters
+    if isinstance(distribution, chaospy.J):
+        return _chain(distribution, places)
+    if isinstance(distribution, chaospy.CopulaDistribution):
+        return Copulated(_copula(given["trans"]), _law(given["dist"], places))
+    if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal, chaospy.MvStudentT)):
+        return _vector(distribution, places)
+    if isinstance(distribution, chaospy.GaussianKDE):  # mixtures are kernel densities in chaospy
+        return mixture_of(distribution)
+    if isinstance(distribution, chaospy.Trunc):
+        if is_dependent(distribution._dist):
+            raise StudyError(
+                f"chaospy does not truncate dependent variables correctly ({distribution}); truncate the marginal "
+                "distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)"
+            )
+        return Chain(tuple(Step((k,), Single(conditional(distribution, places, k))) for k in range(len(distribution))))
+    if isinstance(distribution, (chaospy.Add, chaospy.Multiply, chaospy.Negative)):
+        return _operated(distribution, places)
+    raise NotUnderstood(str(distribution))
+
+
+def _chain(distribution: Any, places: Places) -> Chain:
+    owners = owners_of(distribution)
+    groups: dict[int, tuple[Any, list[int]]] = {}
+    for column in range(len(distribution)):
+        owner = owners[column][1]
+        groups.setdefault(id(owner), (owner, []))[1].append(column)
+    if places:
+        raise NotUnderstood(str(distribution))
+    known: dict[tuple[int, int], int] = {}
+    steps: list[Step] = []
+    done: set[int] = set()
+    for column in map(int, distribution._rotation):
+        if column in done:
+            continue
+        owner, columns = groups[id(owners[column][1])]
+        if len(columns) != len(owner):
+            raise NotUnderstood(str(owner))
+        columns = sorted(columns, key=lambda k: int(owners[k][0]))
+        steps.append(Step(tuple(columns), _law(owner, known)))
+        known |= {(id(owner), place): k for place, k in enumerate(columns)}
+        done |= set(columns)
+    return Chain(tuple(steps))
+
+
+def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
+    """Return the distribution of each component, and the place in it.
+
+    chaospy loses members that come after a vector.  Its arguments still hold them, unless one of them is an `Iid`.
+    """
+    import chaospy
+
+    found: Mapping[int, tuple[int, Any]] = distribution._owners
+    if set(found) == set(range(len(distribution))):
+        return found
+    arguments = [x for name, x in sorted(distribution._parameters.items()) if name.startswith("_")]
+    members = [x for x in arguments if isinstance(x, chaospy.Distribution)]
+    rows = [(place, member) for member in members for place in range(len(member))]
+    if len(rows) != len(distribution) or len(members) != len(arguments):
+        raise NotUnderstood(f"{distribution}, of which chaospy loses members after a vector: put the vector last")
+    return dict(enumerate(rows))
+
+
+def _copula(trans: Any) -> Copula:
+    import chaospy
+
+    family = type(trans).__name__
+    if isinstance(trans, chaospy.Archimedean) and family in FAMILIES:
+        return Archimedean(family, float(np.ravel(trans._parameters["theta"])[0]), len(trans))
+    if family in ("nataf", "t_copula"):
+        order = tuple(int(k) for k in trans._rotation)
+        permute = np.asarray(trans._permute)
+        correlation = permute.T @ np.asarray(trans._correlation, dtype=float) @ permute
+        deviation = np.sqrt(np.diag(correlation))
+        freedom = float(np.ravel(trans._parameters["df"])[0]) if family == "t_copula" else np.inf
+        return Elliptical(triangular(correlation / np.outer(deviation, deviation), order), order, freedom)
+    raise NotUnderstood(str(trans))
+
+
+def _vector(distribution: Any, places: Places) -> Vector:
+    import chaospy
+
+    given, order = distribution._parameters, tuple(int(k) for k in distribution._rotation)
+    logarithmic = isinstance(distribution, chaospy.MvLogNormal)
+    mean, matrix = given["mu" if logarithmic else "mean"], given["sigma" if logarithmic else "covariance"]
+    student = isinstance(distribution, chaospy.MvStudentT)
+    freedom = read(distribution._dist._owners[0][1]._parameters["a"], {}) if student else np.inf
+    if isinstance(matrix, chaospy.Distribution) or not isinstance(freedom, float):
+        raise NotUnderstood(str(distribution))
+    covariance = np.asarray(matrix, dtype=float)
+    if covariance.ndim < 2:
+        covariance = np.diag(np.broadcast_to(covariance, len(order)).astype(float))
+    centre = tuple(read(mean, places, k) for k in range(len(order)))
+    return Vector(centre, triangular(covariance, order), order, freedom, logarithmic)
+
+
+def mixture_of(distribution: Any) -> Mixture:
+    """Return a mixture or kernel density of chaospy, of any dimension."""
+    centres = np.asarray(distribution._samples, dtype=float).T
+    order = tuple(int(k) for k in distribution._rotation)
+    weights = np.broadcast_to(np.asarray(distribution.weights, dtype=float), len(centres)).astype(float)
+    covariance = np.broadcast_to(distribution._covariance, (len(centres), *distribution._covariance.shape[1:]))
+    factors = np.stack([triangular(np.asarray(one, dtype=float), order) for one in covariance])
+    return Mixture(weights, centres, factors, order)
+
+
+def _operated(distribution: Any, places: Places) -> Moved:
+    import chaospy
+
+    left, right = distribution._parameters["left"], distribution._parameters["right"]
+    places_of = range(len(distribution))
+    if isinstance(distribution, chaospy.Negative):
+        return Moved(_law(left, places), (0.0,) * len(left), (-1.0,) * len(left))
+    inner, other = (left, right) if isinstance(left, chaospy.Distribution) else (right, left)
+    if isinstance(other, chaospy.Distribution):
+        raise NotUnderstood(str(distribution))
+    values = tuple(read(other, places, k) for k in places_of)
+    if isinstance(distribution, chaospy.Add):
+        return Moved(_law(inner, places), values, (1.0,) * len(values))
+    return Moved(_law(inner, places), (0.0,) * len(values), values)

@@ -1,0 +1,304 @@
+"""Rosenblatt's transform of a joint distribution, verified."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.randomness.rosenblatt.expressions import NotUnderstood
+from uqmbd.randomness.rosenblatt.laws import Copulated, JointLaw, decoded_law
+from uqmbd.randomness.rosenblatt.members import conditional
+from uqmbd.randomness.rosenblatt.reading import joint_law
+from uqmbd.typing import Array
+
+__all__ = ["Transform", "in_blocks"]
+
+
+BLOCK = 1024
+"""Rows of dependent inputs that are mapped at once."""
+
+POINTS = 16
+"""Points at which a map is verified, next to those with one component far out."""
+
+RARE = 1e-9
+"""Probability beyond which no value is looked at."""
+
+LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
+"""Conditional probabilities at which quantiles must increase."""
+
+ROUGH = 1e-6
+"""Error of probabilities that the inverse may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Native:
+    """A map that chaospy evaluates: of normal vectors and Gaussian copulas, and of what is not known here."""
+
+    distribution: Any
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        return tuple(int(k) for k in self.distribution._rotation)
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        dependencies = self.distribution._dependencies
+        count = range(len(dependencies))
+        return tuple(frozenset(j for j in count if j != k and dependencies[j] < dependencies[k]) for k in count)
+
+    @property
+    def outer(self) -> frozenset[int]:
+        return frozenset()
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        return (False,) * len(self.distribution)
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        return np.asarray(self.distribution.inv(u), dtype=float)
+
+    def forward(self, x: Array, values: Array) -> Array:
+        return np.asarray(np.clip(self.distribution.fwd(x), 0.0, 1.0), dtype=float)
+
+    def encoded(self) -> Any:
+        raise NotUnderstood(str(self.distribution))
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """The map of independent uniform variables to dependent ones, and back; points in rows.
+
+    Parameters
+    ----------
+    law : JointLaw
+    gaussian : bool
+        Whether it is a normal vector or a Gaussian copula, which chaospy evaluates.
+    """
+
+    law: JointLaw
+    gaussian: bool = False
+
+    @classmethod
+    def of(cls, distribution: Any) -> Transform:
+        """Return the transform of a joint distribution of chaospy.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If a part of it is no distribution; the message is a part of a sentence.
+        NotUnderstood
+            If its structure is not known here, and what chaospy computes changes from call to call.
+        """
+        native = _Native(distribution)
+        if _gaussian(distribution) and _repeatable(native):
+            return cls(native, True)
+        try:
+            law = joint_law(distribution)
+        except NotUnderstood:
+            law = native
+        if not _repeatable(law):
+            raise NotUnderstood(str(distribution))
+        return cls(law)
+
+    @property
+    def dimension(self) -> int:
+        """Number of components."""
+        return len(self.law.order)
+
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        return not (isinstance(self.law, Copulated) and any(self.law.discrete))
+
+    def inverse(self, uniform: Array) -> Array:
+        """Map uniform variables, shape (K, n), to components: row by row, with the same bits in any number of rows."""
+        with np.errstate(all="ignore"):
+            return self._mapped(self.law.inverse, uniform, 0.5)
+
+    def forward(self, inputs: Array) -> Array:
+        """Map components, shape (K, n), to uniform variables; NaN where no uniform variable is mapped there."""
+        middle = self.inverse(np.full((1, self.dimension), 0.5))[0]
+        with np.errstate(all="ignore"):
+            found = self._mapped(self.law.forward, inputs, middle)
+            back = self.inverse(np.where(np.isfinite(found), np.clip(found, 0.0, 1.0), 0.5))
+            near = np.abs(back - inputs) <= 1e-6 * (self._spread + np.abs(inputs))
+        return np.where(near, found, np.nan)
+
+    def _mapped(self, function: Callable[[Array, Array], Array], rows: Array, filler: ArrayLike) -> Array:
+        if isinstance(self.law, _Native):
+            return in_blocks(lambda x: function(x, x[:0]), rows, filler)
+        found = np.empty_like(rows)
+        for first in range(0, len(rows), BLOCK):  # all is computed element by element: bits do not depend on the block
+            columns = np.ascontiguousarray(rows[first : first + BLOCK].T)
+            found[first : first + BLOCK] = function(columns, columns[:0]).T
+        return found
+
+    @cached_property
+    def text(self) -> str:
+        """As text, from which :meth:`read` makes it; empty where it holds functions of a user.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> a = chaospy.Uniform(1, 2)
+        >>> known = Transform.of(chaospy.J(a, chaospy.Uniform(0, a)))
+        >>> Transform.read(known.text).inverse(np.array([[0.5, 0.5]])).tolist()
+        [[1.5, 0.75]]
+        """
+        points = _verified_at(self.dimension)
+        try:
+            found = json.dumps(self.law.encoded())
+            same = np.array_equal(Transform.read(found).inverse(points), self.inverse(points), equal_nan=True)
+        except Exception:  # constructors of families raise whatever they like
+            return ""
+        return found if same else ""
+
+    @classmethod
+    def read(cls, text: str) -> Transform:
+        """Return the transform of a text.
+
+        Raises
+        ------
+        ValueError
+            If it describes none.
+        """
+        return cls(decoded_law(json.loads(text)))
+
+    def flaw(self) -> str:
+        """Say why it is the transform of no distribution; empty where it is one.
+
+        Values must be finite and vary, those of a component must increase with its uniform variable whatever the others
+        are, and the transform of values must be the uniform variables that they come from.
+        """
+        for k in self.law.order:
+            if found := self._flaw_of(k):
+                return f"of component {k + 1} {found}"
+        return ""
+
+    def _flaw_of(self, k: int) -> str:
+        base = _verified_at(self.dimension)
+        rows = np.repeat(base, len(LEVELS), axis=0)
+        rows[:, k] = np.tile(LEVELS, len(base))
+        values = self.inverse(rows)
+        own = values[:, k].reshape(len(base), len(LEVELS))
+        given = sorted(self.law.given[k])
+
+        def where(bad: Any) -> str:
+            at = values[:: len(LEVELS)][np.flatnonzero(bad)[0]]
+            if not given:
+                return ""
+            return " where " + " and ".join(f"component {j + 1} is {at[j]:.4g}" for j in given)
+
+        if (bad := ~np.isfinite(own).all(axis=1)).any():
+            return f"the values are not finite{where(bad)}"
+        steps = np.diff(own, axis=1)
+        slack = 1e-12 * np.abs(own).max(axis=1, keepdims=True)
+        if (bad := (steps < -slack).any(axis=1)).any():
+            return f"the quantiles do not increase{where(bad)}"
+        inner = np.arange(len(base)) < POINTS
+        span = own.max(axis=1) - own.min(axis=1)
+        bad = (span <= 4 * np.finfo(float).eps * np.abs(own[:, 0])) & inner
+        if not self.law.discrete[k] and bad.any():
+            return f"all values are {own[bad][0, 0]:.4g}{where(bad)}"
+        if self.law.discrete[k]:
+            return "" if np.ptp(own) > 0 else f"all values are {own[0, 0]:.4g}"
+        if not self.invertible:
+            return ""
+        with np.errstate(all="ignore"):
+            back = self.law.forward(values.T, np.empty((0, len(values))))[k].reshape(own.shape)
+        # far out, rounding of values is no small part of their spread
+        if (bad := ~(np.abs(back - LEVELS).max(axis=1) < ROUGH) & inner).any():
+            row = np.flatnonzero(bad)[0]
+            return f"the values at the probabilities {LEVELS.tolist()} have {back[row].round(6).tolist()}{where(bad)}"
+        return ""
+
+    @cached_property
+    def _spread(self) -> Array:
+        """Interquartile range of each component where the others are at their medians."""
+        quarters = np.full((2 * self.dimension, self.dimension), 0.5)
+        quarters[0::2] += 0.25 * np.eye(self.dimension)
+        quarters[1::2] -= 0.25 * np.eye(self.dimension)
+        found = self.inverse(quarters)
+        return np.diagonal(found[0::2] - found[1::2]).copy()
+
+
+def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike) -> Array:
+    """Map rows in blocks of one size: matrix products round by the shape and the place in it.
+
+    Parameters
+    ----------
+    function : callable
+        Maps arrays of shape ``(n, BLOCK)``, a point in each column.
+    rows : array, shape (K, n)
+        A point in each row.
+    filler : array_like, shape (n,) or ()
+        A point that fills the last block.
+
+    Returns
+    -------
+    array, shape (K, n)
+    """
+    values = np.empty_like(rows)
+    for first in range(0, len(rows), BLOCK):
+        part = rows[first : first + BLOCK]
+        padded = np.empty((BLOCK, rows.shape[1]))
+        padded[:] = filler
+        padded[: len(part)] = part
+        mapped = np.asarray(function(padded.T), dtype=float)
+        values[first : first + BLOCK] = mapped.reshape(rows.shape[1], -1).T[: len(part)]
+    return values
+
+
+def _verified_at(dimension: int) -> Array:
+    """Return points of the unit cube: a lattice that is not aligned with anything, and points far out."""
+    steps = np.sqrt(np.arange(2, 2 + dimension))
+    lattice = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1)[:, None], 1.0)
+    far = np.full((2 * dimension, dimension), 0.5)
+    for k in range(dimension):
+        far[2 * k : 2 * k + 2, k] = RARE, 1 - RARE
+    return np.concatenate([lattice, far])
+
+
+def _gaussian(distribution: Any) -> bool:
+    """Whether it is a normal vector, or normal variables behind distributions that chaospy evaluates correctly."""
+    import chaospy
+
+    from uqmbd.randomness.distributions import Law, is_dependent
+
+    if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)):
+        mean = distribution._parameters["mean" if isinstance(distribution, chaospy.MvNormal) else "mu"]
+        return not isinstance(mean, chaospy.Distribution)
+    if not isinstance(distribution, chaospy.Nataf):
+        return False
+    margins = distribution._parameters["dist"]
+    if is_dependent(margins):
+        return False
+    return not any(Law.of(margins[k]).mends or _whole(margins, k) for k in range(len(margins)))
+
+
+def _whole(distribution: Any, k: int) -> bool:
+    try:
+        return conditional(distribution, {}, k).discrete
+    except NotUnderstood:
+        return False
+
+
+def _repeatable(law: JointLaw) -> bool:
+    """Whether chaospy gives the same bits in each call: what it searches for, it searches for with random steps."""
+    u = _verified_at(len(law.order))[:POINTS].T
+    state = np.random.get_state()
+    try:
+        found = []
+        for seed in (1, 2):
+            np.random.seed(seed)
+            with np.errstate(all="ignore"):
+                found.append(law.inverse(u, u[:0]))
+    finally:
+        np.random.set_state(state)
+    return bool(np.array_equal(found[0], found[1], equal_nan=True))

@@ -1,0 +1,191 @@
+"""Vectors as maps of independent uniform variables: normal ones, those of Student's distribution, and mixtures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.special
+
+from uqmbd.randomness.rosenblatt.bisection import bisected
+from uqmbd.randomness.rosenblatt.copulas import combined, scores, separated, unscored
+from uqmbd.randomness.rosenblatt.expressions import Expression, encoded, evaluated, used
+from uqmbd.typing import Array
+
+__all__ = ["Mixture", "Vector"]
+
+
+@dataclass(frozen=True, eq=False)
+class Vector:
+    """A normal vector, the exponential of one, or a vector of Student's distribution.
+
+    Parameters
+    ----------
+    centre : tuple of Expression
+        Of each component.
+    factor : array, shape (n, n)
+        Of the covariance (of Student's distribution: of the scale matrix), lower triangular in the order.
+    order : tuple of int
+        Components in the order of conditioning.
+    freedom : float
+        Degrees of freedom; infinite for a normal vector.
+    exponential : bool
+        Whether components are exponentials.
+    """
+
+    centre: tuple[Expression, ...]
+    factor: Array
+    order: tuple[int, ...]
+    freedom: float = np.inf
+    exponential: bool = False
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on."""
+        place = {k: number for number, k in enumerate(self.order)}
+        correlated = self.factor != 0 if np.isinf(self.freedom) else np.ones_like(self.factor, dtype=bool)
+        return tuple(frozenset(j for j in self.order[: place[k]] if correlated[k, j]) for k in range(len(self.centre)))
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """Places in the larger distribution that its centre depends on."""
+        return frozenset().union(*map(used, self.centre))
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """No component takes single values only."""
+        return (False,) * len(self.centre)
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+        x = combined(self.factor, self.order, scores(u, self.order, self.freedom)) + self._centres(values)
+        return np.asarray(np.exp(x) if self.exponential else x)
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables."""
+        with np.errstate(all="ignore"):
+            x = np.log(x) if self.exponential else x
+        parts = separated(self.factor, self.order, x - self._centres(values))
+        return unscored(parts, self.order, self.freedom)
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        freedom = None if np.isinf(self.freedom) else self.freedom
+        centre = [encoded(x) for x in self.centre]
+        return ["vector", centre, self.factor.tolist(), list(self.order), freedom, self.exponential]
+
+    def _centres(self, values: Array) -> Array:
+        shape = values.shape[1]
+        return np.stack([np.broadcast_to(np.asarray(evaluated(x, values), dtype=float), shape) for x in self.centre])
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A mixture of normal vectors.
+
+    Parameters
+    ----------
+    weights : array, shape (m,)
+        Of each, their sum one.
+    centres : array, shape (m, n)
+    factors : array, shape (m, n, n)
+        Of their covariances, lower triangular in the order.
+    order : tuple of int
+        Components in the order of conditioning.
+    """
+
+    weights: Array
+    centres: Array
+    factors: Array
+    order: tuple[int, ...]
+
+    @property
+    def given(self) -> tuple[frozenset[int], ...]:
+        """Of each component, the others that its distribution depends on: all before it."""
+        place = {k: number for number, k in enumerate(self.order)}
+        return tuple(frozenset(self.order[: place[k]]) for k in range(len(self.order)))
+
+    @property
+    def outer(self) -> frozenset[int]:
+        """None: its parameters are numbers."""
+        return frozenset()
+
+    @property
+    def discrete(self) -> tuple[bool, ...]:
+        """No component takes single values only."""
+        return (False,) * len(self.order)
+
+    def inverse(self, u: Array, values: Array) -> Array:
+        """Map independent uniform variables to components."""
+        x, state = np.zeros_like(u), _Conditioned.start(self, u.shape[1])
+        for row in self.order:
+            middle, spread = state.moments(self, row)
+            ends = middle + spread * scipy.special.ndtri(np.clip(u[row], 1e-300, 1 - 2.0**-53))[:, None]
+            # a mixture has its quantile between those of its members
+            x[row] = state.solved(u[row], middle, spread, ends.min(axis=1), ends.max(axis=1))
+            state = state.after(self, row, x[row])
+        return x
+
+    def forward(self, x: Array, values: Array) -> Array:
+        """Map components to independent uniform variables."""
+        u, state = np.zeros_like(x), _Conditioned.start(self, x.shape[1])
+        for row in self.order:
+            middle, spread = state.moments(self, row)
+            u[row] = state.cumulated((x[row][:, None] - middle) / spread)
+            state = state.after(self, row, x[row])
+        return u
+
+    def encoded(self) -> Any:
+        """Return it as data."""
+        return ["mixture", self.weights.tolist(), self.centres.tolist(), self.factors.tolist(), list(self.order)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Conditioned:
+    """The members of a mixture given some components: probabilities (N, m), and standard normal parts (n, N, m)."""
+
+    probability: Array
+    parts: Array
+
+    @classmethod
+    def start(cls, mixture: Mixture, count: int) -> _Conditioned:
+        members, dimension = mixture.centres.shape
+        return cls(np.tile(mixture.weights, (count, 1)), np.zeros((dimension, count, members)))
+
+    def moments(self, mixture: Mixture, row: int) -> tuple[Array, Array]:
+        """Return conditional means (N, m) and deviations (m,) of a component in each member."""
+        # parts of components that are not known are zero
+        middle = np.broadcast_to(mixture.centres[:, row], self.probability.shape)
+        for column in range(len(self.parts)):
+            if column != row:
+                middle = middle + mixture.factors[:, row, column] * self.parts[column]
+        return middle, mixture.factors[:, row, row]
+
+    def cumulated(self, standard: Array) -> Array:
+        """Return the probability of a component below a value, from those in each member."""
+        return np.asarray((self.probability * scipy.special.ndtr(standard)).sum(axis=1))
+
+    def solved(self, u: Array, middle: Array, spread: Array, low: Array, high: Array) -> Array:
+        """Return quantiles of a component, by its conditional means and deviations in each member."""
+
+        def missing(x: Array) -> Array:
+            return self.cumulated((x[:, None] - middle) / spread) - u
+
+        def density(x: Array) -> Array:
+            standard = (x[:, None] - middle) / spread
+            heights = self.probability * np.exp(-(standard**2) / 2) / (spread * np.sqrt(2 * np.pi))
+            return np.asarray(heights.sum(axis=1))
+
+        return bisected(missing, low, high, density)
+
+    def after(self, mixture: Mixture, row: int, x: Array) -> _Conditioned:
+        """Return them given one more component."""
+        middle, spread = self.moments(mixture, row)
+        standard = (x[:, None] - middle) / spread
+        with np.errstate(divide="ignore"):
+            logarithm = np.log(self.probability) - standard**2 / 2 - np.log(spread)
+        density = np.exp(logarithm - logarithm.max(axis=1, keepdims=True))
+        parts = self.parts.copy()
+        parts[row] = standard
+        return _Conditioned(density / density.sum(axis=1, keepdims=True), parts)
