@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
 
+from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
@@ -15,6 +16,7 @@ from uqmbd.mechanism import (
     Component,
     Frame,
     Mechanism,
+    angles_in,
     joint_frames,
     nominal,
     relative_quaternion,
@@ -110,33 +112,77 @@ def moved_bodies(mechanism: Mechanism, model: Model, drawn: Array, assembled: Ar
 
 
 def hidden_turns(mechanism: Mechanism, model: Model) -> tuple[str, ...]:
-    """Say which drivers start more than half a turn from the drawn pose, where angles are counted: a sentence each."""
-    stated = [x for c in mechanism.conditions.values() if not c.of_velocities for x in c.residual.free_symbols]
-    if any(isinstance(x, AngleSymbol) or getattr(x, "quantity", "") == "angle" for x in stated):
-        return ()  # the turns are chosen
+    """Say which drivers start whole turns away from the angles that are counted: a sentence each.
+
+    Counted angles start within half a turn of the drawn pose.  A driver whose angle is a function of time starts at the
+    value of that function; a driver that follows other joints, at its value in the assembled pose.
+    """
     seen = [x for o in mechanism.outputs.values() for x in o.expression.free_symbols]
     if not (model.layout.states or any(isinstance(x, AngleSymbol) for x in seen)):
         return ()
+    drivers = [x for x in mechanism.all_components() if x.prescribed_angle and not _turns_are_stated(mechanism, x)]
+    starts = [(x, *angles) for x, angles in zip(drivers, _starts(mechanism, model, drivers), strict=True)]
     found = []
-    for component in mechanism.all_components():
-        name = component.prescribed_angle
-        if not name:
-            continue
-        starts = sympy.sympify(plain(component.values[name])).xreplace({t: sympy.Float(model.time)})
-        drawn, inputs, rows = _drawn_angle(component), mechanism.inputs, looked_at(mechanism)
-        angles, poses = ParameterMap.of([starts, plain(drawn)], list(inputs.variables))(rows).T
+    for component, angles, poses in starts:
         far = np.abs(angles - poses) > np.pi * (1 + 1e-9)
         if not far.any():
             continue
         share = "" if far.all() else f" in {100 * far.mean():.2g} % of the realisations"
         advice = "Draw the body there, or state" if model.dimension == 2 else "State"
+        followed = " and ".join(map(str, _followed(component)))
+        others = f". State {followed} as well, which the driver follows" if followed else ""
         found.append(
             f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
             f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; whole turns between them are not counted "
             f"by angles of bodies and joints, and by springs. {advice} the turns by mechanism.start(joint.angle, "
-            "value), with the value at which the driver starts"
+            f"value), with the value at which the driver starts{others}"
         )
     return tuple(found)
+
+
+def _turns_are_stated(mechanism: Mechanism, component: Component) -> bool:
+    """Whether start conditions hold an angle of the driven bodies, and all angles that the driver follows.
+
+    A follower alone does not decide: its condition moves what it follows.
+    """
+    conditions = [c for c in mechanism.conditions.values() if not c.of_velocities]
+    stated, followed = angles_in([c.residual for c in conditions]), _followed(component)
+    bodies = [component.attached[role] for role in ("body_i", "body_j")]
+    driven = [x for x in stated if x not in followed and any(getattr(s, "owner", None) in bodies for s in x.states)]
+    return bool(driven) and all(x in stated for x in followed)
+
+
+def _followed(component: Component) -> list[AngleSymbol]:
+    """Return the counted angles in the expression of a driver's angle."""
+    return angles_in([component.values[component.prescribed_angle]])
+
+
+def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
+    """Angles at which drivers start and are drawn, rad, in the realisations that are looked at."""
+    if not drivers:
+        return []
+    rows = looked_at(mechanism)
+    places = [x for body in mechanism.bodies.values() for x in body.q]
+    expressions = [(_angle_at_start(x, model.time), plain(_drawn_angle(x))) for x in drivers]
+    symbols, known = list(mechanism.inputs.variables), rows
+    if any(start.free_symbols & set(places) for start, _ in expressions):
+        parameters = model.parameters(rows)
+        # start conditions move followed joints and their followers together, and turns are counted on the way
+        drawn, free = parameters[:, model.drawn], replace(model, conditions=None)
+        q, messages = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
+        assembled = np.flatnonzero([not message for message in messages])
+        symbols, known = [*symbols, *places], np.concatenate([rows, q], axis=1)[assembled]
+    return [tuple(ParameterMap.of(pair, symbols)(known).T) for pair in expressions]
+
+
+def _angle_at_start(component: Component, time: float) -> sympy.Expr:
+    """Angle of a driver at the initial time, rad, in inputs and coordinates; followed angles as their counts begin."""
+    counted = {
+        x: x.angle.at_start(x.angle.whole(x.angle.cosine), x.angle.whole(x.angle.sine), x.angle.near)
+        for x in _followed(component)
+    }
+    angle = plain(component.values[component.prescribed_angle]).xreplace(counted)
+    return plain(angle.xreplace({t: sympy.Float(time)}))
 
 
 def looked_at(mechanism: Mechanism) -> Array:
