@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 import uqmbd
 from uqmbd_joints import Revolute
@@ -213,6 +214,80 @@ def test_joints_that_follow_another_one(urdf):
     assert abs(rate) * 2 > 2 * np.pi  # more than two turns
     np.testing.assert_allclose(found["turn"], rate * times**2 / 2, rtol=0, atol=1e-6)
     np.testing.assert_allclose(found["slide"], rate * times**2 / 4, rtol=0, atol=1e-6)
+
+
+NEAR_HALF_TURN = ("0 3.14159 0", "3.1416 0 0", "3.14159 3.1416 0", "3.141592653 0.2 0", "0 -3.14159265 1e-7")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["continuous", "prismatic"])
+def test_frames_that_are_nearly_half_a_turn_apart_keep_their_digits(urdf, kind):
+    """Five decimals of half a turn, as files have them: each link keeps the rotation that the file states."""
+    parts = [joint(f"j{k}", "base", f"l{k}", kind, axis="1 2 -3", rpy=x) for k, x in enumerate(NEAR_HALF_TURN)]
+    read = urdf('<link name="base"/>' + "".join(link(f"l{k}") for k in range(len(parts))) + "".join(parts))
+    for k in range(len(parts)):
+        for i in range(9):
+            read.output(f"r{k}{i}", read.bodies[f"l{k}"].rotation[i], units="1")
+    found = uqmbd.simulate(read, [0, 1e-6], check=False).isel(time=0)
+    for k, rpy in enumerate(NEAR_HALF_TURN):
+        expected = Rotation.from_euler("xyz", [float(x) for x in rpy.split()]).as_matrix()
+        rotation = np.reshape([float(found[f"r{k}{i}"]) for i in range(9)], (3, 3))
+        np.testing.assert_allclose(rotation, expected, rtol=0, atol=1e-14)
+
+
+def follower(name, child, follows="", kind="revolute"):
+    """A joint about y of a link on the base; what it follows is its first half, q = -0.5 q_other + 0.1, say."""
+    mimic = f'<mimic joint="{follows}" multiplier="-0.5" offset="0.1"/>' if follows else ""
+    return joint(name, "base", child, kind, more=f'<limit lower="-9" upper="9" effort="1" velocity="1"/>{mimic}')
+
+
+FOLLOWING = {
+    "driver first": ("a", "ba", "c"),
+    "follower first": ("ba", "a", "c"),
+    "chain": ("a", "ba", "cb"),
+    "chain, last one first": ("cb", "ba", "a"),
+    "two followers": ("ba", "ca", "a"),
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*assembly moved")
+@pytest.mark.parametrize("joints", FOLLOWING.values(), ids=FOLLOWING)
+@pytest.mark.parametrize("kinds", ["aaa", "asa", "saa", "ssa"])
+def test_hinges_and_slides_that_follow_others_in_any_order(urdf, joints, kinds):
+    """Hinges (a) and slides (s) a, b, c, of which b or c follow the one whose letter stands behind theirs."""
+    of = {name: {"a": "revolute", "s": "prismatic"}[kind] for name, kind in zip("abc", kinds, strict=True)}
+    parts = [follower(f"j{x[0]}", f"l{x[0]}", f"j{x[1]}" if x[1:] else "", of[x[0]]) for x in joints]
+    read = urdf('<link name="base"/>' + "".join(link(f"l{x}", com="0.05 0 0") for x in "abc") + "".join(parts))
+    assert uqmbd.check(read).mobility == 3 - sum(len(x) - 1 for x in joints)
+    found = uqmbd.simulate(read, [0, 0.1, 0.2], check=False)
+    for x in joints:
+        if x[1:]:
+            np.testing.assert_allclose(found[f"j{x[0]}"], -0.5 * found[f"j{x[1]}"] + 0.1, rtol=0, atol=1e-12)
+
+
+@pytest.mark.thorough
+def test_coupled_hinges_of_mujoco(mjcf):
+    """A hinge that follows another by a polynomial: equal rods, (1 + p'^2) q'' + p' p'' q'^2 = their weights."""
+    rod = '<inertial pos="0.3 0 0" mass="1" diaginertia="0.01 0.03 0.03"/>'
+    read = mjcf(
+        f'<worldbody><body name="a"><joint name="first" axis="0 1 0"/>{rod}</body><body name="b" pos="0 1 0">'
+        f'<joint name="second" axis="0 1 0"/>{rod}</body></worldbody>'
+        '<equality><joint joint1="second" joint2="first" polycoef="0 0.5 0.2 -0.1"/></equality>'
+    )
+    times = np.linspace(0, 0.6, 13)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    moment, inertia = G * 0.3, 0.03 + 0.09
+
+    def rate(t, s):
+        q = s[0]
+        p, slope, bend = 0.5 * q + 0.2 * q**2 - 0.1 * q**3, 0.5 + 0.4 * q - 0.3 * q**2, 0.4 - 0.6 * q
+        torque = moment * (np.cos(q) + slope * np.cos(p)) - inertia * slope * bend * s[1] ** 2
+        return s[1], torque / (inertia * (1 + slope**2))
+
+    first = solve_ivp(rate, (0, 0.6), (0, 0), t_eval=times, rtol=1e-11, atol=1e-12).y[0]
+    np.testing.assert_allclose(found["first"], first, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found["second"], 0.5 * first + 0.2 * first**2 - 0.1 * first**3, rtol=0, atol=1e-6)
 
 
 def test_a_polynomial_between_joints(mjcf):

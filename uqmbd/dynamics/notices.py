@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -73,9 +74,10 @@ def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
     d, found = model.dimension, []
     pairs = zip(drawn.reshape(-1, model.size), assembled.reshape(-1, model.size), strict=True)
     for name, (before, after) in zip(model.bodies, pairs, strict=True):
-        cosine = abs(before[d:] @ after[d:]) / (np.linalg.norm(before[d:]) * np.linalg.norm(after[d:]) or 1.0)
-        turn = 2 * np.arccos(min(float(cosine), 1.0)) if model.size > d else 0.0
-        found.append(Move(name, float(np.linalg.norm(after[:d] - before[:d])), float(turn)))
+        e, f = (x[d:] / (np.linalg.norm(x[d:]) or 1.0) for x in (before, after))
+        apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # of either sign
+        turn = 4 * math.atan2(apart, together)
+        found.append(Move(name, float(np.linalg.norm(after[:d] - before[:d])), turn))
     return tuple(found)
 
 

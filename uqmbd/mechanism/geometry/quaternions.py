@@ -22,8 +22,16 @@ __all__ = [
     "quaternion_product",
     "relative_quaternion",
     "smallest_rotation",
+    "turned",
     "unit",
 ]
+
+OPPOSITE = 1e-9
+"""Versine of the angle that two vectors lack to half a turn (4.5e-5 rad), below which the axis of the smallest rotation
+from one to the other is a fixed one."""
+
+PARALLEL = 1e-12
+"""Difference of two unit vectors that are parallel as drawn."""
 
 
 def nominal(expression: Any) -> float:
@@ -213,6 +221,10 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
 def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Quaternion of the smallest rotation that turns one unit vector into another.
 
+    The result turns `start` into `end` to rounding, for every angle between them.  Within 4.5e-5 rad of half a turn,
+    rounding would choose the axis of the smallest rotation.  There the result is half a turn about a fixed axis, then
+    the smallest rotation from the opposite of `start` to `end`.
+
     Parameters
     ----------
     start, end : sequence
@@ -231,10 +243,24 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
     a, b = sympy.Matrix(list(start)), sympy.Matrix(list(end))
     if a == b:
         return (sympy.S.One, sympy.S.Zero, sympy.S.Zero, sympy.S.Zero)
-    scalar = 1 + a.dot(b)
-    if nominal(scalar) < 1e-9:  # half a turn: about any perpendicular
-        return (sympy.S.Zero, *perpendiculars(a)[0])
-    return unit([scalar, *a.cross(b)])
+    cosine = a.dot(b)
+    if nominal(cosine) >= 0:
+        return unit([1 + cosine, *a.cross(b)])
+    # the sum is exact where both are numbers, and 1 + a . b and a x b lose the digits that it keeps
+    both = a + b
+    square = both.dot(both)
+    if nominal(square) / 2 < OPPOSITE:
+        half_turn = (sympy.S.Zero, *perpendiculars(a)[0])
+        return quaternion_product(smallest_rotation(-a, b), half_turn)
+    # divided first: SymPy multiplies a number and a bare sum out, which loses them as well
+    length = sympy.sqrt(square)
+    return (length / 2, *a.cross(both / length))
+
+
+def turned(turn: Sequence[Any], vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Turn a vector of three components by a unit quaternion."""
+    conjugate = (turn[0], *(-x for x in turn[1:]))
+    return quaternion_product(quaternion_product(turn, (0, *vector)), conjugate)[1:]
 
 
 def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
@@ -289,13 +315,22 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
         return ()
     if len(turn) == 2:
         c, s = turn[0] ** 2 - turn[1] ** 2, 2 * turn[0] * turn[1]
-        drawn = [c * axis_j[0] - s * axis_j[1], s * axis_j[0] + c * axis_j[1]]
+        drawn: Sequence[Any] = [c * axis_j[0] - s * axis_j[1], s * axis_j[0] + c * axis_j[1]]
     else:
-        conjugate = (turn[0], *(-x for x in turn[1:]))
-        drawn = list(quaternion_product(quaternion_product(turn, (0, *axis_j)), conjugate)[1:])
-    if max(abs(nominal(a) - nominal(b)) for a, b in zip(drawn, axis_i, strict=True)) < 1e-12:
+        drawn = turned(turn, axis_j)
+    apart = [sympy.sympify(a - b) for a, b in zip(drawn, axis_i, strict=True)]
+    # random axes that are parallel at the means are not parallel in each realisation
+    if all(x.is_number and abs(x) < PARALLEL for x in apart):
         return tuple(turn)
-    if len(turn) == 2:
-        half = smallest_rotation((*drawn, 0), (*axis_i, 0))
-        return quaternion_product((half[0], half[3]), turn)
-    return quaternion_product(smallest_rotation(drawn, axis_i), turn)
+    left = _smallest_in_plane(drawn, axis_i) if len(turn) == 2 else smallest_rotation(drawn, axis_i)
+    return quaternion_product(left, turn)
+
+
+def _smallest_in_plane(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Half-angle pair of the smallest rotation that turns one unit vector of the plane into another."""
+    (a, b), (c, d) = start, end
+    cosine, sine = a * c + b * d, a * d - b * c
+    if nominal(cosine) >= 0:
+        return unit([1 + cosine, sine])
+    half_turn = (sympy.S.Zero, sympy.S.NegativeOne if nominal(sine) < 0 else sympy.S.One)
+    return quaternion_product(_smallest_in_plane([-a, -b], end), half_turn)
