@@ -17,12 +17,14 @@ __all__ = ["RotationDriver"]
 class RotationDriver(uqmbd.Component):
     """The rotation of body j relative to body i, about a common axis, follows a function of time.
 
-    With the relative quaternion ``r`` and the angle ``a`` it is ``r0 sin(a/2) - r3 cos(a/2) = 0``: the trigonometric
-    functions are of time alone, there is no ``atan2``, and any number of turns may be made.
+    With the relative quaternion ``r`` and the angle ``a`` it is ``r0 sin(a/2) - r3 cos(a/2) = 0``: there is no
+    ``atan2``, and any number of turns may be made.  The angle may also depend on other joints, as in
+    ``angle=2 * joint.angle``: body j then follows them.
 
     Angles of bodies and joints, and springs, count the turns that are made from the start on; they start within half a
     turn of the drawn pose.  Where the driver starts further away (at 7 rad, drawn at 0) a `uqmbd.StudyWarning` says so:
-    draw the body there, or state ``mechanism.start(joint.angle, 7)`` as well, which counts the turns before.
+    draw the body there, or state ``mechanism.start(joint.angle, 7)`` as well, which counts the turns before.  Of a
+    driver that follows a joint, state the angles of both.
 
     Examples
     --------

@@ -9,6 +9,7 @@ from dataclasses import replace
 import chaospy
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import uqmbd
 from uqmbd_collocation import Collocation
@@ -16,6 +17,7 @@ from uqmbd_drivers import RotationDriver
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import TorsionSpringDamper
 
 from .trees import Law, random_tree
 
@@ -152,12 +154,14 @@ def test_turns_of_a_follower_may_be_stated(space):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*assembly moved")
 def test_turns_that_a_follower_hides_in_some_realisations():
-    """A follower that turns k times as far as a wheel at 2 rad, k from 1 to 2: more than half a turn beyond pi / 2."""
+    """A follower drawn at 0.5 rad turns k times as far as a wheel at 2 rad: half a turn away where 2 k = 0.5 + pi."""
     factor = uqmbd.RandomVariable("factor", chaospy.Uniform(1, 2))
-    mechanism, angles = wheels(uqmbd.Spatial, [None, lambda a: factor * a[0], None], (2.0, 3.0, 0.0))
+    mechanism, angles = wheels(uqmbd.Spatial, [None, lambda a: factor * a[0], None], (2.0, 0.5, 0.0))
     mechanism.start(angles[0], 2.0)
-    with pytest.warns(uqmbd.StudyWarning, match=r"driver 'd1' starts at .* rad in 4\d % of the realisations"):
+    assert 2 - (0.5 + np.pi) / 2 == pytest.approx(0.179, abs=1e-3)
+    with pytest.warns(uqmbd.StudyWarning, match=r"driver 'd1' starts at .* rad in 1[78] % of the realisations"):
         uqmbd.simulate(mechanism, [0, 1e-3], check=False)
 
 
@@ -197,3 +201,34 @@ def test_laws_with_random_coefficients(seed):
     for other, agree in zip(statistics[1:], (1e-4, 0.05), strict=True):
         np.testing.assert_allclose(other["mean"], statistics[0]["mean"], rtol=0, atol=agree * size)
         np.testing.assert_allclose(other["std"], statistics[0]["std"], rtol=0, atol=agree * size)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
+def test_equilibrium_and_eigenfrequency_of_a_follower(space):
+    """Two equal rods under gravity; one on a torsion spring turns by q, and the other one by 2 q."""
+    flat = space is uqmbd.Planar
+    gravity, rate, mass, arm, inertia = 9.81, 40.0, 1.0, 0.5, 0.1
+    mechanism = uqmbd.Mechanism("rods", space(gravity=(0, -gravity) if flat else (0, -gravity, 0)))
+    size = 2 if flat else 3
+    axes = {} if flat else {"axis": (0, 0, 1)}
+    joints, bodies = [], []
+    for name in "ab":
+        about = inertia if flat else (inertia,) * 3
+        bodies.append(mechanism.body(name, mass=mass, inertia=about, position=(arm, 0, 0)[:size]))
+        joints.append(mechanism.add(Revolute(f"j{name}", mechanism.ground, bodies[-1], at=(0, 0, 0)[:size], **axes)))
+        mechanism.output(name, joints[-1].angle, units="rad")
+    mechanism.add(RotationDriver("follow", mechanism.ground, bodies[1], angle=2 * joints[0].angle, **axes))
+    mechanism.add(TorsionSpringDamper("spring", mechanism.ground, bodies[0], stiffness=rate, **axes))
+
+    def moment(q):
+        return rate * q + mass * gravity * arm * (np.cos(q) + 2 * np.cos(2 * q))
+
+    q = brentq(moment, -1, 0, xtol=1e-14)
+    found = uqmbd.static_equilibrium(mechanism)
+    assert float(found["a"]) == pytest.approx(q, abs=1e-9)
+    assert float(found["b"]) == pytest.approx(2 * q, abs=1e-9)
+    stiffness = rate - mass * gravity * arm * (np.sin(q) + 4 * np.sin(2 * q))
+    expected = np.sqrt(stiffness / (5 * (inertia + mass * arm**2))) / (2 * np.pi)
+    (frequency,) = uqmbd.eigenfrequencies(mechanism)["frequency"].values
+    assert frequency == pytest.approx(expected, rel=1e-7)

@@ -174,7 +174,8 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
         q, messages = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
         assembled = np.flatnonzero([not message for message in messages])
         symbols, known = [*symbols, *places], np.concatenate([rows, q], axis=1)[assembled]
-    return [tuple(ParameterMap.of(pair, symbols)(known).T) for pair in expressions]
+    values = [ParameterMap.of(pair, symbols)(known) for pair in expressions]
+    return [(x[:, 0], x[:, 1]) for x in values]
 
 
 def _angle_at_start(component: Component, time: float) -> sympy.Expr:
