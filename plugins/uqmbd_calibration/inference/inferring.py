@@ -59,6 +59,11 @@ class Check:
     degree: int | None
 
     @property
+    def chance(self) -> float:
+        """Standard error of the shift of one mean, over its standard deviation, from the scatter of the weights."""
+        return float(np.sqrt((1 / self.share - 1) / self.draws)) if self.share > 0 else float("inf")
+
+    @property
     def passed(self) -> bool:
         """Whether the surrogate is as good as the mechanism."""
         return self.share >= EVEN and self.shift <= SHIFT

@@ -109,7 +109,8 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
         last = checks["surrogate"][-1] if checks.get("surrogate") else None
         seen = (
             f": realisations at {last['draws']} draws of the posterior have weights of which "
-            f"{100 * last['share']:.1f} % are effective, and move means by {last['shift']:.2g} standard deviations"
+            f"{100 * last['share']:.1f} % are effective, and move means by up to {last['shift']:.2g} standard "
+            "deviations" + (f" (standard error of each {last['chance']:.2g})" if "chance" in last else "")
             if last is not None
             else ""
         )

@@ -87,7 +87,8 @@ class Calibration:
 
         ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
         widen the posterior; ``surrogate``: those checks one after another, with the effective ``share`` of the weights
-        of their ``draws`` and the ``shift`` of means in standard deviations; ``converged``, ``rhat``, ``ess``;
+        of their ``draws``, the largest ``shift`` of a mean in standard deviations and the standard error of each shift,
+        ``chance``; ``converged``, ``rhat``, ``ess``;
         ``modes``: shares of the maxima of the posterior that were found, the one that was sampled first, ``unsampled``
         of those that no draws are about, and ``unseen``, how many of the surrogate were not followed; ``far``: inputs
         that are found far from their priors; ``model``:

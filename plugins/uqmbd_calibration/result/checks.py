@@ -34,7 +34,7 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
     others = np.exp(masses - masses.max()) / np.exp(masses - masses.max()).sum() if len(masses) else np.ones(0)
     last = inferred.checks[-1] if inferred.checks else None
     return {
-        "surrogate": [{**asdict(check), "passed": check.passed} for check in inferred.checks],
+        "surrogate": [{**asdict(check), "chance": check.chance, "passed": check.passed} for check in inferred.checks],
         # draws of the mechanism itself need no check
         "even": bool(last.passed if last is not None else not inferred.widened),
         "widened": inferred.widened,
@@ -75,14 +75,17 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
     said = []
     if checks["widened"]:
         last = checks["surrogate"][-1] if checks["surrogate"] else None
-        seen = "it was not checked"
+        seen = "it was not checked, and its errors widen the posterior"
         if last is not None:
             seen = (
-                f"of its weights {100 * last['share']:.0f} % are effective, and means shift by {last['shift']:.2g} sd"
+                f"of the weights at {last['draws']} draws {100 * last['share']:.0f} % are effective, and means shift "
+                f"by up to {last['shift']:.2g} sd, each with a standard error of {last['chance']:.2g} sd. The "
+                "surrogate has since been fitted to these draws, too, and its errors widen the posterior, which was "
+                "not checked again"
             )
         said.append(
-            f"the surrogate is not confirmed by the mechanism with {checks['realisations']} realisations: {seen}; its "
-            "errors widen the posterior. Allow more realisations, or give another surrogate"
+            f"the surrogate is not confirmed by the mechanism with {checks['realisations']} realisations: {seen}. "
+            "Allow more realisations, or give another surrogate"
         )
     if not checks["converged"]:
         said.append(

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, sample, search
 from uqmbd_calibration.inference.correcting import corrected
+from uqmbd_calibration.inference.inferring import Check
 
 from . import forward
 
@@ -207,3 +208,19 @@ def test_as_many_draws_are_kept_as_are_asked_for():
     factor = np.linalg.cholesky(np.linalg.inv(np.eye(2) + np.ones((2, 2)) / 25 / 1e-6))
     for asked, kept in ((4000, 1000), (101, 26)):
         assert sample(ridge, np.zeros(2), factor, draws=asked, chains=4, seed=1).vectors.shape == (4, kept, 2)
+
+
+def test_the_standard_error_of_a_shift_is_that_of_uneven_weights():
+    """Weights that do not depend on the inputs shift their means by chance alone: as often as a normal number would."""
+    rng, beyond, largest = np.random.default_rng(3), 0, []
+    for _ in range(400):
+        draws, weights = rng.standard_normal((24, 9)), np.exp(rng.normal(size=24))
+        weights /= weights.sum()
+        shifts = np.abs(weights @ draws - draws.mean(axis=0))
+        check = Check(24, 1 / (24 * float((weights**2).sum())), float(shifts.max()), 1.0, 0, 2)
+        beyond += int((shifts > 1.96 * check.chance).sum())
+        largest.append(check.shift / check.chance)
+    assert 0.03 < beyond / (400 * 9) < 0.07
+    assert 1.5 < np.median(largest) < 2.2  # of nine inputs: a large shift is no sign of an error
+    assert Check(24, 1.0, 0.0, 1.0, 0, 2).chance == 0.0
+    assert Check(24, 0.0, np.inf, np.inf, 24, 2).chance == np.inf
