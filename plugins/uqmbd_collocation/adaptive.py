@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
 import uqmbd
-from uqmbd.results import project
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.sparse_grids import Level, in_order, lower_levels, nodes_of_levels, tensor_projection
 
 __all__ = ["DEEPEST", "refine_dimensions"]
-
-Level = tuple[int, ...]
 
 DEEPEST = 12
 """Highest level of a germ: 25 nodes, degree 24."""
@@ -26,11 +23,7 @@ DEEPEST = 12
 class _Grid:
     """Tensor projections of a downward closed set of levels, by the combination technique.
 
-    Each is a full pseudo-spectral projection of its own, so that the sum has no internal aliasing [1]_.
-
-    References
-    ----------
-    .. [1] P. R. Conrad and Y. M. Marzouk, SIAM Journal on Scientific Computing 35 (2013) A2643-A2670.
+    The sum is that of :class:`~uqmbd_collocation.sparse_grids.SparseProjection`, one level after the other.
     """
 
     runs: Runs
@@ -38,32 +31,21 @@ class _Grid:
     """Coefficients by the degrees of their terms."""
     found: dict[Level, dict[Level, Array]] = field(default_factory=dict)
 
-    def counts(self, level: Level) -> list[int]:
-        """Return the number of nodes of each germ: ``2 l + 1``, which share the middle one of symmetric germs."""
-        return [min(2 * k + 1, germ.values or 2 * k + 1) for k, germ in zip(level, self.runs.space.germs, strict=True)]
-
     def nodes(self, levels: list[Level]) -> Array:
         """Return the Gauss nodes of levels, shape (K, d)."""
-        return np.concatenate([uqmbd.gauss_tensor(self.runs.space, self.counts(level)).nodes for level in levels])
+        return nodes_of_levels(self.runs.space, levels)
 
     def projection(self, level: Level) -> dict[Level, Array]:
         """Coefficients of the tensor projection of a level, by the degrees of their terms."""
         if level not in self.found:
-            counts = self.counts(level)
-            rule = uqmbd.gauss_tensor(self.runs.space, counts)
-            degrees = np.array(list(product(*(range(n) for n in counts))), dtype=np.int64)
-            where = self.runs.at(rule.nodes)
-            psi = self.runs.space.evaluate(rule.nodes, degrees)
-            values = project(self.runs.response[where], psi, rule.weights)
-            self.found[level] = dict(zip(map(tuple, degrees.tolist()), values, strict=True))
+            self.found[level] = tensor_projection(self.runs, level).terms
         return self.found[level]
 
     def surplus(self, level: Level) -> dict[Level, Array]:
         """Return what a level adds to all smaller ones: the product of differences from one level to the next."""
         total: dict[Level, Array] = {}
-        for shift in product(*((0, 1) if k else (0,) for k in level)):
-            sign = (-1) ** sum(shift)
-            for term, value in self.projection(tuple(a - b for a, b in zip(level, shift, strict=True))).items():
+        for sign, lower in lower_levels(level):
+            for term, value in self.projection(lower).items():
                 total[term] = total[term] + sign * value if term in total else sign * value
         return total
 
@@ -83,7 +65,7 @@ class _Grid:
 
     def chaos(self) -> tuple[Array, Index]:
         """Return coefficients (P, O, T) and degrees (P, d), the mean first."""
-        terms = sorted(self.total, key=lambda term: (sum(term), [-k for k in term]))
+        terms = in_order(self.total)
         index = np.array(terms, dtype=np.int64).reshape(-1, self.runs.space.dimension)
         return np.array([self.total[term] for term in terms]), index
 

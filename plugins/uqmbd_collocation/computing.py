@@ -8,7 +8,7 @@ import uqmbd
 from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.orders import raise_order
-from uqmbd_collocation.plans import Plans
+from uqmbd_collocation.plans import DEFAULT_ORDER, Plans
 from uqmbd_collocation.refinement import Limits, Refinement
 from uqmbd_collocation.runs import Runs
 
@@ -41,5 +41,6 @@ def computed(
     if plans.adaptive == "dimension":
         found = refine_dimensions(runs, points, limits, label)
     else:
-        found = raise_order(runs, points, lambda order: plans.plan(space, order), plans.order, limits, label)
+        first = DEFAULT_ORDER if plans.order is None else plans.order
+        found = raise_order(runs, points, lambda order: plans.plan(space, order), first, limits, label)
     return found.fit, found

@@ -12,6 +12,7 @@ from uqmbd_collocation.fitting import Fit, Projection, Regression
 from uqmbd_collocation.given import GivenProjection
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.sparse_grids import SparseProjection
 
 __all__ = ["HIGHEST", "raise_order"]
 
@@ -23,7 +24,7 @@ HIGHEST = 32
 def raise_order(
     runs: Runs,
     points: uqmbd.VerificationPoints,
-    plan: Callable[[int], Projection | Regression | GivenProjection],
+    plan: Callable[[int], Projection | SparseProjection | Regression | GivenProjection],
     first: int,
     limits: Limits,
     label: str,

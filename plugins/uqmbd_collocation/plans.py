@@ -14,14 +14,17 @@ import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Projection, Regression
 from uqmbd_collocation.given import Given, GivenProjection
+from uqmbd_collocation.sparse_grids import SparseProjection, fewest_nodes, level_of, levels_for, levels_of
 
-__all__ = ["STREAM", "Adaptive", "Method", "Plans", "Terms"]
+__all__ = ["DEFAULT_ORDER", "STREAM", "Adaptive", "Method", "Plans", "Terms"]
 
 Method = Literal["projection", "regression", "omp", "lars"]
 Terms = Literal["total", "tensor", "hyperbolic"]
 Adaptive = Literal["no", "order", "dimension"]
 
 GRIDS = ("gauss", "smolyak", "clenshaw-curtis")
+
+DEFAULT_ORDER = 3
 
 STREAM = 0x7E51F1
 """Of the verification points, which must be no points of a design."""
@@ -37,6 +40,8 @@ class TooManyNodes(uqmbd.StudyError):
 class Plans:
     """The options of `Collocation` that choose where realisations are, and the `label` that stands before messages.
 
+    An order of None means all terms that the `level` of a sparse grid resolves.
+
     Raises
     ------
     uqmbd.StudyError
@@ -44,7 +49,7 @@ class Plans:
     """
 
     label: str
-    order: int
+    order: int | None
     index_set: Terms
     weights: tuple[float, ...] | None
     method: Method
@@ -126,7 +131,9 @@ class Plans:
         """The rule if it is a grid, else empty."""
         return self.design if self.design in GRIDS else ""
 
-    def plan(self, space: uqmbd.GermSpace, order: int) -> Projection | Regression | GivenProjection:
+    def plan(
+        self, space: uqmbd.GermSpace, order: int | None
+    ) -> Projection | SparseProjection | Regression | GivenProjection:
         """Choose nodes and the way to fit them; nothing is computed yet.
 
         Raises
@@ -134,10 +141,24 @@ class Plans:
         uqmbd.StudyError
             If an option does not suit the inputs, or there would be more than ``max_realisations``.
         """
+        try:
+            return self._planned(space, order)
+        except TooManyNodes as error:
+            remedy = self._remedy(space, DEFAULT_ORDER if order is None else order)
+            raise TooManyNodes(f"{error} {remedy}") from None
+
+    def _planned(
+        self, space: uqmbd.GermSpace, order: int | None
+    ) -> Projection | SparseProjection | Regression | GivenProjection:
+        """Choose nodes; too many are refused without a remedy."""
         if self.expansion is not None:
             given = self.expansion.plan(space, self.label)
             self._check_number(space, order, len(given.nodes))
             return given
+        if self.grid == "smolyak":
+            return self._sparse(space, order)
+        if order is None:
+            order = DEFAULT_ORDER
         terms = space.basis(order, self.index_set, self.weights)
         if self.grid:
             if self.grid == "gauss":
@@ -168,18 +189,42 @@ class Plans:
             return [self.verification_points(boxes[0].space)]
         return uqmbd.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
 
-    def _check_number(self, space: uqmbd.GermSpace, order: int, nodes: int) -> None:
+    def _sparse(self, space: uqmbd.GermSpace, order: int | None) -> SparseProjection:
+        """Combine the tensor grids of a level, or few that resolve the terms of an order."""
+        terms = None if order is None else space.basis(order, self.index_set, self.weights)
+        if self.level is None:
+            if terms is None:
+                terms = space.basis(DEFAULT_ORDER, self.index_set, self.weights)
+            self._check_number(space, order, len(terms), "at least ")
+            levels = levels_for(space, terms)
+            name = f"{len(levels)} levels of a sparse grid"
+        else:
+            self._check_number(space, order, fewest_nodes(space, self.level, self.max_realisations), "at least ")
+            levels, name = levels_of(space, self.level), f"a sparse grid of level {self.level}"
+            if terms is not None and (least := int(level_of(terms).sum(axis=1).max())) > self.level:
+                lost = int(np.count_nonzero(level_of(terms).sum(axis=1) > self.level))
+                raise uqmbd.StudyError(
+                    f"Collocation: level={self.level} of rule='smolyak' does not resolve {lost} of the {len(terms)} "
+                    f"terms of order={order}; use order=None (all terms that the level resolves), level={least}, or "
+                    "no level (few nodes that resolve the order)."
+                )
+        found = SparseProjection.of(space, levels, terms, self.label, name)
+        self._check_number(space, order, len(found.nodes))
+        return found
+
+    def _check_number(self, space: uqmbd.GermSpace, order: int | None, nodes: int, bound: str = "") -> None:
         if nodes + self.verify <= self.max_realisations:
             return
+        what = f"level {self.level}" if order is None else f"order {order}"
         raise TooManyNodes(
-            f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {self.verify} "
-            f"verification realisations, more than max_realisations = {self.max_realisations}. "
-            f"{self._remedy(space, order)}"
+            f"Collocation: {what} with {space.dimension} inputs takes {bound}{nodes} nodes and {self.verify} "
+            f"verification realisations, more than max_realisations = {self.max_realisations}."
         )
 
     def _remedy(self, space: uqmbd.GermSpace, order: int) -> str:
         """Options that this study works with: tried, not guessed."""
         plain: dict[str, Any] = {"rule": None, "nodes": None, "level": None, "samples": None, "adaptive": "no"}
+        plain["order"] = order
         ways: list[dict[str, Any]] = [
             {"rule": "smolyak"},
             {"method": "regression"},
@@ -189,16 +234,12 @@ class Plans:
         ]
         for way in ways:
             try:
-                tried = replace(
-                    self, **{**plain, "elements": None, "expansion": None, "max_realisations": 10**9, **way}
-                )
+                tried = replace(self, **{**plain, "elements": None, "expansion": None, **way})
                 with warnings.catch_warnings():
                     warnings.simplefilter("error")
-                    found = tried.plan(space, tried.order)
-                    total = len(found.nodes) + self.verify
-                    if total > self.max_realisations:
-                        continue
+                    found = tried._planned(space, tried.order)
                     found.check(space)
+                    total = len(found.nodes) + self.verify
             except (uqmbd.StudyError, Warning):  # a rule of a huge order may overflow
                 continue
             given = ", ".join(f"{name}={value!r}" for name, value in way.items())
@@ -222,8 +263,6 @@ class Plans:
     def _grid(self, space: uqmbd.GermSpace, order: int, terms: Index) -> uqmbd.Quadrature:
         if self.grid == "gauss":
             return uqmbd.gauss_tensor(space, self._gauss_counts(space, terms))
-        if self.grid == "smolyak":
-            return uqmbd.smolyak(space, order if self.level is None else self.level)
         if self.level is not None:
             return uqmbd.clenshaw_curtis(space, self.level)
         # 2^level + 1 nodes: exact for products of two polynomials of uniform germs

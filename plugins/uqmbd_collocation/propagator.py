@@ -18,7 +18,7 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible, warn_of_doubt
 from uqmbd_collocation.given import Given
 from uqmbd_collocation.plain import expand
-from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
+from uqmbd_collocation.plans import DEFAULT_ORDER, Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import announced_once
 from uqmbd_collocation.two_frequency import expand_series
@@ -39,8 +39,9 @@ class Collocation(uqmbd.Propagator):
 
     Parameters
     ----------
-    order : int
-        Highest degree of the polynomials.
+    order : int, optional
+        Highest degree of the polynomials; default 3.  With a `level` of ``smolyak``, and neither `index_set` nor
+        `weights`, the default is None: all terms that the level resolves.
     index_set : {"total", "tensor", "hyperbolic"}
         Which products of one-dimensional polynomials: a total degree of at most `order`, each degree, or few
         interactions.
@@ -48,8 +49,9 @@ class Collocation(uqmbd.Propagator):
         Anisotropy: an input (in the order of their names) of weight 2 gets half the order.  With `expansion`: array,
         shape (K,), weights of the nodes, of sum 1.
     method : {"projection", "regression", "omp", "lars"}
-        Pseudo-spectral projection by a quadrature rule; least squares on samples; or sparse regression, in which
-        orthogonal matching pursuit or least-angle regression chooses few of the terms.
+        Pseudo-spectral projection by a quadrature rule (``smolyak``: by many small tensor rules, each on the terms that
+        it resolves); least squares on samples; or sparse regression, in which orthogonal matching pursuit or
+        least-angle regression chooses few of the terms.
     rule : str, optional
         Where the realisations are.  For a projection ``gauss`` (tensor product, the default), ``smolyak``,
         ``clenshaw-curtis``, or samples; for a regression ``sobol`` (the default), ``latin-hypercube``, ``halton``,
@@ -58,7 +60,9 @@ class Collocation(uqmbd.Propagator):
         Gauss: nodes of each input (in the order of their names), or one number for all; default one more than the
         highest degree in it.  With `expansion`: array, shape (input, K), values of the inputs.
     level : int, optional
-        Smolyak, Clenshaw-Curtis; default: the lowest that suits the order.
+        Smolyak: sum of the levels of all inputs; at level l an input has ``2 l + 1`` Gauss nodes and degrees up to
+        ``2 l``.  Default: the levels that the terms of the order need, and one more of each input alone.
+        Clenshaw-Curtis: default: the lowest that suits the order.
     samples : int, optional
         Of a design of samples; default twice the number of terms; for sparse regression not more than 100, or than
         terms.
@@ -166,7 +170,7 @@ class Collocation(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "collocation"
-    order: Annotated[int, uqmbd.Bounds(0)] = 3
+    order: Annotated[int, uqmbd.Bounds(0)] | None = None
     index_set: Terms = "total"
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | Array | None = None
     method: Method = "projection"
@@ -190,6 +194,9 @@ class Collocation(uqmbd.Propagator):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._take_expansion()
+        everything = self.rule == "smolyak" and self.level is not None
+        if self.order is None and not (everything and self.index_set == "total" and self.weights is None):
+            object.__setattr__(self, "order", DEFAULT_ORDER)
         self._plans(self.node_name)
         if self._limits.elements is not None:
             if self.adaptive != "no":
@@ -197,7 +204,7 @@ class Collocation(uqmbd.Propagator):
                     f"Collocation: elements={self.elements!r} contradicts adaptive={self.adaptive!r}; elements are "
                     "refined by splitting, at a fixed order."
                 )
-            if not self.order:
+            if self.order == 0 or (self.order is None and self.level == 0):
                 raise uqmbd.StudyError(
                     "Collocation: elements are split by their top order; order is 0, expected 1 or more."
                 )
@@ -224,8 +231,8 @@ class Collocation(uqmbd.Propagator):
                         "or an expansion that goes with it: expansion=."
                     )
             return
-        for name in ("order", "transform"):
-            if (given := getattr(self, name)) != getattr(Collocation, name):
+        for name, usual in (("order", (None, DEFAULT_ORDER)), ("transform", (Collocation.transform,))):
+            if (given := getattr(self, name)) not in usual:
                 raise uqmbd.StudyError(f"Collocation: {name}={given!r} means nothing with expansion=; leave it out.")
         if isinstance(self.expansion, Given) and self.nodes is None and self.weights is None:
             return

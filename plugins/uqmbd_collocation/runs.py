@@ -12,7 +12,7 @@ import uqmbd
 from uqmbd.results import Labels, Status
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Derived", "Runs", "announced_once"]
+__all__ = ["DIGITS", "Derived", "Runs", "announced_once"]
 
 
 DIGITS = 11

@@ -192,9 +192,16 @@ class Germ:
         uqmbd.StudyError
             If `count` is no whole number of at least 1, or above ``highest_degree + 1``.
         """
+        whole_number(count, f"The number of Gauss nodes of {self.name!r}", 1)
+        if count not in self._gauss_rules:
+            self._gauss_rules[count] = self._golub_welsch(count)
+        nodes, weights = self._gauss_rules[count]
+        return nodes.copy(), weights.copy()
+
+    def _golub_welsch(self, count: int) -> tuple[Array, Array]:
+        """Return nodes and weights (count,) of :meth:`gauss`."""
         import scipy.linalg
 
-        whole_number(count, f"The number of Gauss nodes of {self.name!r}", 1)
         alpha, beta = self.coefficients(count)
         nodes: Array = scipy.linalg.eigvalsh_tridiagonal(alpha, np.sqrt(beta[1:])) if count > 1 else alpha.copy()
         if self._symmetric:
@@ -263,6 +270,11 @@ class Germ:
         factors = p[:, : degree + 1]
         result[..., : known + 1] = np.einsum("n,ni,nj,nk->ijk", weights, factors, factors, p, optimize=True)
         return result
+
+    @cached_property
+    def _gauss_rules(self) -> dict[int, tuple[Array, Array]]:
+        """Rules by their number of nodes: a sparse grid asks for the same ones hundreds of times."""
+        return {}
 
     @cached_property
     def _symmetric(self) -> bool:

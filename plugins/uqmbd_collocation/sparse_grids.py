@@ -1,0 +1,219 @@
+"""Sparse grids of tensor projections: the nodes that levels need, and the combination of their coefficients."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import project
+from uqmbd.typing import Array, Index
+from uqmbd_collocation.fitting import Fit, refitted
+from uqmbd_collocation.runs import DIGITS, Runs
+
+__all__ = [
+    "Level",
+    "SparseProjection",
+    "TensorProjection",
+    "fewest_nodes",
+    "in_order",
+    "level_of",
+    "levels_for",
+    "levels_of",
+    "lower_levels",
+    "nodes_of_levels",
+    "tensor_projection",
+]
+
+Level = tuple[int, ...]
+"""Level, or degree, of each germ."""
+
+
+def _count(values: int | None, level: int) -> int:
+    """Return the number of Gauss nodes of a germ that takes so many values (None: it is continuous).
+
+    ``2 l + 1`` nodes share the middle one of symmetric germs, and resolve all degrees up to ``2 l``: half of what they
+    integrate exactly.
+    """
+    return min(2 * level + 1, values or 2 * level + 1)
+
+
+def level_of(degrees: Index) -> Index:
+    """Return the lowest levels whose nodes resolve degrees, of any shape."""
+    return (degrees + 1) // 2
+
+
+def levels_of(space: uqmbd.GermSpace, level: int) -> Index:
+    """Return all levels (L, d) of a sum of at most `level`; of a germ of few values only those that add nodes."""
+    levels = uqmbd.index_set(space.dimension, level)
+    deepest = [level if germ.values is None else germ.values // 2 for germ in space.germs]
+    return np.asarray(levels[(levels <= deepest).all(axis=1)])
+
+
+def levels_for(space: uqmbd.GermSpace, terms: Index) -> Index:
+    """Return the levels (L, d) that terms (P, d) need, and one more of each input alone.
+
+    The latter takes few nodes.  Without it terms of one input just above an even order would be mixed with lower ones.
+    """
+    needed = level_of(terms)
+    highest = needed.max(axis=0)
+    deepest = [k if germ.values is None else germ.values // 2 for k, germ in zip(highest + 1, space.germs, strict=True)]
+    alone = np.diag(np.where(highest > 0, np.minimum(highest + 1, deepest), 0))
+    return np.unique(np.concatenate([needed, alone]), axis=0)
+
+
+def fewest_nodes(space: uqmbd.GermSpace, level: int, enough: int) -> int:
+    """Return a lower bound for the number of nodes of :func:`levels_of`, which is quick where there are very many.
+
+    It is the number of terms that they resolve, which at least as many values determine; where that exceeds `enough`,
+    those of the first germs only.
+    """
+    values = [germ.values for germ in space.germs]
+    if None in values and level > enough:
+        return 2 * level + 1
+    top = min(level, sum(level if one is None else one // 2 for one in values))
+    known = np.eye(1, top + 1)[0]
+    for one in values:
+        known = np.convolve(known, np.diff([0, *(_count(one, k) for k in range(top + 1))]))[: top + 1]
+        if known.sum() > enough:
+            break
+    return int(known.sum())
+
+
+def lower_levels(level: Level) -> Iterator[tuple[int, Level]]:
+    """Yield signs and levels whose projections sum up to what a level adds to all smaller ones.
+
+    It is the product of the differences from one level of a germ to the next.
+    """
+    for shift in product(*((0, 1) if k else (0,) for k in level)):
+        yield (-1) ** sum(shift), tuple(a - b for a, b in zip(level, shift, strict=True))
+
+
+def in_order(terms: Iterable[Level]) -> list[Level]:
+    """Sort terms by their total degree, then so that earlier germs come first, as `uqmbd.index_set`."""
+    return sorted(terms, key=lambda term: (sum(term), [-k for k in term]))
+
+
+def _rule(space: uqmbd.GermSpace, level: Level) -> tuple[uqmbd.Quadrature, list[int]]:
+    """Return the tensor of Gauss rules of a level, and the number of nodes of each germ."""
+    counts = [_count(germ.values, k) for germ, k in zip(space.germs, level, strict=True)]
+    return uqmbd.gauss_tensor(space, counts), counts
+
+
+def nodes_of_levels(space: uqmbd.GermSpace, levels: Iterable[Level]) -> Array:
+    """Return the Gauss nodes of levels, shape (K, d), one level behind the other."""
+    return np.concatenate([_rule(space, level)[0].nodes for level in levels])
+
+
+@dataclass(frozen=True, eq=False)
+class TensorProjection:
+    """Full pseudo-spectral projection at the nodes of a level, on the terms that these resolve exactly.
+
+    Attributes
+    ----------
+    where : array of int, shape (K,)
+        Places of its realisations.
+    weights : array, shape (K,)
+        Of its nodes.
+    terms : dict
+        Coefficients (O, T) by the degrees of their terms.
+    """
+
+    where: Index
+    weights: Array
+    terms: dict[Level, Array]
+
+
+def tensor_projection(runs: Runs, level: Level) -> TensorProjection:
+    """Project the realisations at the nodes of a level.
+
+    A rule of n nodes is exact to the degree 2 n - 1, which products of two polynomials of degrees below n do not
+    exceed: no term is mixed with another one (internal aliasing).
+    """
+    rule, counts = _rule(runs.space, level)
+    degrees = np.array(list(product(*(range(n) for n in counts))), dtype=np.int64)
+    where = runs.at(rule.nodes)
+    psi = runs.space.evaluate(rule.nodes, degrees)
+    values = project(runs.response[where], psi, rule.weights)
+    return TensorProjection(where, rule.weights, dict(zip(map(tuple, degrees.tolist()), values, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class SparseProjection:
+    """Sparse pseudo-spectral projection: the Smolyak combination of tensor projections.
+
+    One quadrature for all coefficients, that of the sparse grid, mixes terms whose products it does not integrate, by
+    factors far above 1.  Here each tensor projection holds the terms that its own nodes resolve.  The combination
+    reproduces every polynomial of all these terms together [1]_, [2]_.
+
+    Attributes
+    ----------
+    factors : dict
+        Factor of each level in the combination; none is 0.
+    multi_index : array of int, shape (P, d)
+        The terms: all that the levels resolve, or some of them.
+    nodes : array, shape (K, d)
+        Where realisations are needed, each once.
+    label : str
+        Of the propagator.
+    name : str
+        Of the grid, for people.
+
+    References
+    ----------
+    .. [1] P. G. Constantine, M. S. Eldred and E. T. Phipps, Computer Methods in Applied Mechanics and Engineering
+       229-232 (2012) 1-12.
+    .. [2] P. R. Conrad and Y. M. Marzouk, SIAM Journal on Scientific Computing 35 (2013) A2643-A2670.
+    """
+
+    factors: dict[Level, int]
+    multi_index: Index
+    nodes: Array
+    label: str
+    name: str
+
+    @classmethod
+    def of(cls, space: uqmbd.GermSpace, levels: Index, terms: Index | None, label: str, name: str) -> SparseProjection:
+        """Combine the levels (L, d) of a downward closed set; `terms` (P, d) are all that they resolve by default."""
+        rows: list[Level] = [tuple(row) for row in levels.tolist()]
+        factors: Counter[Level] = Counter()
+        for row in rows:
+            for sign, lower in lower_levels(row):
+                factors[lower] += sign
+        used = {row: factor for row, factor in factors.items() if factor}
+        if terms is None:
+            terms = np.array(in_order(term for row in rows for term in _added(space, row)), dtype=np.int64)
+        nodes = nodes_of_levels(space, used)
+        _, first = np.unique(np.round(nodes, DIGITS) + 0.0, axis=0, return_index=True)
+        return cls(used, terms, nodes[np.sort(first)], label, name)
+
+    def check(self, space: uqmbd.GermSpace) -> None:
+        """Nothing is in the way: the levels resolve the terms."""
+
+    def fit(self, runs: Runs) -> Fit:
+        """Project; if a node failed, fit the others by regression."""
+        where = runs.at(self.nodes)
+        if not runs.good(where).all():
+            return refitted(runs, where, self.multi_index, self.label)
+        total = np.zeros((len(self.multi_index), *runs.response.shape[1:]))
+        weights = np.zeros(len(runs))
+        rows = {tuple(term): row for row, term in enumerate(self.multi_index.tolist())}
+        for level, factor in self.factors.items():
+            found = tensor_projection(runs, level)
+            np.add.at(weights, found.where, factor * found.weights)
+            for term, value in found.terms.items():
+                if term in rows:
+                    total[rows[term]] += factor * value
+        how = f"sparse pseudo-spectral projection by {self.name}"
+        return Fit(total, self.multi_index, how, where, weights=weights[where])
+
+
+def _added(space: uqmbd.GermSpace, level: Level) -> Iterator[Level]:
+    """Yield the terms that a level resolves, and no smaller one."""
+    values = [germ.values for germ in space.germs]
+    added = (range(_count(v, k - 1) if k else 0, _count(v, k)) for v, k in zip(values, level, strict=True))
+    return product(*added)
