@@ -10,7 +10,14 @@ import numpy as np
 import sympy
 
 from uqmbd.compiled import cached
-from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols, require_conditions
+from uqmbd.dynamics.assembly import (
+    dropped_in_dead_centre,
+    independent_rows,
+    not_unique,
+    positions,
+    reaction_symbols,
+    require_conditions,
+)
 from uqmbd.dynamics.control import loops_of, require_controllers, unused_commands
 from uqmbd.dynamics.digest import digest_of
 from uqmbd.dynamics.equations import (
@@ -321,22 +328,23 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     facts = facts_of(mechanism, time, fuse, rows=looked_at(mechanism))
     model: Model = make() if facts is None else cached(("model", facts), make)
     if not made:
-        _tell_redundant(model)
+        _tell_redundant(mechanism, model, time)
     prepare(model)
     return model
 
 
-def _tell_redundant(model: Model) -> None:
-    """Warn of equations that depend on others."""
+def _tell_redundant(mechanism: Mechanism, model: Model, time: float) -> None:
+    """Warn of equations that depend on others, in every pose or in the drawn one only."""
     redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
     if not len(redundant):
         return
     names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
     more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
+    effect = dropped_in_dead_centre(model, model.parameters(mechanism.inputs.means[None, :]), time)
+    effect = effect or "The motion is not affected; some reactions are not unique (`uqmbd check` names them)."
     warnings.warn(
         f"mechanism {model.name!r}: {len(redundant)} of {model.layout.constraints} constraint equations "
-        f"are redundant and are dropped: {names}{more}. The motion is not affected; "
-        "some reactions are not unique (`uqmbd check` names them).",
+        f"are redundant and are dropped: {names}{more}. {effect}",
         RedundantConstraintWarning,
         stacklevel=4,
     )
@@ -346,7 +354,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     """Make the complete model of a mechanism from the terms of its components."""
     model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
-    _tell_redundant(model)
+    _tell_redundant(mechanism, model, time)
     count = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.assembly.assembly import assemble, independent_rows, positions, statement_rows, velocities
+from uqmbd.dynamics.assembly.assembly import (
+    assemble,
+    dropped_in_dead_centre,
+    independent_rows,
+    positions,
+    statement_rows,
+    velocities,
+)
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
 from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.assembly.start_check import require_conditions
@@ -16,6 +23,7 @@ __all__ = [
     "ahead",
     "assemble",
     "dead_end",
+    "dropped_in_dead_centre",
     "gradient",
     "independent_rows",
     "named",

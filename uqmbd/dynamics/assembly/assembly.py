@@ -3,6 +3,9 @@
 Positions by damped Gauss-Newton with the smallest change, and velocities with the smallest norm: by the driver, and
 where it is undecided by singular values.  The rank of the constraint Jacobian by singular values and pivoted QR;
 accelerations from the index-1 system.
+
+Poses and velocities are one module of more than 420 lines: where velocities cannot be realised, poses next to the drawn
+one are closed to say why.
 """
 
 from __future__ import annotations
@@ -12,8 +15,17 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.conditions import met
+from uqmbd.dynamics.assembly.dead_centre import (
+    AMPLIFIED,
+    amplified,
+    dead_centre_of_pose,
+    dead_centre_of_speeds,
+    follow_here_only,
+    singular_pose,
+)
 from uqmbd.dynamics.assembly.least_norm import least_norm
 from uqmbd.dynamics.assembly.programs import BODY_RATE, closed_poses, least_velocities
+from uqmbd.dynamics.assembly.rank import named
 from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
@@ -21,11 +33,28 @@ from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
 from uqmbd.typing import Array, Index
 
-__all__ = ["assemble", "independent_rows", "placed", "positions", "statement_rows", "velocities"]
+__all__ = [
+    "assemble",
+    "dropped_in_dead_centre",
+    "independent_rows",
+    "placed",
+    "positions",
+    "statement_rows",
+    "velocities",
+]
 
 
 POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
+
+ROUNDED = 2e-7
+"""Part of the largest stated velocity by which statements may contradict each other: that of data with seven digits.
+They are the ones that give way; the constraints hold to rounding."""
+SLOW = 1e-4
+"""Speed, m/s or rad/s, as which slower ones count where a dead centre magnifies them."""
+REFUSED = "State fewer of them, or consistent ones."
+LEAST_ROUNDED = 1e-8
+"""The same, at least, m/s or rad/s."""
 
 
 def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
@@ -153,7 +182,7 @@ def _iterated(
         still = np.abs(residual).max(axis=1, initial=0.0) <= POSITION_TOLERANCE * size
         active[still] = False
         active[todo[moved < 1e-16 * size[todo]]] = False
-    return q, _position_messages(model, now, residual, size)
+    return q, _position_messages(model, q, time, parameters, now, residual, size)
 
 
 def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array:
@@ -170,7 +199,9 @@ def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array
     return q
 
 
-def _position_messages(model: Model, now: dict[str, Array], residual: Array, size: Array) -> list[str]:
+def _position_messages(
+    model: Model, q: Array, time: float, parameters: Array, now: dict[str, Array], residual: Array, size: Array
+) -> list[str]:
     messages = []
     for k in range(len(residual)):
         worst = np.abs(residual[k])
@@ -185,9 +216,11 @@ def _position_messages(model: Model, now: dict[str, Array], residual: Array, siz
                 continue
             i = int(np.argmax(worst))
             owners = _largest_owners(model, worst)
+            remedy = dead_centre_of_pose(model, q[k], time, parameters[k], residual[k])
             message = (
                 f"{owners} cannot be closed: equation {model.equations[i]!r} keeps a residual of {now['phi'][k, i]:.3g}"
-                f" (about {worst[i]:.3g} m or rad apart). Check its points, axes and lengths, and the drawn pose."
+                f" (about {worst[i]:.3g} m or rad apart). "
+                + (remedy or "Check its points, axes and lengths, and the drawn pose.")
             )
         elif now["cos"].size and now["cos"][k].min() < 0:
             i = int(np.argmin(now["cos"][k]))
@@ -206,6 +239,24 @@ def _largest_owners(model: Model, worst: Array) -> str:
     ranked = sorted(by_owner, key=lambda o: -by_owner[o])
     others = [repr(o) for o in ranked[1:4] if by_owner[o] > 0.3 * by_owner[ranked[0]]]
     return f"joint {ranked[0]!r}" + (f" (together with {', '.join(others)})" if others else "")
+
+
+def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
+    """Say that equations were left out as redundant which follow from the others in the assembled pose only.
+
+    `parameters` are those of one realisation, (1, parameter).
+    """
+    q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
+    if messages[0]:
+        return ""
+    here = follow_here_only(model, q[0], time, parameters[0])
+    if not len(here):
+        return ""
+    return (
+        f"The drawn pose is a dead centre: in it alone {named(model, here)} can be left out, and the motion from there "
+        "is not determined. Draw the mechanism in another pose, if only a little farther along the motion, or drive "
+        "another joint."
+    )
 
 
 def independent_rows(gradient: Array, first: Index, last: Index | None = None) -> tuple[Index, Index]:
@@ -269,6 +320,12 @@ def velocities(
         v[left], found = _stated(model, q[left], s[left], time, parameters[left], all_parameters[left])
         for k, message in zip(left.tolist(), found, strict=True):
             messages[k] = message
+    numbers = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
+    stated = np.abs(all_parameters[:, numbers]).max(axis=1, initial=SLOW)
+    for k in np.flatnonzero(np.abs(v).max(axis=1, initial=0.0) > AMPLIFIED * stated).tolist():
+        one = slice(k, k + 1)
+        given = np.abs(_speed_equations(model, q[one], s[one], time, parameters[one], all_parameters[one])[1])
+        messages[k] = messages[k] or amplified(model, v[k], max(SLOW, float(given.max(initial=0.0))))
     return v, messages
 
 
@@ -276,32 +333,12 @@ def _stated(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, list[str]]:
     """Solve for `velocities` by singular values where equations are nearly dependent; say which contradict."""
-    found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
-    a, b = found["d"], -found["phi_t"]
-    conditions = model.conditions
-    stated_rates = conditions is not None and len(conditions.velocities) > 0
-    if not model.statements and not stated_rates:
-        kept = model.layout.kept
+    kept, (a, b, names) = model.layout.kept, _speed_equations(model, q, s, time, parameters, all_parameters)
+    if len(names) == len(model.equations):
         return least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
-    rows, values, names = [a, *statement_rows(model, q)], [b], list(model.equations)
-    for statement in model.statements:
-        stated = all_parameters[:, statement.parameters]
-        values.append(stated)
-        names += [f"{statement.quantity} of body {statement.body}"] * stated.shape[1]
-    if conditions is not None and stated_rates:
-        value, _, slope = conditions(q, s, time, all_parameters)
-        rows.append(slope[:, conditions.velocities])
-        values.append(-value[:, conditions.velocities])
-        names += [f"start condition {conditions.names[k]}" for k in conditions.velocities]
-    a, b = np.concatenate(rows, axis=1), np.concatenate(values, axis=1)
-    a = np.ascontiguousarray(a)
-    scale = np.linalg.norm(a, axis=2)
-    scale = np.where(scale > 1e-12, scale, 1.0)
-    a, b = a / scale[:, :, None], b / scale
-    with np.errstate(all="ignore"):
-        v = least_norm(a, b, truncate=True)
-    limit = 1e-8 * np.maximum(1.0, np.abs(b).max(axis=1, initial=0.0))
-    error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
+    a, b, v, error = _least_contradicting(a, b)
+    limit = np.maximum(LEAST_ROUNDED, ROUNDED * np.abs(b).max(axis=1, initial=0.0))
+    v = _moved_onto(a[:, kept], b[:, kept], v)
     messages = []
     for k in range(len(q)):
         if error[k].max(initial=0.0) <= limit[k]:
@@ -318,9 +355,74 @@ def _stated(
                 if joints
                 else "one another"
             )
-            + f" (by {error[k].max():.3g}). State fewer of them, or consistent ones."
+            + f" (by {error[k].max():.3g}). "
+            + (_dead_centre(model, q, s, time, parameters, all_parameters, k, a[k, kept], error[k].max()) or REFUSED)
         )
     return v, messages
+
+
+def _speed_equations(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
+) -> tuple[Array, Array, list[str]]:
+    """Gradients (K, m, n) and right-hand sides (K, m) of all that is said of velocities, and what says it."""
+    found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
+    rows, values, names = [found["d"], *statement_rows(model, q)], [-found["phi_t"]], list(model.equations)
+    for statement in model.statements:
+        stated = all_parameters[:, statement.parameters]
+        values.append(stated)
+        names += [f"{statement.quantity} of body {statement.body}"] * stated.shape[1]
+    conditions = model.conditions
+    if conditions is not None and len(conditions.velocities):
+        value, _, slope = conditions(q, s, time, all_parameters)
+        rows.append(slope[:, conditions.velocities])
+        values.append(-value[:, conditions.velocities])
+        names += [f"start condition {conditions.names[k]}" for k in conditions.velocities]
+    return np.concatenate(rows, axis=1), np.concatenate(values, axis=1), names
+
+
+def _least_contradicting(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
+    """Scale gradients to length one; return them, right-hand sides, velocities of the least error, and that error."""
+    a = np.ascontiguousarray(a)
+    scale = np.linalg.norm(a, axis=2)
+    scale = np.where(scale > 1e-12, scale, 1.0)
+    a, b = a / scale[:, :, None], b / scale
+    with np.errstate(all="ignore"):
+        v = least_norm(a, b, truncate=True)
+    return a, b, v, np.abs((a @ v[:, :, None])[:, :, 0] - b)
+
+
+def _dead_centre(
+    model: Model,
+    q: Array,
+    s: Array,
+    time: float,
+    parameters: Array,
+    all_parameters: Array,
+    k: int,
+    directions: Array,
+    error: float,
+) -> str:
+    """Say that what is stated cannot be realised in a dead centre, if realisation number k is in one."""
+    one = slice(k, k + 1)
+
+    def contradiction(moved: Array) -> float:
+        equations = _speed_equations(model, moved[None], s[one], time, parameters[one], all_parameters[one])
+        return float(_least_contradicting(*equations[:2])[3].max())
+
+    def close(drawn: Array) -> tuple[Array, list[str]]:
+        return _closed(model, drawn, time, parameters[one], model.layout.kept_holonomic)
+
+    return dead_centre_of_speeds(model, q[k], directions, error, contradiction, close)
+
+
+def _moved_onto(a: Array, b: Array, v: Array) -> Array:
+    """Change velocities (K, n) as little as satisfies ``a v = b``: integrators begin on the constraints.
+
+    The second time what rounding left.
+    """
+    for _ in range(2):
+        v = v + least_norm(a, b - (a @ v[:, :, None])[:, :, 0], truncate=True)
+    return v
 
 
 def statement_rows(model: Model, q: Array) -> list[Array]:
@@ -366,8 +468,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     else:
         a, multipliers, rates = accelerations(model, q, s, v, time, safe)
     for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
-        messages[k] = (
-            undefined(model, q[k], s[k], v[k], time, safe[k])
-            or "the accelerations are not determined: the assembled pose is singular for these inputs"
+        messages[k] = undefined(model, q[k], s[k], v[k], time, safe[k]) or singular_pose(
+            model, q[k], s[k], time, safe[k]
         )
     return Start(q, s, v, a, rates, multipliers, tuple(messages), outside)

@@ -1,0 +1,283 @@
+"""Dead centres: poses in which constraints, or what is stated of velocities, depend on each other, and only there.
+
+There a linear combination of the equations, the left singular vector of a singular value that vanishes, is felt by no
+coordinate.  Equations that follow from others have such a combination, too, but in every pose.  What tells a dead
+centre is therefore looked at along the motions that are left: how the combination is curved, or whether it is felt
+next to the pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.rank import gradient, joints, named
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.typing import Array, Index
+
+__all__ = [
+    "AMPLIFIED",
+    "amplified",
+    "dead_centre_of_pose",
+    "dead_centre_of_speeds",
+    "follow_here_only",
+    "singular_pose",
+]
+
+
+UNFELT = 0.3
+"""Part of a residual that no coordinate feels where a pose is as near as it gets."""
+
+VANISHING = 1e-3
+"""Singular value, over the largest, from which motions count as possible."""
+
+CURVED = 0.02
+"""Curvature of a residual, over the size of the mechanism, of a dead centre."""
+
+BENT = 4.0
+"""The same, over the residual: else no pose near by closes what is open."""
+
+ASIDE = 1e-2
+"""How far the poses are to which a pose is compared."""
+
+BETTER = 0.1
+"""Part of a contradiction that is left next to a dead centre."""
+
+NEWTON = 8
+"""Steps by which a pose is put on the equations that were kept."""
+
+DIRECTIONS = 12
+"""Motions along which is looked, at most."""
+
+AMPLIFIED = 1e6
+"""Speed over what is stated of speeds, from which a pose that is closed to 1e-12 tells less than six digits of it."""
+
+Close = Callable[[Array], tuple[Array, list[str]]]
+
+
+def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, residual: Array) -> str:
+    """Say that a pose cannot be closed because it is a dead centre, and what to do; empty if it is none.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``position`` evaluator.
+    q : array, shape (coordinate,)
+        The nearest pose that was found.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+    residual : array, shape (equation,)
+        Residuals over the lengths of their gradients, m or rad.
+    """
+    free = np.setdiff1d(np.arange(len(q)), model.held)
+    a, lengths = _scaled(model, q, time, parameters)
+    size = float(np.linalg.norm(residual))
+    if not (size > 0.0 and np.isfinite(a).all() and np.isfinite(size)):
+        return ""
+    a = a[:, free]
+    motions, unfelt, smallest = _motions(a)
+    u = unfelt @ (residual @ unfelt)
+    if not motions.shape[1] or float(np.linalg.norm(u)) < UNFELT * size:
+        return ""
+    size = float(np.linalg.norm(u))
+    u = u / size
+    combined = u / lengths
+
+    def pull(shift: Array) -> Array:
+        moved = q.copy()
+        moved[free] += shift
+        rows: Array = combined @ _phi_q(model, moved, time, parameters)[:, free]
+        return rows
+
+    bend = np.array([pull(1e-4 * x) - pull(-1e-4 * x) for x in motions.T]) / 2e-4 @ motions
+    values, vectors = np.linalg.eigh(0.5 * (bend + bend.T))
+    way = int(np.argmin(values)) if values[0] < -0.1 * np.abs(values).max() else int(np.argmax(np.abs(values)))
+    curvature, shift = float(values[way]), motions @ vectors[:, way]
+    if abs(curvature) < max(CURVED * min(1.0, model.length), BENT * size):
+        return ""
+    move = np.zeros(len(q))
+    move[free] = shift
+    bodies, owners = _moved(model, move), joints(model, _heavy(u))
+    found = (
+        f"The pose is a dead centre: to first order no motion of {bodies} closes {owners}"
+        f" (smallest singular value of the constraints there: {smallest:.1g})"
+    )
+    others = _driven_otherwise(model)
+    if curvature < 0:
+        far = float(np.sqrt(2 * size / -curvature))
+        return (
+            f"{found}, and they may go either way. Draw {bodies} out of it to the side that is meant, by about "
+            f"{far:.1g} m or rad{others}."
+        )
+    return (
+        f"{found}, and any motion opens them farther: lengths, or what a driver prescribes, are just out of reach, as "
+        f"numbers that were rounded may be. Correct them by about what is left open, or draw {bodies} well out of this "
+        f"pose with lengths that reach{others}."
+    )
+
+
+def dead_centre_of_speeds(
+    model: Model, q: Array, directions: Array, error: float, contradiction: Callable[[Array], float], close: Close
+) -> str:
+    """Say that velocities cannot be realised because the pose is a dead centre; empty if it is none.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    q : array, shape (coordinate,)
+        The assembled pose.
+    directions : array, shape (equation, coordinate)
+        Gradients of the kept constraints there.
+    error : float
+        By how much what is stated contradicts the constraints.
+    contradiction : callable
+        The same in another pose.
+    close : callable
+        From drawn poses (K, coordinate) to closed ones, and messages.
+    """
+    motions, *_ = _motions(directions)
+    if not motions.shape[1]:
+        return ""
+    better = [x for x in motions.T[:DIRECTIONS] if any(_met(q + k * x, error, contradiction, close) for k in _SIDES)]
+    if not better:
+        return ""
+    bodies = _moved(model, np.sqrt(np.sum(np.square(better), axis=0)))
+    return (
+        f"The pose is a dead centre: what is stated can be realised next to it, but in it only {bodies} can move. "
+        f"State velocities of {bodies} instead, or draw another pose, if only a little farther along the motion."
+    )
+
+
+_SIDES = (ASIDE, -ASIDE)
+
+
+def _met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
+    """Whether what is stated can be realised in the pose that is nearest to a drawn one."""
+    q, messages = close(drawn[None])
+    return not messages[0] and contradiction(q[0]) < BETTER * error
+
+
+def amplified(model: Model, v: Array, given: float) -> str:
+    """Say that a pose is so near to a dead centre that what is stated of speeds determines nothing; empty if not."""
+    largest = float(np.abs(v).max(initial=0.0))
+    if not largest > AMPLIFIED * given:
+        return ""
+    bodies = _moved(model, v)
+    return (
+        f"the pose is next to a dead centre: what is stated of velocities, {given:.3g} at most, would need speeds of "
+        f"{largest:.1g} m/s or rad/s of {bodies}, which a pose that is closed to 1e-12 does not determine. State "
+        f"velocities of {bodies} instead, or draw another pose, farther along the motion."
+    )
+
+
+def follow_here_only(model: Model, q: Array, time: float, parameters: Array) -> Index:
+    """Find the equations that were left out as redundant, and follow from the others in this pose only.
+
+    Along the motions that the others leave, equations that follow from them stay closed.
+    """
+    none = np.zeros(0, dtype=np.int64)
+    left = np.setdiff1d(np.arange(model.layout.constraints), np.union1d(model.layout.kept, model.layout.nonholonomic))
+    if not len(left):
+        return none
+    a, lengths = _scaled(model, q, time, parameters)
+    free, kept = np.setdiff1d(np.arange(len(q)), model.held), model.layout.kept_holonomic
+    if not np.isfinite(a).all():
+        return none
+    motions, *_ = _motions(a[kept][:, free])
+    move = np.zeros((motions.shape[1], len(q)))
+    move[:, free] = motions.T
+    found = set[int]()
+    for x in move[:DIRECTIONS]:
+        for side in _SIDES:
+            moved, size = q + side * x, min(1.0, model.length)
+            for _ in range(NEWTON):
+                phi = _closing(model, moved, time, parameters)["phi"][0] / lengths
+                if np.abs(phi[kept]).max(initial=0.0) < 1e-11 * size:
+                    found |= set(left[np.abs(phi[left]) > 1e-7 * size].tolist())
+                    break
+                a, _ = _scaled(model, moved, time, parameters)
+                moved[free] -= least_norm(a[None, kept][:, :, free], phi[None, kept], truncate=True)[0]
+    return np.array(sorted(found), dtype=np.int64)
+
+
+def singular_pose(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
+    """Say that accelerations are not determined in an assembled pose, and which equations are dependent there."""
+    what = "the accelerations are not determined: for these inputs the assembled pose is "
+    kept = gradient(model, q, s, time, parameters)[model.layout.kept]
+    if not (len(kept) and np.isfinite(kept).all()):
+        return f"{what}singular"
+    _, combinations, smallest = _motions(kept)
+    if not combinations.shape[1]:
+        return f"{what}singular"
+    rows = model.layout.kept[_heavy(combinations[:, -1])]
+    return (
+        f"{what}a dead centre, in which the equations {named(model, rows)} depend on each other (smallest singular "
+        f"value {smallest:.1g}). Draw another pose, if only a little farther along the motion, or choose inputs that "
+        "do not lead there"
+    )
+
+
+def _closing(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
+    """Evaluate the equations of positions of one realisation."""
+    state = state_arguments(time, q[None], np.zeros((1, model.layout.states)), np.zeros_like(q)[None])
+    return model.evaluate("position", state, parameters[None])
+
+
+def _phi_q(model: Model, q: Array, time: float, parameters: Array) -> Array:
+    return _closing(model, q, time, parameters)["phi_q"][0]
+
+
+def _scaled(model: Model, q: Array, time: float, parameters: Array) -> tuple[Array, Array]:
+    """Gradients of all equations of positions, of length one, and their lengths."""
+    a = _phi_q(model, q, time, parameters)
+    lengths = np.linalg.norm(a, axis=1)
+    lengths = np.where(lengths > 1e-9, lengths, 1.0)
+    return a / lengths[:, None], lengths
+
+
+def _motions(a: Array) -> tuple[Array, Array, float]:
+    """Find what equations and motions hardly feel of each other.
+
+    Returns
+    -------
+    motions : array, shape (coordinate, motion)
+        Orthonormal.
+    combinations : array, shape (equation, combination)
+        Orthonormal.
+    smallest : float
+        Smallest singular value.
+    """
+    left, values, right = np.linalg.svd(a)
+    largest = float(values.max(initial=0.0))
+    rank = int(np.sum(values > VANISHING * max(largest, 1e-300)))
+    return right[rank:].T, left[:, rank:], float(values.min(initial=largest))
+
+
+def _heavy(u: Array) -> Index:
+    order = np.argsort(-np.abs(u), kind="stable")
+    return order[np.abs(u[order]) > 0.1 * np.abs(u).max()].astype(np.int64)
+
+
+def _moved(model: Model, move: Array) -> str:
+    """Name the bodies that move most."""
+    each = np.linalg.norm(move.reshape(len(model.bodies), -1), axis=1)
+    order = np.argsort(-each, kind="stable")
+    names = [model.bodies[k] for k in order.tolist() if each[k] > 0.1 * each.max()]
+    return _listed([f"body {name!r}" for name in names[:3]])
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+def _driven_otherwise(model: Model) -> str:
+    """Say which drivers there are, instead of which others may drive."""
+    owners = dict.fromkeys(
+        model.owners[target[1]] for target in model.evaluators["velocity"].targets if target[0] == "phi_t"
+    )
+    return f", or drive another joint than {_listed([repr(x) for x in owners])} does" if owners else ""
