@@ -110,7 +110,10 @@ def test_spheres_exchange_their_velocities():
 
 
 def test_oblique_impact_with_friction_changes_spin_by_the_tangential_impulse():
-    """While it slides throughout, the tangential impulse is mu times the normal one; and J w = r P_t."""
+    """While it slides throughout, the tangential impulse is mu times the normal one; and J w = r P_t.
+
+    The corner at which contact begins costs accuracy: the error is up to some hundred times the tolerance.
+    """
     radius, mu = 0.1, 0.1
     mechanism = uqmbd.Mechanism("spin", uqmbd.Planar())
     ball = mechanism.body("ball", mass=1, inertia=0.004, position=(0, radius), velocity=(3, -1), angular_velocity=0)
@@ -118,7 +121,7 @@ def test_oblique_impact_with_friction_changes_spin_by_the_tangential_impulse():
     mechanism.add(PlaneContact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), radius=radius, **law))
     for name, x in (("vx", ball.velocity[0]), ("vy", ball.velocity[1]), ("w", ball.angular_velocity)):
         mechanism.output(name, x)
-    data = uqmbd.simulate(mechanism, [0, 0.05], rtol=1e-8).isel(time=-1)
+    data = uqmbd.simulate(mechanism, [0, 0.05], rtol=1e-10).isel(time=-1)
     np.testing.assert_allclose(data.vy, 1, rtol=1e-6)
     np.testing.assert_allclose(data.vx, 3 - mu * 2, rtol=1e-6)
     np.testing.assert_allclose(data.w, -mu * 2 * radius / 0.004, rtol=1e-6)

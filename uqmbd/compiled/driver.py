@@ -92,6 +92,8 @@ class Problem(ctypes.Structure):
         ),
         ("motion", Program),
         ("rate", _POINTER),
+        *((name, _INT) for name in ("turning", "turn")),
+        ("turns", _POINTER),
         ("values", Program),
         *((name, Program) for name in ("drift", "place", "move")),
         *((name, _POINTER) for name in ("surplus", "residuals")),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache, cached_property
 from typing import Any
@@ -110,7 +110,9 @@ class Dynamics:
     rows : int
         Of the work array.
     moving : int
-        Entries of a state that change.
+        Entries of a state that change, one less of each body that turns, whose angular velocity has one entry less.
+    turns : array of int, shape (body, 2 or 4)
+        Coordinates of the bodies that turn: unit quaternions, whose rates are stepped as angular velocities.
     terms : int
         0: lanes are realisations.  Otherwise they are terms of one problem: a state has ``(terms, width / blocks)``
         entries, and each entry `blocks` rows.
@@ -129,6 +131,7 @@ class Dynamics:
     constraints: Constraints | None
     rows: int
     moving: int
+    turns: Index = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     terms: int = 0
     blocks: int = 1
     cost: int = 1
@@ -368,11 +371,11 @@ class Realisations:
         d, m = self.dynamics, self.method
         k = d.constraints or NONE
         parts = [part.structure for part in (d.motion, k.values, k.drift, k.place, k.move)]
-        coefficients = tableau()
+        coefficients, firsts = tableau(), np.ascontiguousarray(d.turns[:, :1], dtype=np.int64)
         contacts = None if self.contacts is None else self.contacts.structure
         found = c.Problem(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
-            *(parts[0], address(d.rate), *parts[1:]),
+            *(parts[0], address(d.rate), *d.turns.shape, address(firsts), *parts[1:]),
             *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),
             ctypes.addressof(coefficients[0]),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
@@ -381,5 +384,5 @@ class Realisations:
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),
         )
-        found.kept = parts, coefficients, contacts  # what it points to: another thread may have made it anew
+        found.kept = parts, coefficients, firsts, contacts  # what it points to: another thread may have made it anew
         return found

@@ -1,12 +1,13 @@
 /* An attempted step: stages, the state that it leads to, and the estimate of its error. */
 #include "group.h"
 
-/* Rate of the state in the work array. */
+/* Rate of the state in the work array, of what is stepped. */
 static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
     g->work[p->time] = smaller(larger(time, g->low), g->high);
     run_program(&p->motion, g->work);
     for (int64_t i = 0; i < p->width; i++) rate[i] = g->work[p->rate[i]];
     if (any(g->touching)) add_forces(p, g, rate);
+    turn_rate(p, g, g->work, rate);
     g->evaluations++;
 }
 
@@ -41,7 +42,7 @@ static void accumulate(const Problem *p, const Group *g, int64_t row, V size, co
 }
 
 static void combine(const Problem *p, const Group *g, int64_t row, V *target) {
-    accumulate(p, g, row, g->size, g->z, target);
+    accumulate(p, g, row, g->size, g->base, target);
 }
 
 /* A sum of each realisation: of its lane, or of all lanes. */
@@ -61,10 +62,22 @@ INLINE V size_of(const Problem *p, const V *x, int64_t i) {
     return root(folded(p, sum));
 }
 
+/* Sizes of the entries of what is stepped, none smaller than those that are known if `more`.  That of an angular
+   velocity is that of the vector, whatever the axes of the body are. */
+static void find_sizes(const Problem *p, Group *g, const V *y, int more) {
+    V *sizes = g->sizes;
+    for (int64_t i = 0; i < p->width; i++) sizes[i] = more ? larger(sizes[i], size_of(p, y, i)) : size_of(p, y, i);
+    for (int64_t b = 0; b < p->turning; b++) {
+        int64_t first = p->velocities + p->turns[b];
+        V speed = length_of(p->turn, y + first);
+        for (int64_t i = first; i < first + p->turn; i++) sizes[i] = larger(sizes[i], speed);
+    }
+}
+
 INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
     V sum = splat(0.0);
     for (int64_t i = 0; i < p->width; i++) {
-        V part = x[i] / (g->floor + p->rtol * size_of(p, g->z, i));
+        V part = x[i] / (g->floor + p->rtol * g->sizes[i]);
         sum += part * part;
     }
     return folded(p, sum) / (double)(p->width / p->blocks);
@@ -74,15 +87,23 @@ INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
 static void start(const Problem *p, Group *g) {
     int64_t width = p->width;
     copy(g->work, g->z, width);
+    for (int64_t b = 0; b < p->turning; b++) {
+        g->lengths[b] = length_of(p->turn, g->z + p->turns[b]);
+        g->shrink[b] = splat(1.0);
+    }
     evaluate_rate(p, g, g->now, g->next);
     for (int64_t i = 0; i < width; i++) g->rates[i] = choose(g->fresh, g->next[i], g->rates[i]);
     Mask unknown = g->fresh & (g->wanted <= splat(0.0));
     g->fresh = (Mask){0};
     if (!any(unknown)) return;
-    V size = root(scaled_squares(p, g, g->z)), slope = root(scaled_squares(p, g, g->rates));
+    copy(g->base, g->z, width);
+    from_state(p, g->base);
+    find_sizes(p, g, g->base, 0);
+    V size = root(scaled_squares(p, g, g->base)), slope = root(scaled_squares(p, g, g->rates));
     V guess = choose((size < splat(1e-5)) | (slope < splat(1e-5)), splat(1e-6), 0.01 * size / slope);
     guess = smaller(guess, g->end - g->now);
-    for (int64_t i = 0; i < width; i++) g->work[i] = g->z[i] + guess * g->rates[i];
+    for (int64_t i = 0; i < width; i++) g->work[i] = g->base[i] + guess * g->rates[i];
+    to_state(p, g, g->work);
     evaluate_rate(p, g, g->now + guess, g->next);
     for (int64_t i = 0; i < width; i++) g->next[i] -= g->rates[i];
     V most = larger(slope, root(scaled_squares(p, g, g->next)) / guess);
@@ -95,19 +116,25 @@ static void start(const Problem *p, Group *g) {
 
 static void attempt(const Problem *p, Group *g) {
     int64_t width = p->width;
+    copy(g->base, g->z, width);
+    from_state(p, g->base);
     for (int64_t stage = 1; stage < STAGES; stage++) {
         combine(p, g, stage, g->work);
         if (stage == STAGES - 1) copy(g->last, g->work, width);
+        to_stage(p, g, g->work);
         evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
     }
     combine(p, g, ROW_STEP, g->next);
     copy(g->work, g->next, width);
+    to_state(p, g, g->work);
     evaluate_rate(p, g, g->now + g->size, g->rates + STAGES * width);
     V *five = g->dense, *three = g->dense + width, fifth = splat(0.0), third = splat(0.0);
     accumulate(p, g, ROW_FIFTH, splat(1.0), 0, five);
     accumulate(p, g, ROW_THIRD, splat(1.0), 0, three);
+    find_sizes(p, g, g->base, 0);
+    find_sizes(p, g, g->next, 1);
     for (int64_t i = 0; i < width; i++) {
-        V scale = 1.0 / (g->floor + p->rtol * larger(size_of(p, g->z, i), size_of(p, g->next, i)));
+        V scale = 1.0 / (g->floor + p->rtol * g->sizes[i]);
         V a = five[i] * scale, b = three[i] * scale;
         fifth += a * a;
         third += b * b;

@@ -7,13 +7,14 @@ static void interpolant(const Problem *p, Group *g) {
     for (int64_t more = 0; more < 3; more++) {
         int64_t stage = STAGES + 1 + more;
         combine(p, g, ROW_MORE + more, g->work);
+        to_stage(p, g, g->work);
         evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
     }
     for (int64_t r = 0; r < DENSE; r++) accumulate(p, g, ROW_DENSE + r, g->size, 0, g->dense + r * width);
 }
 
 /* State at a part of the last attempt. */
-static void interpolate(const Problem *p, const Group *g, V part, V *target) {
+static void interpolate(const Problem *p, Group *g, V part, V *target) {
     int64_t width = p->width;
     V rest = 1.0 - part;
     for (int64_t i = 0; i < width; i++) {
@@ -24,8 +25,9 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
             sum = d[r * width] + part * sum;
             sum = d[(r - 1) * width] + rest * sum;
         }
-        target[i] = g->z[i] + part * sum;
+        target[i] = g->base[i] + part * sum;
     }
+    to_state(p, g, target);
 }
 
 /* Put the states in the work array onto the constraints. */

@@ -46,10 +46,15 @@ static void remember(const Problem *p, Group *g, Mask taken) {
 static void accept(const Problem *p, Group *g, Mask taken) {
     int64_t width = p->width, n = p->coordinates;
     const V *reached = g->rates + STAGES * width;
+    to_state(p, g, g->next);
     for (int64_t i = 0; i < width; i++) {
         g->z[i] = choose(taken, g->next[i], g->z[i]);
         g->rates[i] = choose(taken, reached[i], g->rates[i]);
     }
+    /* the rate was one of a quaternion before its length was made one */
+    for (int64_t b = 0; b < p->turning; b++)
+        for (int64_t i = p->turns[b]; i < p->turns[b] + p->turn; i++)
+            g->rates[i] = choose(taken, g->z[p->velocities + i], g->rates[i]);
     if (!p->surplus) return;
     for (int64_t i = 0; i < n; i++) {
         V q = g->surplus[i], v = g->surplus[n + i];

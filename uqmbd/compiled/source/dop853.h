@@ -53,6 +53,8 @@ typedef struct {
     int64_t rows; /* of the work array */
     Program motion;          /* a state -> its rate */
     const int64_t *rate;     /* rows of the rate (width) */
+    int64_t turning, turn;   /* bodies that turn, and the entries of their quaternions; see turning.c */
+    const int64_t *turns;    /* first entry of each of these quaternions */
     Program values;          /* the part of motion that comes before its solution */
     Program drift;           /* residuals of the constraints */
     Program place, move;     /* after motion, or values, and drift: by what coordinates, and velocities, exceed them */
@@ -79,7 +81,7 @@ typedef struct {
 
 /* All realisations: rows of arrays. */
 typedef struct {
-    double *z, *rate, *parameters;                /* (member, width), (member, parameter) */
+    double *z, *rate, *parameters; /* (member, width), the rate of what is stepped (turning.c), (member, parameter) */
     double *now, *begin, *wanted, *tried, *floor, *limit; /* (member) */
     int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused, *stiff;
     int64_t *fresh;    /* the rate is to be evaluated anew */

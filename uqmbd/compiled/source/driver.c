@@ -3,6 +3,7 @@
 #include "contacts.c"
 #include "events.c"
 #include "lanes.c"
+#include "turning.c"
 #include "attempt.c"
 #include "dense.c"
 #include "dop853.c"

@@ -6,17 +6,19 @@
 
 typedef struct {
     const Pool *pool;
-    V *work, *z, *next, *last, *rates, *dense, *surplus, *nodes, *node_times;
+    V *work, *z, *base, *next, *last, *sizes, *rates, *dense, *surplus, *nodes, *node_times; /* z: states; base, which are
+                                            those, next, last, rates and dense: of what is stepped (turning.c) */
     V now, begin, end, low, high, bound, wanted, size, floor, limit, error;
     Mask running, fresh;
     int64_t member[LANES];
     int64_t evaluations;
     Mask touching;      /* contacts of theirs last */
+    V *lengths, *shrink; /* factors of e' and w' (turning.c), for what is in the work array */
     V *guards, *samples;
     double *numbers;    /* of one lane at a time */
 } Group;
 
 /* State at a part of the last attempt. */
-static void interpolate(const Problem *p, const Group *g, V part, V *target);
+static void interpolate(const Problem *p, Group *g, V part, V *target);
 
 #endif

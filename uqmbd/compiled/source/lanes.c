@@ -2,7 +2,7 @@
 #include "group.h"
 
 int64_t advance_workspace(const Problem *p) {
-    int64_t rows = p->rows + (3 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES;
+    int64_t rows = p->rows + (5 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES + 2 * p->turning;
     return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
 }
 
@@ -13,9 +13,13 @@ static void place(const Problem *p, Group *g, double *workspace) {
     at += p->rows;
     g->z = at;
     at += width;
+    g->base = at;
+    at += width;
     g->next = at;
     at += width;
     g->last = at;
+    at += width;
+    g->sizes = at;
     at += width;
     g->rates = at;
     at += ALL_STAGES * width;
@@ -27,6 +31,10 @@ static void place(const Problem *p, Group *g, double *workspace) {
     at += 2 * p->coordinates;
     g->node_times = at;
     at += NODES;
+    g->lengths = at;
+    at += p->turning;
+    g->shrink = at;
+    at += p->turning;
     if (p->contacts) place_contacts(p->contacts, g, at);
     g->evaluations = 0;
 }

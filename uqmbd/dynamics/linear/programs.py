@@ -85,6 +85,34 @@ def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual
     return Motion(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
 
 
+def _turning(model: Model) -> Index:
+    """Find the quaternions (body, 2 or 4) of bodies that turn, and are in no loop.
+
+    Constraints of a tree are independent in every pose.  In a loop they depend on each other in singular poses, which
+    only such a motion passes whose steps leave the constraints by little: as long as rates of quaternions are stepped,
+    which are the velocities of the equations.
+    """
+    found = model.quaternions()
+    if not found.size:
+        return found[:0]
+    norms, joined = set(model.norms.tolist()), dict[str, set[int]]()
+    for _, row, column in (x for x in model.evaluators["velocity"].targets if x[0] == "d"):
+        if row not in norms:
+            joined.setdefault(model.owners[row], set()).add(column // model.size)
+    links = [bodies | ({-1} if len(bodies) == 1 else set()) for bodies in joined.values()]
+    # ends of the tree are taken off until loops are left, and what is between them
+    left, before = set(range(len(model.bodies))), -1
+    while before != len(left):
+        before = len(left)
+        for body in sorted(left):
+            at = [link for link in links if body in link]
+            if not at or (len(at) == 1 and len(at[0]) == 2):
+                left.discard(body)
+                links = [link for link in links if body not in link]
+    tree = np.array([k not in left for k in range(len(model.bodies))])
+    return found[tree & ~np.isin(found, model.layout.frozen).all(axis=1)]
+
+
 def programs_of(
     model: Model, solve: Solver, accelerate: Solver, back: tuple[Solver, Solver], residual: Residual
 ) -> Programs:
@@ -151,6 +179,7 @@ def programs_of(
             positions=len(position),
             surplus=too_much,
         )
+    turns = _turning(model)
     dynamics = Dynamics(
         coordinates=n,
         velocities=velocities,
@@ -160,7 +189,8 @@ def programs_of(
         rate=np.concatenate([rows[velocities:width], rates, accelerations]),
         constraints=constraints,
         rows=writer.size,
-        moving=width - 2 * len(layout.frozen) - layout.held,
+        moving=width - 2 * len(layout.frozen) - layout.held - len(turns),
+        turns=turns,
         cost=1 + writer.size // SMALL,
     )
     writer = Writer(inputs)
