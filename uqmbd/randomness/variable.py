@@ -21,6 +21,10 @@ from uqmbd.typing import Distribution
 __all__ = ["Joint", "RandomVariable", "random_vector", "uniform_variable"]
 
 
+RARE = 1e-15
+"""Probability at which the support of dependent variables ends."""
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A distribution of one or more dependent variables, with their names: what members of one group share."""
@@ -44,6 +48,23 @@ class Joint:
     def transform(self) -> Transform:
         """Rosenblatt's transform, of variables that depend on each other."""
         return Transform.of(self.distribution)
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Ends of the supports, shape ``(dimension, 2)``; infinite ones, and those of general joints, end far out."""
+        from uqmbd.randomness.distributions import is_dependent
+
+        if not is_dependent(self.distribution) or self.transform.gaussian:
+            ends = [(v.distribution.lower, v.distribution.upper) for v in self.members()]
+            return np.array([[float(np.ravel(end)[0]) for end in pair] for pair in ends])
+        count = len(self.names)
+        corners = np.full((2 * count + 2, count), 0.5)
+        corners[0], corners[1] = RARE, 1 - RARE
+        for k in range(count):
+            corners[2 * k + 2 : 2 * k + 4] = [[RARE], [1 - RARE]]
+            corners[2 * k + 2 : 2 * k + 4, np.arange(count) != k] = [[1 - RARE], [RARE]]
+        found = self.transform.inverse(corners)
+        return np.stack([found.min(axis=0), found.max(axis=0)], axis=1)
 
     def members(self) -> tuple[RandomVariable, ...]:
         """All variables of the group."""

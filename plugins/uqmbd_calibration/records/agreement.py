@@ -28,8 +28,8 @@ def check_against(name: str, series: Sequence[Series], known: Mapping[str, float
                 f"record {name!r}: the known input {key!r} is none of the study{near(key, inputs.names)} "
                 f"It has {listed(inputs.names)}."
             )
-        distribution = inputs.variables[inputs.names.index(key)].distribution
-        lower, upper = (float(np.ravel(bound)[0]) for bound in (distribution.lower, distribution.upper))
+        variable = inputs.variables[inputs.names.index(key)]
+        lower, upper = map(float, variable.joint.bounds[variable.component])
         if not lower <= value <= upper:
             raise uqmbd.StudyError(
                 f"record {name!r}: the known input {key!r} is {value:g}, and its distribution is from {lower:g} to "

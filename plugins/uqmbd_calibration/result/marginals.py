@@ -58,8 +58,8 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
             at[:, k] = np.clip(increasing_cubic(normal[:, k], vectors[:, k]), -8.0, 8.0)
             tried.append(arranged.physical(at)[:, k])
         tried.append(increasing_cubic(normal[:, k], values[:, k]))
-        bounds = [float(np.ravel(b)[0]) for b in (variable.distribution.lower, variable.distribution.upper)]
-        tables[:, k] = _chosen(tried, normal[:, k], values[:, k], *bounds)
+        lower, upper = map(float, variable.joint.bounds[variable.component])
+        tables[:, k] = _chosen(tried, normal[:, k], values[:, k], lower, upper)
     names = np.array([one.name for one in unknown], dtype=np.str_)
     return xr.Dataset(
         {

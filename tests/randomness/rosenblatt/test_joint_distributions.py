@@ -333,6 +333,19 @@ def test_a_stored_germ_space_maps_as_before(names, tmp_path):
     assert space.to_germs(x) == pytest.approx(germs, abs=1e-9)
 
 
+def test_germs_far_out_are_finite():
+    """Calibrations search there: a probability is rounded to one at 8.3 standard deviations."""
+    a = chaospy.Uniform(1, 2)
+    space = GermSpace.of(JointInput.of(made(chaospy.J(a, chaospy.Normal(a, 0.3)))))
+    germs = np.array([[0.2, z] for z in (-30.0, -9.0, -5.0, 5.0, 9.0, 30.0)])
+    back = space.to_germs(space.to_inputs(germs))
+    assert np.isfinite(back).all() and (np.diff(back[:, 1]) >= 0).all()
+    assert back[2:4, 1] == pytest.approx([-5, 5], abs=1e-6)
+    assert (np.abs(back[[0, 1, 4, 5], 1]) > 7).all()
+    with pytest.raises(uqmbd.StudyError, match="Input 'p' is 2.5 in row 0, outside the support"):
+        space.to_germs([[2.5, 1.0]])
+
+
 def _below(x, m):
     return np.clip((x - m) / 2, 0, 1)
 

@@ -15,6 +15,9 @@ from uqmbd.typing import Array
 __all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
 
 
+SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
+"""Ends of probabilities that have a finite normal germ."""
+
 STEP = 2e-3
 """Of germs, for derivatives of maps that are known as numbers only."""
 
@@ -141,7 +144,9 @@ class Rosenblatt:
         if self.joint is None:
             raise _not_stored("to germs")
         uniform = self.joint.forward(inputs)
-        return np.where(self.normal, scipy.special.ndtri(uniform), 2 * uniform - 1)
+        # far out a probability is rounded to one: the germ there is large, and not infinite
+        inside = np.clip(uniform, SMALLEST, LARGEST)
+        return np.where(self.normal, scipy.special.ndtri(inside), 2 * uniform - 1)
 
     def germ_derivatives(self, germs: Array) -> Array:
         """Return the derivatives (K, n, n) of the germs with respect to the inputs, at germ points (K, n).
