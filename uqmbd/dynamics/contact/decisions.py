@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,20 +14,29 @@ from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.lasting import (
     CLOSED,
+    ContactMotion,
     Lasting,
     Mode,
     contact_motion,
-    heading_of,
     lasting_contacts,
     onto_contacts,
+    pressed,
+    with_internal,
 )
+from uqmbd.dynamics.contact.limits import AtLimit, contacts_at_limit, held_longest, slipping_together
 from uqmbd.dynamics.contact.records import Records
-from uqmbd.dynamics.linear import excess
+from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.typing import Array
 
 __all__ = ["Decisions"]
 
 
+AHEAD = 1e-7
+"""Time over which rates of forces are taken, over the duration of the motion."""
+AT_ONCE = 1e-14
+"""Time between two events, over the time (s) or one, that is none."""
+START = 10.0
+"""Speed (m/s) that is none where contacts begin to slip, over the tolerance (m): the interpolant is no better."""
 HELD = 1e-6
 """Gap, over the size of the mechanism, that a contact may have that has lasted so far."""
 
@@ -44,6 +54,10 @@ class Decisions:
         Where it is written what contacts do.
     chatter : Chatter
     records : Records
+    duration : float
+        Of the motion, s.
+    tolerance : array, shape (M,)
+        Absolute tolerance, m.
 
     Attributes
     ----------
@@ -51,10 +65,23 @@ class Decisions:
         Why a realisation cannot go on.
     bodies : list of int
         Events in which bodies meet.
+    until : array, shape (M,)
+        Time until which what is prescribed is smooth, s.
+    starting : array, shape (M,)
+        Speed that is none since contacts have begun to slip, where this was the last event, m/s.
+    at_limit : dict of int to AtLimit
+        Of realisations in which friction has come to its limit, the last such decision.
     """
 
     def __init__(
-        self, batch: Batch, evaluator: ContactEvaluator, encounters: Encounters, chatter: Chatter, records: Records
+        self,
+        batch: Batch,
+        evaluator: ContactEvaluator,
+        encounters: Encounters,
+        chatter: Chatter,
+        records: Records,
+        duration: float,
+        tolerance: Array,
     ) -> None:
         self.batch, self.model, self.evaluator = batch, batch.model, evaluator
         self.encounters, self.chatter, self.records = encounters, chatter, records
@@ -63,10 +90,13 @@ class Decisions:
         self.messages = [""] * len(batch)
         self.lasting: dict[int, Lasting] = {}
         self.length = encounters.length
+        self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
+        self.until = np.full(len(batch), np.inf)
+        self.at_limit: dict[int, AtLimit] = {}
 
     def slow(self, member: int) -> float:
         """Speed that is none, m/s."""
-        return float(self.chatter.slow(np.array([member]))[0])
+        return max(float(self.chatter.slow(np.array([member]))[0]), float(self.starting[member]))
 
     def contacts(self, member: int, time: float, z: Array) -> Contacts:
         """Contacts of one state."""
@@ -90,43 +120,127 @@ class Decisions:
             Of that state.
         """
         k, friction = divmod(guard, 2)
-        lasting = self.lasting.get(member)
-        mode = None if lasting is None else lasting.modes.get(k)
+        before = self._modes(member)
+        mode = before.get(k)
+        if mode != "slip" or not friction:
+            self.starting[member] = 0.0
+        z, contacts = self._still_touching(member, time, z, contacts)
         if mode is None:
-            return self._hit(member, time, z, k, contacts)
-        assert lasting is not None
-        if not friction:
-            return self.settle(member, time, z, leaving=k)
-        if mode == "slip":
-            sliding = contacts.sliding(k)[0]
+            z = self._hit(member, time, z, k, contacts)
+        elif not friction:
+            if self._unloaded(member, time, z, contacts):
+                return z
+            z = self.settle(member, time, z, leaving=k)
+        elif mode == "slip":
+            lasting, sliding = self.lasting[member], contacts.sliding(k)[0]
             fast = float(np.linalg.norm(sliding))
             if fast > self.slow(member):  # it has only turned
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
             z = self.settle(member, time, z)
-            if member in self.lasting and self.lasting[member].modes.get(k) == "stick":
-                self.records.add(member, time, k, "stick")
-            return z
-        return self._slipping(member, time, z, k, contacts)
+            begins = self._modes(member).get(k) == "slip"
+            self.starting[member] = self.coarse[member] if begins else 0.0
+        else:
+            z = self._slipping(member, time, z, k, contacts)
+        self._changed(member, time, before, contacts)
+        return z
+
+    def _still_touching(self, member: int, time: float, z: Array, contacts: Contacts) -> tuple[Array, Contacts]:
+        """Put a state onto the contacts that have lasted so far: the driver does so to first order."""
+        modes = self._modes(member)
+        normals = [contacts.normal(k) for k in modes]
+        for _ in range(3):
+            if not np.abs(contacts.speed[0, normals]).max(initial=0.0) > self.slow(member):
+                break
+            z = self._onto(member, time, z, modes)
+            contacts = self.contacts(member, time, z)
+        return z, contacts
+
+    def _changed(self, member: int, time: float, before: Mapping[int, Mode], contacts: Contacts) -> None:
+        """Note which of the contacts that last begin to stick or to slip; several may at once."""
+        after = self._modes(member)
+        for k, mode in before.items():
+            if k in after and after[k] != mode and contacts.rubs(k):
+                self.records.add(member, time, k, after[k])
 
     def _slipping(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
-        """State after friction has come to its limit in a contact that sticks."""
-        before = self.lasting[member]
-        if len(before.modes) > 1:
+        """State after friction has come to its limit in a contact that sticks.
+
+        All contacts that are at their limit are decided together.  At one instant this ends: what follows the first
+        decision only lets more contacts slip.
+        """
+        before, again = self.lasting[member], self._again(member, time)
+        forced = {*self.at_limit[member].forced, event} if again else set[int]()
+        if len(before.modes) > 1 and not again:
             # others may slip, too, or internal forces hold the bodies
             z = self.settle(member, time, z)
             after = self.lasting.get(member, Lasting({}, {}))
-            if self.messages[member] or after.modes.get(event) != "stick" or after.internal is not None:
-                for k, mode in before.modes.items():
-                    if mode == "stick" and after.modes.get(k) == "slip":
-                        self.records.add(member, time, k, "slip")
+            if self.messages[member] or after.modes.get(event) != "stick":
                 return z
             before, contacts = after, self.contacts(member, time, z)
-        self.records.add(member, time, event, "slip")
-        force = contact_motion(contacts, before).force[0, contacts.tangents(event)]
-        slips: dict[int, Mode] = {**before.modes, event: "slip"}
-        self._keep(member, Lasting(slips, {**before.headings, event: heading_of(force)}), contacts)
+        motion = contact_motion(contacts, before)
+        limited = contacts_at_limit(contacts, before, motion.force[0])
+        span = self._span(member, time)
+        ahead = self._ahead(member, time, z, motion, span) if len(before.modes) > 1 else contacts
+        if len(before.modes) > 1 and event not in limited and not again:
+            self._keep(member, held_longest(contacts, ahead, before, motion, span), contacts)
+            self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
+            return z
+        limited = sorted({*limited, *forced, event})
+        slips = slipping_together(contacts, ahead, before, motion, limited, forced)
+        if slips is None:
+            names = ", ".join(repr(self.model.events[k][0]) for k in limited)
+            self.messages[member] = (
+                f"{names}: friction comes to its limit in these contacts at t = {time:.6g} s, and no combination of "
+                "sticking and slipping satisfies the laws of contact and friction from there on. Lower the "
+                "coefficients of friction, or use compliant contacts."
+            )
+            return z
+        modes: dict[int, Mode] = {**before.modes, **dict.fromkeys(slips, "slip")}
+        found, _ = with_internal(contacts, Lasting(modes, {**before.headings, **slips}))
+        self._keep(member, found, contacts)
+        self.starting[member] = self.coarse[member]
+        self.at_limit[member] = AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips))
         return z
+
+    def _unloaded(self, member: int, time: float, z: Array, contacts: Contacts) -> bool:
+        """Load redundant contacts in another way, where one is not pressed any more; whether that is possible."""
+        lasting = self.lasting[member]
+        if len(lasting.modes) < 2 or self._again(member, time):
+            return False
+        found, motion = with_internal(contacts, lasting._replace(internal=None))
+        if found.internal is None or not pressed(contacts, found, motion):
+            return False
+        span = self._span(member, time)
+        found = held_longest(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
+        self._keep(member, found, contacts)
+        self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
+        return True
+
+    def _again(self, member: int, time: float) -> bool:
+        """Whether the last decision about contacts at their limit was at this time."""
+        earlier = self.at_limit.get(member)
+        return earlier is not None and time - earlier.time <= AT_ONCE * max(1.0, abs(time))
+
+    def _span(self, member: int, time: float) -> float:
+        """Time over which rates of forces are taken, s."""
+        return max(0.0, min(AHEAD * self.duration, 0.5 * float(self.until[member] - time)))
+
+    def held_at_limit(self, member: int, time: float) -> frozenset[int]:
+        """Contacts that stick without a reserve of friction, by a decision at this time."""
+        return self.at_limit[member].held if self._again(member, time) else frozenset()
+
+    def _ahead(self, member: int, time: float, z: Array, motion: ContactMotion, span: float) -> Contacts:
+        """Contacts a short time later, with the present motion."""
+        layout = self.model.layout
+        later, block = z + 0.0, self.batch.block[member : member + 1]
+        q, s, v = layout.split(z[None])
+        _, _, rates = accelerations(self.model, q, s, v, np.array([time]), block)
+        a = motion.motion[0, : self.n]
+        later[: self.n] += span * (v[0] + 0.5 * span * a)
+        later[self.n : self.velocities] += span * rates[0]
+        later[self.velocities :] += span * a
+        return self.contacts(member, time + span, later)
 
     def _hit(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
         """Impact: new velocities, or a contact that lasts."""
@@ -156,9 +270,11 @@ class Decisions:
         law[..., 0] = 0.0
         if (jumped := self._impact(member, time, replace(contacts, law=law), closed)) is None:
             return z
-        z = z.copy()
+        before, z = self._modes(member), z.copy()
         z[self.velocities :] += jumped[0]
-        return self.settle(member, time, z)
+        z = self.settle(member, time, z)
+        self._changed(member, time, before, contacts)
+        return z
 
     def _impact(self, member: int, time: float, contacts: Contacts, closed: list[int]) -> tuple[Array, set[int]] | None:
         """Jump of the velocities, and what is hit; None, with a message, where no impulses satisfy the laws."""

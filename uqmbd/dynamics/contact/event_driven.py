@@ -97,7 +97,8 @@ class EventDrivenMotion:
         )
         self.chatter = Chatter(length, float(times[-1] - times[0]))
         self.records = Records(self.model, count)
-        self.decisions = Decisions(batch, evaluator, self.encounters, self.chatter, self.records)
+        duration, floor = float(times[-1] - times[0]), self.run.floor
+        self.decisions = Decisions(batch, evaluator, self.encounters, self.chatter, self.records, duration, floor)
         self.messages = self.decisions.messages
         self.restarts, self.stalled = np.zeros((2, count), dtype=np.int64)
         self.since = np.full(count, -np.inf)
@@ -259,6 +260,7 @@ class EventDrivenMotion:
             self.messages[members[row]] = f"{how} t = {now[row]:.6g} s, at {self.model.events[events[row]][0]!r}"
         contacts, inside = self._contacts(members), self._inside(members)
         done = self._bounced(members, contacts)
+        self.decisions.until[members] = run.leg_ends[np.minimum(run.leg[members], run.last_leg[members])]
         for row in np.flatnonzero(~done).tolist():
             m = int(members[row])
             if self.messages[m]:
@@ -327,7 +329,7 @@ class EventDrivenMotion:
     def _guard(self, members: Index) -> None:
         """Find which guards are zero, and rise from there, and how long flights last, about."""
         run, e, bodies = self.run, self.encounters, self.bodies
-        e.slow[members] = slow = self.chatter.slow(members)
+        e.slow[members] = slow = np.maximum(self.chatter.slow(members), self.decisions.starting[members])
         self._rest(members)
         states, mode = run.z[members], e.mode[members][:, bodies]
         free = mode == Touching.OPEN
@@ -351,6 +353,9 @@ class EventDrivenMotion:
             k, heading = bodies[at], e.heading[members[row]]
             tangents = slice(self.first[k] + 1, self.first[k + 1])
             e.resting[members[row], 2 * k + 1] = contacts.speed[row, tangents] @ heading[tangents] <= slow[row]
+        for m in members.tolist():
+            for k in self.decisions.held_at_limit(m, float(run.now[m])):
+                e.resting[m, 2 * k + 1] = e.mode[m, k] == Touching.STICK
 
     def _rest(self, members: Index) -> None:
         """Let no guard of contacts rest; those of marks are the driver's."""

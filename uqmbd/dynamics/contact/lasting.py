@@ -10,9 +10,7 @@ References
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -20,6 +18,7 @@ import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
+from uqmbd.dynamics.contact.redundant import AT_LIMIT, reserves, roomiest, unmoving
 from uqmbd.typing import Array
 
 __all__ = [
@@ -29,9 +28,13 @@ __all__ = [
     "contact_forces",
     "contact_motion",
     "heading_of",
+    "held_touches",
     "lasting_contacts",
     "onto_contacts",
+    "pressed",
+    "spread_of",
     "states_in_contact",
+    "with_internal",
 ]
 
 Mode = Literal["stick", "slip"]
@@ -40,10 +43,10 @@ CLOSED = 1e-9
 """Gap, over the size of the mechanism, that is none."""
 RESTS = 1e-8
 """Acceleration along a surface, over those without contacts, that is none."""
-HELD = 1 + 1e-9
-"""Friction of a contact that sticks, over its limit, at most: as the driver has it."""
 UNMOVED = 1e-6
-"""Acceleration by internal forces, over those by each of them, that is none; and such forces, over all, that are."""
+"""Internal forces, over all, that are none."""
+PRESSED = 1e-9
+"""Normal force of a redundant contact, over the largest force, that is none."""
 STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
 
@@ -202,76 +205,88 @@ def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[
     free = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
     spread = np.array(columns).reshape(len(rows), len(unit)).T
     problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
-    possible = solutions(problem)
-    if (force := next(possible, None)) is None:
+    if (force := next(solutions(problem), None)) is None:
         return None
     after = problem.after(force)
     still = RESTS * float(np.abs(problem.before).max(initial=0.0))
-    modes = dict[int, Mode]()
+    none = EXACT * problem.units * float(np.abs(force / problem.units).max(initial=0.0))
+    modes, unloaded = dict[int, Mode](), dict[int, Mode]()
     for k, touch in zip(near, touches, strict=True):
-        friction, normal = force[list(touch.tangents)], float(force[touch.normal])
-        if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):
-            continue
-        stays = len(friction) > 0 and bool(np.linalg.norm(after[list(touch.tangents)]) <= still)
-        modes[k] = "stick" if stays else "slip"
+        friction, along = force[list(touch.tangents)], after[list(touch.tangents)]
+        stays = len(friction) > 0 and bool(np.linalg.norm(along) <= still)
+        if force[touch.normal] <= none[touch.normal]:
+            if after[touch.normal] > still:
+                continue
+            unloaded[k] = "stick" if stays else "slip"
+            friction = -along
+        else:
+            modes[k] = "stick" if stays else "slip"
         if len(friction) and not stays:
             headings[k] = heading_of(friction)
     lasting = Lasting(modes, {k: x for k, x in headings.items() if k in modes})
-    resting = contact_motion(contacts, lasting)
-    forces = (spread @ x for x in itertools.chain([force], possible))
-    if (internal := _internal(contacts, lasting, forces, resting.force[0])) is None:
-        return lasting, resting
-    return lasting._replace(internal=internal), replace(resting, force=resting.force + internal)
+    found = with_internal(contacts, lasting)
+    if not (modes and unloaded):
+        return found
+    # of redundant contacts those that this solution does not load may be loaded as well
+    every: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
+    others = with_internal(contacts, Lasting(every, {k: x for k, x in headings.items() if k in every}))
+    moved = np.abs(others[1].rate - found[1].rate).max() > still
+    return found if moved or not pressed(contacts, *others) else others
 
 
-def _internal(contacts: Contacts, lasting: Lasting, forces: Iterable[Array], least: Array) -> Array | None:
-    """Find forces (direction,) beside the `least` ones with which the laws hold; None where they hold by those.
+def pressed(contacts: Contacts, lasting: Lasting, motion: ContactMotion) -> bool:
+    """Whether all contacts that last are pressed, and friction holds those that stick, at one state."""
+    touches, force = held_touches(contacts, lasting), motion.force[0]
+    normals = force[[x.normal for x in touches]]
+    return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
+
+
+def with_internal(contacts: Contacts, lasting: Lasting) -> tuple[Lasting, ContactMotion]:
+    """Find the motion at one state with given modes, and internal forces where the laws need them.
 
     Forces of redundant contacts are not unique: a disc that rests in a corner may be wedged more or less, and its least
-    forces may pull, or be more than friction holds.  On the line through them and others that satisfy the laws, which
-    are given, those in the middle of what does are taken.
+    forces may pull, or be more than friction holds.  Then those with the most room inside the laws are taken.
     """
-    modes = lasting.modes
-    if len(modes) < 2 or all(_within(contacts, k, mode, least, 2 - HELD) for k, mode in modes.items()):
-        return None
-    matrix = contacts.delassus[0]
-    unit = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    for force in forces:
-        forth, back = (
-            min(_way(contacts, k, mode, force, end) for k, mode in modes.items()) for end in (least, 2 * force - least)
-        )
-        found = np.asarray((1 - (forth - back) / 2) * (force - least))
-        moved, alone = unit * np.abs(matrix @ found), unit * (np.abs(matrix) @ np.abs(found))
-        large = float(np.abs(found).max()) > UNMOVED * float(np.abs(force).max())
-        if large and moved.max() <= UNMOVED * alone.max():
-            return found
-    return None
+    motion = contact_motion(contacts, lasting)
+    touches = held_touches(contacts, lasting)
+    least = motion.force[0]
+    if len(touches) < 2 or not np.isfinite(least).all():
+        return lasting, motion
+    none = [AT_LIMIT * x.friction * least[x.normal] if x.tangents else PRESSED * np.abs(least).max() for x in touches]
+    if (reserves(touches, least) > none).all():
+        return lasting, motion
+    columns = spread_of(contacts, lasting)
+    found = roomiest(touches, least, unmoving(contacts.delassus[0], columns)) - least
+    if not np.abs(found).max() > UNMOVED * np.abs(least).max():
+        return lasting, motion
+    return lasting._replace(internal=found), replace(motion, force=motion.force + found)
 
 
-def _within(contacts: Contacts, event: int, mode: Mode, force: Array, most: float) -> bool:
-    """Whether a contact is pressed, and sticks by no more than this share of the largest friction."""
-    normal = float(force[contacts.normal(event)])
-    if normal < 0 or mode == "slip":
-        return not normal < 0
-    return not np.linalg.norm(force[contacts.tangents(event)]) > most * contacts.law[0, event, 1] * normal
+def held_touches(contacts: Contacts, lasting: Lasting) -> list[Touch]:
+    """Contacts that last, at one state; those that stick have their tangents."""
+    return [
+        Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(contacts.law[0, k, 1]))
+        if mode == "stick" and contacts.rubs(k)
+        else Touch(contacts.normal(k))
+        for k, mode in lasting.modes.items()
+    ]
 
 
-def _way(contacts: Contacts, event: int, mode: Mode, begin: Array, end: Array) -> float:
-    """Share of the way between two forces of a contact, of which the first satisfies its laws, on which they do."""
-    normal, tangents = contacts.normal(event), contacts.tangents(event)
-    push, more = float(begin[normal]), float(end[normal] - begin[normal])
-    if _within(contacts, event, mode, end, HELD):
-        return 1.0
-    if mode == "slip":
-        return max(0.0, push / (push - float(end[normal])))
-    most = (HELD * float(contacts.law[0, event, 1])) ** 2
-    pull, turn = begin[tangents], end[tangents] - begin[tangents]
-    # friction squared less its limit squared: of second order, not positive at the beginning
-    constant = float(pull @ pull) - most * push**2
-    slope, curvature = 2 * (float(pull @ turn) - most * push * more), float(turn @ turn) - most * more**2
-    if constant >= 0:
-        return 0.0
-    return min(1.0, -2 * constant / (slope + math.sqrt(max(0.0, slope**2 - 4 * curvature * constant))))
+def spread_of(contacts: Contacts, lasting: Lasting) -> Array:
+    """Return a basis of forces (direction, unknown) of contacts that last, at one state; slipping has its friction."""
+    unit, columns = np.eye(contacts.speed.shape[1]), list[Array]()
+    for k, mode in lasting.modes.items():
+        column = unit[contacts.normal(k)].copy()
+        columns.append(column)
+        if not contacts.rubs(k):
+            continue
+        tangents = contacts.tangents(k)
+        if mode == "stick":
+            columns += list(unit[tangents])
+        else:
+            direction = _direction(contacts.speed[:, tangents], lasting.headings[k])[0]
+            column[tangents] = -contacts.law[0, k, 1] * direction
+    return np.column_stack(columns)
 
 
 def heading_of(friction: Array) -> Array:

@@ -1,0 +1,208 @@
+"""Which contacts slip of those whose friction comes to its limit at the same time.
+
+There the forces of sticking and of slipping are the same, and so are the accelerations: the rates decide.  Of each
+contact at its limit, with the rates of the reserve of friction, r, and of the acceleration along the direction in which
+it would slide, a::
+
+    r >= 0,  a >= 0,  r a = 0
+
+that is a linear complementarity problem of all of them together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.lasting import (
+    ContactMotion,
+    Lasting,
+    contact_motion,
+    heading_of,
+    held_touches,
+    spread_of,
+)
+from uqmbd.dynamics.contact.redundant import AT_LIMIT, holding_longest, reserves, unmoving
+from uqmbd.dynamics.linear import lemke
+from uqmbd.typing import Array
+
+__all__ = ["AtLimit", "contacts_at_limit", "held_longest", "slipping_together"]
+
+
+RESTS = 1e-7
+"""Acceleration along a surface, over those by the forces there, that is none."""
+NOISE = 1e-13
+"""The same of their changes."""
+SLIPS = 1e-6
+"""Change of an acceleration, over the largest one, that is one."""
+TURNS = 4
+"""Steps of Newton's method for the directions of sliding."""
+SINGULAR = 1e-11
+"""Relative size of a singular value that is none."""
+
+
+class AtLimit(NamedTuple):
+    """A decision about contacts at their limit: when, which slip, `forced`, and which stick, without a reserve."""
+
+    time: float
+    forced: frozenset[int]
+    held: frozenset[int]
+
+
+def contacts_at_limit(contacts: Contacts, lasting: Lasting, force: Array) -> list[int]:
+    """Contacts that stick and whose friction is at its limit, at one state with forces (direction,)."""
+    touches = held_touches(contacts, lasting)
+    rooms = zip(lasting.modes, touches, reserves(touches, force).tolist(), strict=True)
+    return [k for k, x, room in rooms if x.tangents and room <= AT_LIMIT * x.friction * force[x.normal]]
+
+
+def held_longest(contacts: Contacts, ahead: Contacts, lasting: Lasting, motion: ContactMotion, span: float) -> Lasting:
+    """Choose the internal forces of redundant contacts that stick so that they hold longest, as the loads change.
+
+    Arguments are those of `slipping_together`; `span` is the time until `ahead`, s.
+    """
+    if lasting.internal is None or span <= 0:
+        return lasting
+    alone = lasting._replace(internal=None)
+    rate = (contact_motion(ahead, alone).force[0] - contact_motion(contacts, alone).force[0]) / span
+    ways = unmoving(contacts.delassus[0], spread_of(contacts, lasting))
+    force = holding_longest(held_touches(contacts, lasting), motion.force[0], rate, ways)
+    return lasting._replace(internal=lasting.internal + force - motion.force[0])
+
+
+def slipping_together(
+    contacts: Contacts,
+    ahead: Contacts,
+    lasting: Lasting,
+    motion: ContactMotion,
+    limited: Sequence[int],
+    forced: Collection[int],
+) -> dict[int, Array] | None:
+    """Find which contacts at their limit slip, and in which directions (tangent,), at one state.
+
+    Parameters
+    ----------
+    contacts, ahead : Contacts
+        Now, and a short time later with the present motion.
+    lasting : Lasting
+        Modes so far: those that are `limited` stick.
+    motion : ContactMotion
+        Now.
+    limited : sequence of int
+        Events at the limit of friction.
+    forced : collection of int
+        Those of them that slip in any case.
+
+    Returns
+    -------
+    dict of int to array
+        One contact at least; None: no combination satisfies the laws.
+    """
+    force = motion.force[0]
+    headings = {k: heading_of(force[contacts.tangents(k)]) for k in limited}
+    slips = _slips(contacts, ahead, lasting, headings, forced, force)
+    if slips is None:
+        return None
+    return _turned(contacts, lasting, {k: headings[k] for k in slips}, force)
+
+
+def _slips(
+    contacts: Contacts,
+    ahead: Contacts,
+    lasting: Lasting,
+    headings: dict[int, Array],
+    forced: Collection[int],
+    force: Array,
+) -> list[int] | None:
+    """Contacts that slip of those that have `headings`; one at least."""
+    every = sorted(headings)
+    free = [k for k in every if k not in forced]
+    if not free or len(every) == 1:
+        return every
+    now, later = (_Rates.of(x, lasting, headings, free) for x in (contacts, ahead))
+    size = np.abs(now.along) @ np.abs(contacts.delassus[0]) @ np.abs(force)
+    change = later.rate - now.rate
+    change[np.abs(change) <= NOISE * size] = 0.0
+    offset = np.where(np.abs(now.rate) <= RESTS * size, 0.0, now.rate) + change
+    units = 1 / np.sqrt(np.maximum(np.abs(np.diag(now.response)), 1e-300))
+    if not (np.isfinite(offset).all() and np.isfinite(now.response).all()):
+        return None
+    largest = float(np.abs(units * offset).max())
+    if largest == 0.0:  # nothing changes: all are as well at their limit as slipping
+        return every
+    offset, response = units * offset / largest, units[:, None] * now.response * units
+    reserve = lemke(response, offset)
+    if reserve is None:
+        return None
+    after = offset + response @ reserve
+    slips = {k for k, a in zip(free, after.tolist(), strict=True) if a > SLIPS}
+    return sorted({*forced, *slips}) or every
+
+
+def _turned(contacts: Contacts, lasting: Lasting, headings: dict[int, Array], force: Array) -> dict[int, Array]:
+    """Turn headings so that contacts begin to slide along them.
+
+    Of redundant contacts friction is known only as far as it holds: a small turn takes little from its reserve.
+    """
+    for _ in range(TURNS):
+        now = _Rates.of(contacts, lasting, headings, ())
+        turned = dict[int, Array]()
+        for k, d in headings.items():
+            most = float(contacts.law[0, k, 1]) * float(force[contacts.normal(k)])
+            across = now.across.get(k, 0.0)
+            if len(d) == 2 and abs(across) < most:
+                new = most * d - across * np.array([-d[1], d[0]])
+                turned[k] = new / np.linalg.norm(new)
+            else:
+                turned[k] = d
+        headings = turned
+    return headings
+
+
+class _Rates(NamedTuple):
+    """Accelerations of C contacts along their headings, if all contacts that have headings slip.
+
+    `rate` (C,), its `response` (C, C) to reserves of friction, directions `along` (C, direction), and the friction
+    `across` the heading of each contact in space that has one, which keeps it from sliding there.
+    """
+
+    rate: Array
+    response: Array
+    along: Array
+    across: dict[int, float]
+
+    @classmethod
+    def of(cls, contacts: Contacts, lasting: Lasting, headings: dict[int, Array], free: Sequence[int]) -> _Rates:
+        """Solve, for the contacts `free`, at one state."""
+        slipping = Lasting({**lasting.modes, **dict.fromkeys(headings, "slip")}, {**lasting.headings, **headings})
+        matrix, unit = contacts.delassus[0], np.eye(contacts.speed.shape[1])
+        columns = list(spread_of(contacts, slipping).T)
+        rows, more, turning = list[Array](), list[Array](), list[int]()
+        for k, mode in slipping.modes.items():
+            tangents = contacts.tangents(k)
+            rows.append(unit[contacts.normal(k)])
+            if k in headings:
+                columns[len(rows) - 1][tangents] = -contacts.law[0, k, 1] * headings[k]
+                if len(tangents) == 2:
+                    turning.append(k)
+                    more.append(np.zeros(len(unit)))
+                    more[-1][tangents] = -headings[k][1], headings[k][0]
+            elif mode == "stick" and contacts.rubs(k):
+                rows += list(unit[tangents])
+        along = np.zeros((len(free), len(unit)))
+        for row, k in enumerate(free):
+            along[row, contacts.tangents(k)] = headings[k]
+        held, spread = np.array(rows + more), np.column_stack(columns + more)
+        natural = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
+        inner, right = held @ matrix @ spread, held @ np.column_stack([natural, matrix @ along.T])
+        units = 1 / np.sqrt(np.maximum(np.einsum("hd,de,he->h", np.abs(held), np.abs(matrix), np.abs(held)), 1e-300))
+        if not (np.isfinite(inner).all() and np.isfinite(right).all()):
+            return cls(np.full(len(free), np.nan), np.full((len(free), len(free)), np.nan), along, {})
+        inverse = np.linalg.pinv(units[:, None] * inner * units, rcond=SINGULAR)
+        found = -units[:, None] * (inverse @ (units[:, None] * right))
+        rates = along @ (np.column_stack([natural, matrix @ along.T]) + matrix @ spread @ found)
+        across = dict(zip(turning, found[len(rows) :, 0].tolist(), strict=True))
+        return cls(rates[:, 0], rates[:, 1:], along, across)
