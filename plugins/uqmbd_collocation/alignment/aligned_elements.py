@@ -88,9 +88,9 @@ class _Elements:
     def _fitted(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
         """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
         while True:
-            before = self.paths.least
+            before = self.paths.least, self.paths.longer
             found = self._fitted_once(box, points)
-            if self.paths.least == before:
+            if (self.paths.least, self.paths.longer) == before:
                 return found
 
     def _fitted_once(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
@@ -110,7 +110,7 @@ class _Elements:
         scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
         spread = uqmbd.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes
         cutting = paths.cutting(local, nodes, spread, sequence)
-        for _ in range(EXTENSIONS):
+        for extension in range(EXTENSIONS):
             aligned = AlignedProblem(problem, cutting.cut, len(cutting.labels), paths.points)
             runs = Runs(aligned, local)
             runs.scale = scale
@@ -126,19 +126,24 @@ class _Elements:
                 problem.labels,
                 **verification.known,
             )
-            late = chaos.late() if cutting.farther else np.zeros(1)
-            if not cutting.farther or not (late > LATE * np.ptp(problem.times)).any():
+            late = chaos.late()
+            if not (late > LATE * np.ptp(problem.times)).any():
                 break
-            # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
-            pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
-            cutting = cutting.farther(float(late.max()), pace)
-        else:
-            share = float(np.mean(late > LATE * np.ptp(problem.times)))
-            warnings.warn(
-                f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the phases that "
-                "nodes were followed to; statistics are NaN from then on. Raise the order, or truncate the inputs.",
-                stacklevel=2,
-            )
+            further = None
+            if cutting.farther and extension < EXTENSIONS - 1:
+                # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
+                pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
+                further = cutting.farther(float(late.max()), pace)
+            if further is None:
+                share, since = float(np.mean(late > LATE * np.ptp(problem.times))), problem.times[-1] - late.max()
+                warnings.warn(
+                    f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the "
+                    f"{paths.what} that nodes were followed to; statistics are NaN from t = {since:.6g} s on. Raise "
+                    "the order, truncate the inputs, or end earlier.",
+                    stacklevel=2,
+                )
+                break
+            cutting = further
         return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
 
     def _known(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> uqmbd.Verification | None:

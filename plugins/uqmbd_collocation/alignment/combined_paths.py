@@ -122,6 +122,11 @@ class CombinedPaths:
         """Segments between events that each has."""
         return self.events.least
 
+    @property
+    def longer(self) -> float:
+        """How many times as long as the output times last segments last that no event ends."""
+        return self.events.longer
+
     def prepare(self, values: Array) -> None:
         """Refuse a clock that does not grow in all realisations at inputs (K, d)."""
         standing = sum(not motion.grows(len(motion.phase)) for motion in self._motions(values))
@@ -235,7 +240,8 @@ class CombinedPaths:
 
     def _histories(self, values: Array, longer: float) -> list[uqmbd.History]:
         known = self.events.histories(values)
-        if self._fine == FIRST and longer == 1.0:
+        longer = max(longer, self.longer)
+        if self._fine == FIRST and longer == self.longer:
             return known
         about = f"{self._fine} {longer!r} {self.least} ".encode()
         keys = [about + row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]

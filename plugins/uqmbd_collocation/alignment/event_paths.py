@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,8 +22,17 @@ __all__ = ["EventPaths"]
 POINTS = 65
 """Chebyshev points of a segment."""
 
-MOST_SEGMENTS = 60
+MOST_SEGMENTS = 64
 """Segments of a realisation beyond which a motion is not followed: bounces that die down have no end."""
+
+LONGEST = 8.0
+"""How much longer than the output times the last segment of a motion is, at most."""
+
+SLACK = 1e-9
+"""Part of the output times by which a last segment may miss its end: rounding."""
+
+MARGIN = 0.1
+"""Part of the output times by which last segments, which no event ends, go on behind the last event of all."""
 
 
 @dataclass
@@ -35,12 +45,17 @@ class EventPaths:
         That of the study.
     least : int
         Segments that each has.
+    longer : float
+        Last segments, which no event ends, last so many times as long as the output times: in all of them to the same
+        moment, behind the last event of all.  It would be no smooth function of the inputs else: the last output time
+        where the last event is before that, and its own time where it is not.
     spent : int
         Realisations so far.
     """
 
     problem: uqmbd.Problem
     least: int = 1
+    longer: float = 1.0
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
     _known: dict[bytes, uqmbd.History] = field(default_factory=dict)
@@ -84,11 +99,27 @@ class EventPaths:
 
     def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
         """Return how realisations of an element are cut."""
-        return Cutting(lambda values: self.cut(values, sequence), sequence, "events")
+        return self._cutting(space.to_inputs(germs), sequence)
+
+    def _cutting(self, values: Array, sequence: tuple[str, ...]) -> Cutting:
+        """Return how realisations are cut, and how to cut them behind more events: those of nodes at inputs (K, d)."""
+
+        def farther(late: float, pace: float) -> Cutting | None:
+            more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(sequence), MOST_SEGMENTS - len(sequence))
+            try:
+                known = [h.labels for h in self.histories(values, len(sequence) + more)] if more > 0 else []
+            except uqmbd.IntegrationError:  # behind the last output time
+                return None
+            same = {labels[: len(sequence) + more] for labels in known if labels[: len(sequence)] == sequence}
+            # as far as the same events follow in all nodes
+            common = tuple(each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*same, strict=False)))
+            return self._cutting(values, common) if len(common) > len(sequence) else None
+
+        return Cutting(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
     def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations in segments; those whose sequence is another one are no part of this element."""
-        histories = self.histories(values)
+        histories = self.histories(values, len(sequence))
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
         count, outputs = len(sequence), self.problem.labels.shape[0]
         edges = np.full((len(values), count + 1), np.nan)
@@ -105,14 +136,18 @@ class EventPaths:
         )
         return Landmarked(edges, response), told
 
-    def histories(self, values: Array) -> list[uqmbd.History]:
-        """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`."""
+    def histories(self, values: Array, count: int = 1) -> list[uqmbd.History]:
+        """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`.
+
+        Each has at least a number of segments, unless no event follows.
+        """
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         while True:
-            missing = [k for k, key in enumerate(keys) if not self._enough(self._known.get(key))]
+            missing = [k for k, key in enumerate(keys) if not self._enough(self._known.get(key), count)]
             if missing:
                 self.problem.progress.start(self.problem.label, len(missing))
-                found = self.problem.watching().histories(values[missing], POINTS, self.least)
+                about = POINTS, max(self.least, count), self.longer
+                found = self.problem.watching().histories(values[missing], *about)
                 self.spent += len(missing)
                 for k, history in zip(missing, found, strict=True):
                     if history.message:
@@ -125,10 +160,25 @@ class EventPaths:
                     f"{self.problem.label}: a realisation has {wanted - 1} segments between events until the last "
                     f"output time, more than {MOST_SEGMENTS}: bounces die down. End before that, or use elements."
                 )
-            if wanted <= self.least and not missing:
+            last = max((h.edges[-2] for h in self._known.values() if h.final), default=-np.inf)
+            short = last >= self._end and self.longer < LONGEST
+            if wanted <= self.least and not missing and not short:
                 break
             self.least = max(wanted, self.least)
+            if short:
+                begin, end = self.problem.times[[0, -1]]
+                self.longer = min(float((last - begin) / (end - begin)) + MARGIN, LONGEST)
         return [self._known[key] for key in keys]
 
-    def _enough(self, history: uqmbd.History | None) -> bool:
-        return history is not None and (len(history.labels) >= self.least or history.final)
+    @property
+    def _end(self) -> float:
+        """Moment at which last segments end that no event ends, s."""
+        begin, end = self.problem.times[[0, -1]]
+        return float(begin + self.longer * (end - begin)) if self.longer > 1 else float(end)
+
+    def _enough(self, history: uqmbd.History | None, count: int) -> bool:
+        if history is None:
+            return False
+        if not history.final:
+            return len(history.labels) >= max(self.least, count)
+        return bool(history.edges[-1] >= self._end - SLACK * np.ptp(self.problem.times))

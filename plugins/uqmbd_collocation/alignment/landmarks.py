@@ -99,14 +99,14 @@ class Cutting:
     landmarks : {"events", "phase", "time"}
         What they are.
     farther : callable, optional
-        If the last landmark is a phase: from how much farther realisations are to be known, s, and how long a segment
-        takes, s, to how they are cut then.
+        From how much farther realisations are to be known, s, and how long a segment takes, s, to how they are cut
+        then; None where they go no farther.
     """
 
     cut: Cut
     labels: tuple[str, ...]
     landmarks: Landmarks
-    farther: Callable[[float, float], Cutting] | None = None
+    farther: Callable[[float, float], Cutting | None] | None = None
 
 
 def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Marks, outputs: int, points: int) -> Landmarked:

@@ -106,6 +106,7 @@ class PhasePaths:
 
     points: ClassVar[int] = POINTS
     least: ClassVar[int] = 0
+    longer: ClassVar[float] = 1.0
     what: ClassVar[str] = "phases"
     landmarks: ClassVar[str] = "times of equal phase"
 
