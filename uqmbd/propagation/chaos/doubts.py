@@ -129,7 +129,7 @@ def errors_over_largest(chaos: Surrogate) -> Array:
     >>> uqmbd.errors_over_largest(chaos).round(4).tolist()
     [[0.0, 0.3333]]
     """
-    largest = chaos.std.max(axis=-1, keepdims=True)
+    largest = np.fmax.reduce(chaos.std, axis=-1, keepdims=True)
     relative = reference_spread(chaos.std) / np.where(largest > 0, largest, 1.0)
     return chaos.verification_error() * np.where(largest > 0, relative, 1.0)
 
@@ -161,9 +161,9 @@ def varying(chaos: Surrogate, rtol: float) -> Mask:
     [True, False]
     """
     outputs = chaos.labels.outputs
-    size = np.abs(chaos.mean).max(axis=1)
+    size = np.fmax.reduce(np.abs(chaos.mean), axis=1)
     alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
     std = chaos.std
     if chaos.verification_response is not None:
-        std = np.maximum(std, chaos.verification_std())
-    return np.asarray(std.max(axis=1) > rtol * np.maximum(100 * size, alike))
+        std = np.fmax(std, chaos.verification_std())
+    return np.asarray(np.fmax.reduce(std, axis=1) > rtol * np.maximum(100 * size, alike))

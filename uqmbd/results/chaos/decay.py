@@ -131,7 +131,7 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
     'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
     """
-    advice = f"; {remedy}" if error.max() > limit else ""
+    advice = f"; {remedy}" if np.any(error > limit) else ""
     return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
 
 
@@ -151,9 +151,23 @@ def factor_words(factor: float, count: int) -> str:
 
 
 def error_words(error: Array, times: Array | None, limit: float) -> str:
-    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit."""
+    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit.
+
+    Of times at which it is NaN, the first is named.
+
+    Examples
+    --------
+    >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
+    '3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
+    """
     if times is None:
         return f"{format_percent(float(error[0]))} of the standard deviation"
+    unknown = np.isnan(error)
+    if unknown.all():
+        return "unknown at all times"
+    if unknown.any():
+        known, since = error_words(error[~unknown], times[~unknown], limit), times[unknown.argmax()]
+        return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
         return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"

@@ -131,9 +131,10 @@ def find_discontinuities(
     # over two orders, since odd and even responses lack every other one
     before = whole[-3:].sum(axis=0)
     left = np.sqrt(np.divide(missed, before, out=np.zeros_like(missed), where=before > 0))
-    large = std > SPREADS * std.max(axis=-1, keepdims=True, initial=0.0)
+    most = np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)
+    large = std > SPREADS * most
     # rounding of a mean, or noise of an integration, is no spread
-    loud = std.max(axis=-1, keepdims=True) > 1e-6 * np.abs(chaos.mean.reshape(shape)).max(axis=-1, keepdims=True)
+    loud = most > 1e-6 * np.fmax.reduce(np.abs(chaos.mean.reshape(shape)), axis=-1, keepdims=True, initial=0.0)
     above = large & loud & (error > LARGE)
     seen = above & (rate < SLOW) & (left > STEEP)
     blame = energy_germ.reshape(len(energy_germ), *error.shape)

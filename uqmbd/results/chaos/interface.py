@@ -604,7 +604,7 @@ class Surrogate(Verified, ABC):
         rows = zip(self.labels.outputs, errors, factors, self._suspicions(), strict=True)
         return tuple(
             verdict_of_error(output.name, row, self.labels.times, tolerance, self._remedy)
-            + factor_words(float(factor[row.argmax()]), count)
+            + factor_words(float(factor[np.nan_to_num(row, nan=-1.0).argmax()]), count)
             + suspicion
             for output, row, factor, suspicion in rows
         )

@@ -326,8 +326,8 @@ class PiecewiseChaos(Surrogate):
         share = tops.reshape(shape) / divisor(spread)
         return tuple(
             f"{output.name}: within the {len(self.elements)} elements the top order carries "
-            f"{format_at_most(float(row.max()))} of the standard deviation"
-            + (f"; {self._remedy}" if row.max() > tolerance else ", no proof without verification realisations")
+            f"{format_at_most(float(np.fmax.reduce(row)))} of the standard deviation"
+            + (f"; {self._remedy}" if np.any(row > tolerance) else ", no proof without verification realisations")
             for output, row in zip(self.labels.outputs, share, strict=True)
         )
 

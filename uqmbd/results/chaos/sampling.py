@@ -172,6 +172,8 @@ def quantiles_of_rows(
             _sort(values, along)
             low, high = values[:, below], values[:, above]
             found[:, part] = (low + (position - below) * (high - low)).T
+            # NaN are sorted to the end: where a sample has no value, no quantile is known
+            found[:, part][:, np.isnan(values[:, -1])] = np.nan
     # interpolation may order neighbours wrongly by their last bits
     return np.maximum.accumulate(found, axis=0)
 

@@ -150,9 +150,10 @@ def reference_spread(std: Array) -> Array:
     """Return the standard deviation (O, T) that errors are compared with.
 
     At times where an output hardly varies (a common start, a passage through a nodal point) an error relative to the
-    standard deviation there says nothing: 1 % of its maximum over time stands in for it.
+    standard deviation there says nothing: 1 % of its maximum over time stands in for it.  Where it is NaN, the result
+    is NaN, at that time only.
     """
-    return np.asarray(np.maximum(std, SPREAD_FLOOR * std.max(axis=-1, keepdims=True, initial=0.0)))
+    return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
 def stated_error(
@@ -181,8 +182,9 @@ def stated_error(
     error = root_mean_square(surrogate - response, weights)
     constant = constant_columns(mean, std, terms)
     missed = root_mean_square(response - mean, weights)
-    still = constant.all(axis=-1, keepdims=True)
-    spread = reference_spread(np.where(still, missed, np.where(constant, 0.0, std)))
+    # a time at which nothing is known does not make the output vary
+    still = (constant | np.isnan(std)).all(axis=-1, keepdims=True)
+    spread = reference_spread(np.where(still & ~np.isnan(std), missed, np.where(constant, 0.0, std)))
     rounding = constant_columns(mean, error, terms) & constant
     return np.where(rounding, 0.0, error / divisor(spread))
 

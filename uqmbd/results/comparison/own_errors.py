@@ -244,11 +244,13 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
     # the mean square of so few errors may be too small
     margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
-    known = np.isfinite(found).all(axis=0) & np.isfinite(std).all(axis=0)
-    times = statistics["time"].values[known] if "time" in statistics.dims else np.zeros(1)
-    scale = root_mean_square(std[:, known], times)
-    stated = root_mean_square(found[:, known], times) / divisor(scale)
-    return margin * found, np.asarray(stated, dtype=float), told
+    times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
+    stated = np.full(len(std), np.nan)
+    for row, known in enumerate(np.isfinite(found) & np.isfinite(std)):
+        # what is unknown of another output says nothing of this one
+        error, scale = (root_mean_square(x[row : row + 1, known], times[known])[0] for x in (found, std))
+        stated[row] = error / scale if scale != 0 else error
+    return margin * found, stated, told
 
 
 def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:

@@ -59,10 +59,10 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     found = own_error(node, rtol_of(node), dependence=False) if own is None else own
     statistics = node.children["statistics"].to_dataset()
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
-    known = np.isfinite(found.std).all(axis=0)
     split = {row for part in stored_surrogates(node) if part.split for row in part.rows.tolist()}
     said = []
     for o, name in enumerate(str(value) for value in statistics["output"].values):
+        known = np.isfinite(found.std[o])
         told = found.told[o, known]
         if not found.varies[o]:
             said.append(STILL)

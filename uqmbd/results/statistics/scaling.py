@@ -12,14 +12,14 @@ __all__ = ["divisor", "over_time", "relative"]
 
 
 def divisor(scale: Array) -> Array:
-    """Return a scale, or 1 where it is not positive, to divide by.
+    """Return a scale, or 1 where it is not positive, to divide by; an unknown one stays unknown.
 
     Examples
     --------
-    >>> divisor(np.array([2.0, 0.0])).tolist()
-    [2.0, 1.0]
+    >>> divisor(np.array([2.0, 0.0, np.nan])).tolist()
+    [2.0, 1.0, nan]
     """
-    return np.where(scale > 0, scale, 1.0)
+    return np.where(scale <= 0, 1.0, scale)
 
 
 def over_time(values: Any) -> Array:
@@ -29,5 +29,5 @@ def over_time(values: Any) -> Array:
 
 
 def relative(values: Array, scale: Array, unknown: float) -> Array:
-    """Return values over a scale; where that is zero an unknown share, and 0 of what is zero itself."""
-    return np.where(scale > 0, values / divisor(scale), np.where(values > 0, unknown, values))
+    """Return values over a scale: NaN of an unknown scale, of zero an unknown share, and 0 of what is zero itself."""
+    return np.where(~(scale <= 0), values / divisor(scale), np.where(values > 0, unknown, values))
