@@ -24,6 +24,7 @@ from .errors import PluginWarning as PluginWarning
 from .errors import RedundantConstraintWarning as RedundantConstraintWarning
 from .errors import StudyError as StudyError
 from .errors import StudyWarning as StudyWarning
+from .errors import SurrogateWarning as SurrogateWarning
 from .errors import UnitsWarning as UnitsWarning
 from .errors import UnusedInputWarning as UnusedInputWarning
 from .errors import UqmbdError as UqmbdError

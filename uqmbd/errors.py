@@ -13,6 +13,7 @@ __all__ = [
     "RedundantConstraintWarning",
     "StudyError",
     "StudyWarning",
+    "SurrogateWarning",
     "UnitsWarning",
     "UnusedInputWarning",
     "UqmbdError",
@@ -183,6 +184,34 @@ class UnusedInputWarning(UserWarning):
     ...     result = uqmbd.Study("fall", mechanism, [0, 1], [Collocation(order=1)]).run()
     >>> [warning.category.__name__ for warning in seen]
     ['UnusedInputWarning']
+    """
+
+
+class SurrogateWarning(UserWarning):
+    """A surrogate must not be relied on: it states a large error, or its mean is outside the range of its realisations.
+
+    The message names the outputs, when and by how much, and what to try.  A stated error is reported where it exceeds
+    10 % of the standard deviation, by more than the integration errs.
+
+    Examples
+    --------
+    A polynomial of order 1 does not follow an oscillation whose frequency is random:
+
+    >>> import warnings
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(1, 9), units="N/m")
+    >>> body = mechanism.body("body", mass=1, position=1, velocity=0)
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, body, 0, 0, stiffness))
+    >>> mechanism.output("x", body.position[0], units="m")
+    >>> with warnings.catch_warnings(record=True) as seen:
+    ...     warnings.simplefilter("always")
+    ...     result = uqmbd.Study("swinging", mechanism, [0, 3, 6], [Collocation(order=1)]).run()
+    >>> [warning.category.__name__ for warning in seen]
+    ['SurrogateWarning']
     """
 
 

@@ -23,7 +23,7 @@ from uqmbd_collocation.refinement import Limits, UnmetWarning
 from uqmbd_collocation.runs import Derived
 from uqmbd_collocation.two_frequency import expand_series
 
-__all__ = ["FAMILIES", "Family", "expand_families", "impossible", "warn_of_doubt"]
+__all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
 
 Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
@@ -44,9 +44,6 @@ EQUAL = 1e-6
 
 ENOUGH = 0.01
 """The same: where all outputs are followed that well two frequencies are not looked for unless they are named."""
-
-LARGE = 0.05
-"""The same: beyond it an output is not followed."""
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
@@ -233,12 +230,6 @@ def expand_families(
             if name in taken and not isinstance(message, UnmetWarning):
                 warnings.warn(message, stacklevel=3)
     found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
-    lost = np.array([errors[name][k] for k, name in enumerate(taken)]) / largest[:, None]
-    loud = np.array([uqmbd.varying(chaoses[name], problem.rtol)[k] for k, name in enumerate(taken)])
-    if wrong := uqmbd.doubts(problem.labels, lost, LARGE, loud):
-        said = [one.words(f"best: {taken[one.row]}, ") for one in wrong]
-        also = f" Left out: {_reasons(work.left_out)}" if work.left_out else ""
-        warnings.warn(_doubtful(problem, "no family of alignment follows", said, "") + also, stacklevel=3)
     return found
 
 
@@ -334,7 +325,7 @@ def _errors(chaos: Part) -> Array:
 
 def _largest(std: Array, size: Array, rtol: float) -> Array:
     """Return the largest standard deviations over time (O,), from (O, T); sizes where they are rounding of these."""
-    found, other = std.max(axis=-1), size.max(axis=-1)
+    found, other = np.fmax.reduce(std, axis=-1), np.fmax.reduce(size, axis=-1)
     return np.asarray(np.where(found > rtol * other, found, np.where(other > 0, other, 1.0)))
 
 
@@ -347,21 +338,3 @@ def _of_outputs(chaos: Part, rows: list[int]) -> Part:
 
 def _reasons(left_out: Mapping[Way, str]) -> str:
     return " ".join(f"{name}: {why}" for name, why in left_out.items())
-
-
-def warn_of_doubt(problem: uqmbd.Problem, chaos: Part | ComposedChaos, family: Family) -> None:
-    """Say which outputs a family does not follow that alone was asked for, and from when on."""
-    if chaos.verification_response is None:
-        return
-    errors, loud = uqmbd.errors_over_largest(chaos), uqmbd.varying(chaos, problem.rtol)
-    if found := uqmbd.doubts(chaos.labels, errors, LARGE, loud):
-        said = [one.words() for one in found]
-        other = ", or try alignment='auto', which takes the best family for each output"
-        warnings.warn(_doubtful(problem, f"alignment={family!r} does not follow", said, other), stacklevel=4)
-
-
-def _doubtful(problem: uqmbd.Problem, what: str, said: Sequence[str], other: str) -> str:
-    return (
-        f"{problem.label}: {what} {', '.join(said)}; errors are those at the verification realisations, over the "
-        f"largest standard deviation. Raise the order, give elements, or end earlier{other}."
-    )

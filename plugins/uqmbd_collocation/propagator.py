@@ -15,7 +15,7 @@ from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
-from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible, warn_of_doubt
+from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
 from uqmbd_collocation.given import Given
 from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import DEFAULT_ORDER, Adaptive, Method, Plans, Terms
@@ -121,7 +121,6 @@ class Collocation(uqmbd.Propagator):
         is one of each family. The attributes ``alignment``, ``alignment_error`` and ``alignment_left_out`` of the
         results (JSON) say for each output what it takes and its error, and what is not possible and why; their child
         ``families`` holds the errors of all. Of few verification realisations the smallest error is a little small.
-        A warning says which outputs none follows, and from when on.
     clock : str, optional
         For ``phase``, alone or among others: name of an output, or of a body or joint that has an angle.  An angle that
         grows is the phase; else that of the oscillation, from extreme to extreme, whose size and middle may change
@@ -158,6 +157,8 @@ class Collocation(uqmbd.Propagator):
     -----
     UserWarning
         If realisations failed, a tolerance was not met, or a rule is too coarse for the basis.
+    uqmbd.SurrogateWarning
+        If the stated error of an output is large at some times.
 
     References
     ----------
@@ -411,9 +412,6 @@ class Collocation(uqmbd.Propagator):
             return expand_families(problem, space, plans, *about, self.families, self.clock, wanted=wanted)
         (family,) = self.families
         if family == "two-frequency":
-            found = expand_series(problem, space, plans, *about)
-        else:
-            paths = EventPaths(problem) if family == "events" else PhasePaths(problem, self.clock)
-            found = align(problem, space, plans, paths, *about)
-        warn_of_doubt(problem, found.chaos, family)
-        return found
+            return expand_series(problem, space, plans, *about)
+        paths = EventPaths(problem) if family == "events" else PhasePaths(problem, self.clock)
+        return align(problem, space, plans, paths, *about)

@@ -12,7 +12,7 @@ import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement
 from uqmbd.typing import Array, Index
 from uqmbd_galerkin.clock_rates import TURN, ClockRates, find_clock
-from uqmbd_galerkin.ending import padded, warn_of_doubt
+from uqmbd_galerkin.ending import padded
 from uqmbd_galerkin.phase_segments import PER_TURN, in_segments, points_of
 
 __all__ = ["galerkin_in_phase"]
@@ -139,8 +139,6 @@ def galerkin_in_phase(
         **verification.known,
     )
     problem.progress.finish(label)
-    remedy = "raise the order, use collocation with alignment='phase', or study a shorter time"
-    warn_of_doubt(problem, chaos, " aligned at equal phase", remedy)
     return problem.node(
         propagator,
         padded(chaos.statistics(), times),

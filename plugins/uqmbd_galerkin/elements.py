@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
 from uqmbd.typing import Array, Index
-from uqmbd_galerkin.ending import finished, no_motion, padded, warn_of_doubt
+from uqmbd_galerkin.ending import finished, no_motion, padded
 from uqmbd_galerkin.rules import STREAM, Discretisation
 
 __all__ = ["galerkin_elements", "solve_element"]
@@ -185,7 +185,6 @@ def galerkin_elements(
             f"t = {chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s: {reason} To go further, {remedy}.",
             stacklevel=3,
         )
-    warn_of_doubt(problem, chaos, f" with {len(kept)} elements", remedy)
     return problem.node(
         propagator,
         padded(chaos.statistics(), problem.times),

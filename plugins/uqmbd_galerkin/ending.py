@@ -11,13 +11,10 @@ import uqmbd
 from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos
 from uqmbd.typing import Array, Mask
 
-__all__ = ["finished", "horizons", "no_motion", "padded", "warn", "warn_of_doubt"]
+__all__ = ["finished", "horizons", "no_motion", "padded", "warn"]
 
 
 Chaos = PolynomialChaos | PiecewiseChaos | AlignedChaos
-
-DOUBTFUL = 0.1
-"""Stated error, over the standard deviation, from which a result is not given without a warning."""
 
 
 def warn(
@@ -47,20 +44,6 @@ def warn(
     suspicions = [one.words() for one in chaos.discontinuities() if one and one.clear]
     if suspicions:
         warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=3)
-    warn_of_doubt(problem, chaos, "", remedy)
-
-
-def warn_of_doubt(problem: uqmbd.Problem, chaos: Chaos, how: str, remedy: str) -> None:
-    """Say from when on the stated error is too large; `how` the chaos was made, as " with 4 elements", or empty."""
-    if chaos.verification_response is None:
-        return
-    found = uqmbd.doubts(chaos.labels, chaos.verification_error(), DOUBTFUL, uqmbd.varying(chaos, problem.rtol))
-    if found:
-        warnings.warn(
-            f"{problem.label}: the stated error passes {DOUBTFUL:.0%} of the standard deviation{how}, in "
-            f"{', '.join(one.words() for one in found)}; do not trust it from there on: {remedy}.",
-            stacklevel=4,
-        )
 
 
 def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:

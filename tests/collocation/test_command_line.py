@@ -104,11 +104,18 @@ def test_check_says_whether_it_fits(cli, change, words):
     [
         (
             {"function": "sympy.log(a + sympy.Rational(8, 10)) + b", "options": "order=3"},
-            ["Warning: collocation: 4 of 16 nodes failed", "Warning: collocation: 3 of 16 verification realisations"],
+            [
+                "Warning: collocation: 4 of 16 nodes failed",
+                "Warning: collocation: 3 of 16 verification realisations",
+                "Warning: collocation: the stated error of the surrogate exceeds 10% of the standard deviation: 'y' ",
+            ],
         ),
         (
             {"function": "sympy.Abs(a) + b", "options": "adaptive='order', max_realisations=58"},
-            ["Warning: collocation: the tolerance 0.001 was not met with 57 realisations"],
+            [
+                "Warning: collocation: the tolerance 0.001 was not met with 57 realisations",
+                "Warning: collocation: the stated error of the surrogate exceeds 10% of the standard deviation: 'y' ",
+            ],
         ),
         (
             {"options": "rule='sobol', samples=512"},

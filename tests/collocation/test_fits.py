@@ -124,6 +124,7 @@ def test_no_verification(study):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of a low order
 def test_seed_moves_designs_and_verification_and_nothing_else(study):
     def nodes(**options):
         data = study.propagate(Collocation(order=2, **options))["nodes"]

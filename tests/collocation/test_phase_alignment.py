@@ -60,6 +60,7 @@ def test_oscillator_over_many_periods():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("end", [40, 100])
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 11 %, where little is left
 def test_oscillator_that_dies_down(end):
     """Closed form over up to 160 periods; nodes are at rest after 58 to 64 s, each after its number of swings."""
     damping = uqmbd.RandomVariable("c", chaospy.Uniform(0.18, 0.22), units="N s/m")
@@ -164,10 +165,8 @@ def test_statistics_are_known_for_skewed_inputs(options):
     mechanism.output("height", body.point((0.2, 0))[1], units="m")
     study = uqmbd.Study("disc", mechanism, times=np.linspace(0, 6, 61), propagators=[])
     # a straight line through phases of such a torque is wrong, and says so
-    wrong = (
-        pytest.warns(UserWarning, match="does not follow 'height' from") if options == {"order": 1} else nullcontext()
-    )
-    with wrong:
+    said = pytest.warns(uqmbd.SurrogateWarning, match="'height' (at|from)")
+    with said if options == {"order": 1} else nullcontext():
         statistics = study.propagate(Collocation(alignment="phase", **options))["statistics"].to_dataset()
     for name in ("mean", "std", "quantile", "sobol_total", "verification_error"):
         assert np.isfinite(statistics[name]).all(), name

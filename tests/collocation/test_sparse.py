@@ -98,6 +98,7 @@ def swinging(*x):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("method", ["omp", "lars"])
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # late
 def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
     """Eight inputs, order 2, 128 samples: the order does not suffice at 10 s, and does at 0.1 s."""
     early = [0.0, 0.05, 0.1]

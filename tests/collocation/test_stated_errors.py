@@ -14,6 +14,9 @@ import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_springs import SpringDamper
 
+# orders are low on purpose
+pytestmark = pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")
+
 CASES = {  # function in symbols, in numbers, distributions
     "oscillation": (
         lambda k, m: sympy.cos(3 * sympy.sqrt(k / m)),

@@ -76,6 +76,7 @@ def test_samples_without_an_event_are_counted():
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of the height, which jumps
 def test_an_event_that_does_not_happen_costs_its_own_output_alone():
     """The first impact always happens: a surrogate gives it, exactly, and refuses the second."""
     study = bouncing([0, 0.7, 1.2], Collocation(order=4))

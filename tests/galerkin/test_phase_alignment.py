@@ -94,7 +94,7 @@ def test_a_pendulum_converges_to_elliptic_functions():
         error(run(mechanism, 12, Galerkin(order=p, alignment="phase", verify=2)), mechanism).max() for p in (1, 2, 3)
     ]
     assert errors[1] < 0.15 * errors[0] and errors[2] < 0.15 * errors[1] < 1e-3
-    with pytest.warns(UserWarning, match="do not trust it"):
+    with pytest.warns(uqmbd.SurrogateWarning, match="stated error of the surrogate exceeds 10%"):
         plain = run(mechanism, 12, Galerkin(order=3))
     assert error(plain, mechanism).max() > 100 * errors[2]
 

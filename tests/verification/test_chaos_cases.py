@@ -269,6 +269,7 @@ def test_order_three_with_sixteen_nodes(slider_crank):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of the low orders
 def test_exponential_convergence_with_the_order(slider_crank):
     """Mean and deviation of every output gain a decade with each order, down to the error of the integration."""
     study, mean, std = slider_crank

@@ -145,6 +145,7 @@ def test_times_that_jump_between_peaks_are_told():
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # which the recommendation tells, too
 def test_what_is_wrong_without_a_time_is_told_with_the_recommendation():
     """The position is a polynomial of the input, the kinked peak is none: the first line is about both."""
     height = uqmbd.RandomVariable("height", chaospy.Uniform(0.5, 1.5))

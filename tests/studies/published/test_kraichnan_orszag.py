@@ -70,7 +70,9 @@ def variance_error(made, node, times):
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings(
-    "ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back", "ignore:.*does not follow"
+    "ignore:.*the sequence of phases still differs",
+    "ignore:.*stands or turns back",
+    "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_few_elements_hold_where_plain_ones_fail(made):
     """Ten elements each, to t = 40; aligned ones are at equal phase, or near the separatrix at equal times."""
@@ -84,7 +86,9 @@ def test_few_elements_hold_where_plain_ones_fail(made):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings(
-    "ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back", "ignore:.*does not follow"
+    "ignore:.*the sequence of phases still differs",
+    "ignore:.*stands or turns back",
+    "ignore::uqmbd.errors.SurrogateWarning",
 )
 def test_variance_to_100(made):
     """Within 1 % of the quadrature of the exact solution, by the elements that the study says."""

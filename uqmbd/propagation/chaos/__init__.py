@@ -14,6 +14,7 @@ from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.doubts import Doubt, doubts, errors_over_largest, varying
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
+from uqmbd.propagation.chaos.surrogate_check import warn_of_surrogates
 from uqmbd.propagation.chaos.verification import Verification, VerificationPoints
 
 __all__ = [
@@ -36,5 +37,6 @@ __all__ = [
     "require_clock",
     "require_outputs_over_time",
     "varying",
+    "warn_of_surrogates",
     "watched_angles",
 ]

@@ -36,6 +36,9 @@ class Observed:
         The successful realisations, with those.
     failed : int
         The others.
+    extent : tuple of array, array and int, or None
+        Smallest and largest values (output, time) of the successful realisations that workers do not reduce, and their
+        number; None: there is none.
     """
 
     values: list[Array] = field(default_factory=list)
@@ -44,12 +47,20 @@ class Observed:
     missing: Counter[int] = field(default_factory=Counter)
     counted: int = 0
     failed: int = 0
+    extent: tuple[Array, Array, int] | None = None
 
     def add(self, part: Realisations) -> None:
         """Count those of a chunk, and take some of it, evenly spread, until there are enough."""
         self.count(part, late_outputs(part))
         chosen = evenly(part.status, AGAIN - len(self.values))
         self.take(part.values[chosen], part.response[chosen])
+        good = part.response[part.status == Status.OK]
+        if len(good):
+            low, high, count = good.min(axis=0), good.max(axis=0), len(good)
+            if self.extent is not None:
+                before = self.extent
+                low, high, count = np.minimum(low, before[0]), np.maximum(high, before[1]), count + before[2]
+            self.extent = low, high, count
 
     def count(self, part: Realisations, late: Index) -> None:
         """Count those of a chunk, and in how many of them each output does not happen."""

@@ -20,6 +20,7 @@ import xarray as xr
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning
 from uqmbd.logs import methods
 from uqmbd.progress import UntilTheEnd
+from uqmbd.propagation.chaos import warn_of_surrogates
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.methods.propagator import Propagator
@@ -258,6 +259,9 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
     seen = verified_std(node, statistics["std"].shape)
     # in its place: a tree copies what is put into it
     statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
+    if problem.kind != "requirements":  # intervals of their probabilities hold the error of the surrogate
+        about = problem.label, problem.rtol, problem.observed.extent
+        warn_of_surrogates(node, *about, timeless=problem.timeless)
     return node
 
 

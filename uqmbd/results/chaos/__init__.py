@@ -20,6 +20,7 @@ from uqmbd.results.chaos.surrogates import (
     stored_surrogates,
     surrogate,
     surrogate_parts,
+    verified_range,
     verified_std,
     verified_trials,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "surrogate",
     "surrogate_parts",
     "verdict_of_decay",
+    "verified_range",
     "verified_std",
     "verified_trials",
     "weighted_std",

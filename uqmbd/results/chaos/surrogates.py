@@ -13,7 +13,15 @@ from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 from uqmbd.results.chaos.stated_error import weighted_std
 from uqmbd.typing import Array, Index
 
-__all__ = ["StoredSurrogate", "stored_surrogates", "surrogate", "surrogate_parts", "verified_std", "verified_trials"]
+__all__ = [
+    "StoredSurrogate",
+    "stored_surrogates",
+    "surrogate",
+    "surrogate_parts",
+    "verified_range",
+    "verified_std",
+    "verified_trials",
+]
 
 
 class StoredSurrogate(NamedTuple):
@@ -163,6 +171,21 @@ def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
             weights = data.get("verification_weights")
             found[rows] = weighted_std(known.values, np.ones(len(known)) if weights is None else weights.values)
     return found
+
+
+def verified_range(node: xr.DataTree, shape: tuple[int, ...]) -> tuple[Array, Array, int]:
+    """Return smallest and largest values (shape) of the verification realisations, NaN without any; and their number.
+
+    Of surrogates with different numbers of realisations, the smallest of these.
+    """
+    low, high, counts = np.full(shape, np.nan), np.full(shape, np.nan), list[int]()
+    for _, data, rows in stored_surrogates(node):
+        known = data.get("verification_response")
+        there = known is not None and len(known) > 0 and known.shape[1:] == (len(rows), *shape[1:])
+        counts.append(len(known) if known is not None and there else 0)
+        if known is not None and there:
+            low[rows], high[rows] = np.fmin.reduce(known.values), np.fmax.reduce(known.values)
+    return low, high, min(counts, default=0)
 
 
 def verified_trials(node: xr.DataTree) -> float:
