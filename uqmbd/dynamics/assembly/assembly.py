@@ -4,8 +4,8 @@ Positions by damped Gauss-Newton with the smallest change, and velocities with t
 where it is undecided by singular values.  The rank of the constraint Jacobian by singular values and pivoted QR;
 accelerations from the index-1 system.
 
-Poses and velocities are one module of more than 420 lines: where velocities cannot be realised, poses next to the drawn
-one are closed to say why.
+Length: poses and velocities are one module, since where velocities cannot be realised, poses next to the drawn one are
+closed to say why.
 """
 
 from __future__ import annotations
