@@ -3,7 +3,13 @@
 The height of the road is a Gaussian process of the distance with the covariance ``s^2 exp(-|x - y| / c)``, s = 10 mm,
 c = 5 m, cut off after twelve terms of its Karhunen-Loeve expansion over the 40 m that are driven at 20 m/s; their
 coefficients are independent and standard normal.  What is left out has a share of the variance that `LEFT_OUT` states.
-The tyre lifts off where it would pull.
+The tyre follows the mean height over the 0.2 m of its contact patch, and lifts off where it would pull.
+
+Twelve terms end at 18 rad/s, below the wheel hop at 70 rad/s.  From 1 s to 2 s they have 99 % of the exact standard
+deviation of the body height, 88 % of the suspension travel, 58 % of the body acceleration and 31 % of the tyre force.
+With 48 terms the travel has 99 %, with 96 the acceleration, with 192 the tyre force; take order 1 for so many inputs.
+Without the contact patch the tyre force has no limit, because the damper of the tyre feels the slope of the road, whose
+variance is infinite.  `studies/benchmarks/random_road.py` prints the table.
 
 Sprung mass 300 kg, unsprung 40 kg, suspension 20 kN/m and 1.2 kN s/m, tyre 180 kN/m and 100 N s/m.
 """
@@ -21,7 +27,7 @@ from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import RadialTyre, SpringDamper
 
-SPEED, DURATION, DEVIATION, CORRELATION, TERMS = 20.0, 2.0, 0.01, 5.0, 12
+SPEED, DURATION, DEVIATION, CORRELATION, TERMS, PATCH = 20.0, 2.0, 0.01, 5.0, 12, 0.2
 HALF = SPEED * DURATION / 2
 
 
@@ -46,29 +52,40 @@ def karhunen_loeve(terms):
     return found
 
 
+def random_road(terms, patch=PATCH):
+    """Height of the road under the wheel over time (m): its mean over a contact patch of a length (m)."""
+    place = SPEED * uqmbd.t - HALF
+    height = sympy.Integer(0)
+    for k, (frequency, value) in enumerate(karhunen_loeve(terms)):
+        sign, wave = (1, sympy.cos) if k % 2 == 0 else (-1, sympy.sin)
+        size = np.sqrt(HALF + sign * np.sin(2 * frequency * HALF) / (2 * frequency))
+        coefficient = uqmbd.RandomVariable(f"road_{k + 1}", chaospy.Normal(0, 1), units="1")
+        mean = np.sinc(frequency * patch / 2 / np.pi)  # of the wave over the patch
+        height += coefficient * float(mean * np.sqrt(value) / size) * wave(frequency * place)
+    return height
+
+
+def quarter_car(road):
+    """Sprung and unsprung mass above a road of a height (m)."""
+    mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Line(gravity=-9.81))
+    wheel = mechanism.body("wheel", mass=40, position=0.3)
+    body = mechanism.body("body", mass=300, position=0.8)
+    mechanism.add(SpringDamper("suspension", wheel, body, 0, 0, stiffness=20_000, damping=1_200, free_length=0.65))
+    tyre = mechanism.add(
+        RadialTyre("tyre", mechanism.ground, wheel, 0, road=road, radius=0.32, stiffness=180_000, damping=100)
+    )
+    mechanism.output("body_height", body.position, units="m")
+    mechanism.output("body_acceleration", body.acceleration, units="m/s^2")
+    mechanism.output("suspension_travel", body.position - wheel.position, units="m")
+    mechanism.output("tyre_force", tyre.reaction_force, units="N")
+    return mechanism
+
+
 modes = karhunen_loeve(TERMS)
 LEFT_OUT = 1 - sum(value for _, value in modes) / (DEVIATION**2 * 2 * HALF)
 
-place = SPEED * uqmbd.t - HALF
-road = sympy.Integer(0)
-for k, (frequency, value) in enumerate(modes):
-    sign, wave = (1, sympy.cos) if k % 2 == 0 else (-1, sympy.sin)
-    size = np.sqrt(HALF + sign * np.sin(2 * frequency * HALF) / (2 * frequency))
-    coefficient = uqmbd.RandomVariable(f"road_{k + 1}", chaospy.Normal(0, 1), units="1")
-    road += coefficient * float(np.sqrt(value) / size) * wave(frequency * place)
-
-mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Line(gravity=-9.81))
-wheel = mechanism.body("wheel", mass=40, position=0.3)
-body = mechanism.body("body", mass=300, position=0.8)
-mechanism.add(SpringDamper("suspension", wheel, body, 0, 0, stiffness=20_000, damping=1_200, free_length=0.65))
-tyre = mechanism.add(
-    RadialTyre("tyre", mechanism.ground, wheel, 0, road=road, radius=0.32, stiffness=180_000, damping=100)
-)
-
-mechanism.output("body_height", body.position, units="m")
-mechanism.output("body_acceleration", body.acceleration, units="m/s^2")
-mechanism.output("suspension_travel", body.position - wheel.position, units="m")
-mechanism.output("tyre_force", tyre.reaction_force, units="N")
+road = random_road(TERMS)
+mechanism = quarter_car(road)
 
 study = uqmbd.Study(
     "quarter_car",

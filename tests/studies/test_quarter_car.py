@@ -80,3 +80,42 @@ def test_three_methods_find_the_spread(made):
     sampled = study.propagate(MonteCarlo(samples=300, seed=2))["statistics"].sel(output=chosen)
     away = abs(sampled["std"].values - expected) / (sampled["std_error_std"].values + 1e-6 * most)
     assert away.max() < 5
+
+
+def test_the_road_is_a_mean_over_the_contact_patch(made):
+    """Each wave, integrated over the patch by a Gauss rule, at three times."""
+    patch, speed = made["PATCH"], made["SPEED"]
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    fine, mean = made["random_road"](5, 0.0), made["random_road"](5, patch)
+    for k in range(1, 6):
+        (variable,) = (one for one in fine.free_symbols if str(one) == f"road_{k}")
+        (other,) = (one for one in mean.free_symbols if str(one) == f"road_{k}")
+        wave = sympy.lambdify(uqmbd.t, fine.coeff(variable))
+        averaged = sympy.lambdify(uqmbd.t, mean.coeff(other))
+        for time in (0.3, 1.0, 1.7):
+            expected = weights @ [wave(time + patch / 2 * x / speed) for x in nodes] / 2
+            assert averaged(time) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.slow
+def test_outputs_converge_with_the_number_of_terms(made):
+    """To integrals of the transfer function and the spectral density of the road, from 1 s on: the start is over."""
+    rate = made["SPEED"] / made["CORRELATION"]
+    omega = np.concatenate([np.linspace(1e-3, 400, 40_001), np.linspace(400.1, 40_000, 400_000)])
+    density = made["DEVIATION"] ** 2 * 2 * rate / (omega**2 + rate**2) / np.pi
+    density *= np.sinc(omega / made["SPEED"] * made["PATCH"] / 2 / np.pi) ** 2
+    s = 1j * omega
+    suspension, tyre = 20_000 + 1_200 * s, 180_000 + 100 * s
+    ratio = suspension / (300 * s**2 + suspension)
+    wheel = tyre / (40 * s**2 + suspension * (1 - ratio) + tyre)
+    outputs = {"body_acceleration": s**2 * ratio * wheel, "suspension_travel": (ratio - 1) * wheel}
+    times = np.linspace(0, 2, 41)
+    found = {}
+    for terms in (12, 96):
+        study = uqmbd.Study("road", made["quarter_car"](made["random_road"](terms)), times, start="equilibrium")
+        std = study.propagate(Collocation(order=1, method="regression"))["statistics"]["std"]
+        found[terms] = {name: float(np.sqrt((std.sel(output=name)[..., 20:] ** 2).mean())) for name in outputs}
+    for name, transfer in outputs.items():
+        exact = np.sqrt(scipy.integrate.trapezoid(density * abs(transfer) ** 2, omega))
+        assert found[12][name] < 0.9 * exact
+        assert found[96][name] == pytest.approx(exact, rel=0.01)
