@@ -229,7 +229,8 @@ def _closing(model: Model, q: Array, time: float, parameters: Array) -> dict[str
 
 
 def _phi_q(model: Model, q: Array, time: float, parameters: Array) -> Array:
-    return _closing(model, q, time, parameters)["phi_q"][0]
+    rows: Array = _closing(model, q, time, parameters)["phi_q"][0]
+    return rows
 
 
 def _scaled(model: Model, q: Array, time: float, parameters: Array) -> tuple[Array, Array]:
@@ -260,7 +261,8 @@ def _motions(a: Array) -> tuple[Array, Array, float]:
 
 def _heavy(u: Array) -> Index:
     order = np.argsort(-np.abs(u), kind="stable")
-    return order[np.abs(u[order]) > 0.1 * np.abs(u).max()].astype(np.int64)
+    rows: Index = order[np.abs(u[order]) > 0.1 * np.abs(u).max()].astype(np.int64)
+    return rows
 
 
 def _moved(model: Model, move: Array) -> str:
