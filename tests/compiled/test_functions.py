@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Callable
@@ -29,15 +30,18 @@ POINTS = np.array(
 
 
 class Outside(Exception):
-    """A number leaves the range of double precision on the way, or is compared with what is none."""
+    """A number leaves the range of double precision on the way."""
 
 
 def compiled(expressions: list[sympy.Expr], points: np.ndarray) -> np.ndarray:
     return compile_kernel(se.symbols("x y"), [se.sympify(plain(e)) for e in expressions])(points)
 
 
-def exact(e: sympy.Basic, point: dict[sympy.Symbol, float], blur: Callable[[], float]) -> mpmath.mpf | bool:
-    """Evaluate by mpmath with 40 digits, each operation blurred; what is not real is NaN, as everything made of it."""
+def exact(e: sympy.Basic, point: dict[sympy.Symbol, float], blur: Callable[[], float]) -> mpmath.mpf | bool | None:
+    """Evaluate by mpmath with 40 digits, each operation blurred; what is not real is NaN, as everything made of it.
+
+    Truth values are those of Kleene's logic: None where what is not real decides.
+    """
     if isinstance(e, sympy.Symbol):
         return mpmath.mpf(point[e])
     if isinstance(e, sympy.Number | sympy.NumberSymbol):
@@ -45,14 +49,17 @@ def exact(e: sympy.Basic, point: dict[sympy.Symbol, float], blur: Callable[[], f
     if e in (sympy.true, sympy.false):
         return bool(e)
     if isinstance(e, sympy.Piecewise):
-        return next((exact(v, point, blur) for v, c in e.args if exact(c, point, blur)), mpmath.nan)
-    values = [exact(a, point, blur) for a in e.args]
-    if isinstance(e, sympy.core.relational.Relational | sympy.logic.boolalg.BooleanFunction):
-        return bool(e.func(*[sympy.Float(v, 40) if isinstance(v, mpmath.mpf) else v for v in values]))
-    if any(mpmath.isnan(v) for v in values):
-        if isinstance(e, sympy.Max | sympy.Min | sympy.sign | sympy.Heaviside):
-            raise Outside  # `plain` writes them piecewise, and a comparison with NaN does not hold
+        for v, c in e.args:
+            if (truth := exact(c, point, blur)) is not False:
+                return mpmath.nan if truth is None else exact(v, point, blur)
         return mpmath.nan
+    values = [exact(a, point, blur) for a in e.args]
+    if isinstance(e, sympy.logic.boolalg.BooleanFunction):
+        return joined(e, values)
+    if any(mpmath.isnan(v) for v in values):
+        return None if isinstance(e, sympy.core.relational.Relational) else mpmath.nan
+    if isinstance(e, sympy.core.relational.Relational):
+        return bool(e.func(*[sympy.Float(v, 40) for v in values]))
     found = _APPLIED[e.func](*values)
     if isinstance(found, mpmath.mpc):
         if found.imag != 0:
@@ -61,6 +68,14 @@ def exact(e: sympy.Basic, point: dict[sympy.Symbol, float], blur: Callable[[], f
     if mpmath.isinf(found) or (found != 0 and not 1e-290 < abs(found) < 1e290):
         raise Outside
     return found * (1 + blur())
+
+
+def joined(e: sympy.Basic, values: list[bool | None]) -> bool | None:
+    """Join truth values."""
+    if isinstance(e, sympy.And | sympy.Or):
+        settles = isinstance(e, sympy.Or)
+        return settles if settles in values else None if None in values else not settles
+    return None if None in values else bool(e.func(*values))
 
 
 def _by_name(function: type[sympy.Basic]) -> Callable[..., mpmath.mpf]:
@@ -175,6 +190,37 @@ def test_random_expressions_are_what_mpmath_says(expressions: list[sympy.Expr]) 
             elif not any(map(mpmath.isnan, around)):
                 spread = max(abs(x - expected) for x in around)
                 assert abs(value - expected) <= 3 * spread + 1e-14 * abs(expected) + 1e-290, (e, row, value, expected)
+
+
+def truths(depth: int) -> st.SearchStrategy[sympy.Basic]:
+    """Conditions of which some are compared with no real numbers: roots and logarithms of negative ones."""
+    sides = st.sampled_from([X, Y, sympy.sqrt(X), sympy.log(Y), sympy.acos(X), X ** sympy.Rational(1, 3) + Y])
+    compared = st.builds(
+        lambda relation, a, b: relation(a, sympy.Rational(b, 7)),
+        st.sampled_from([sympy.Lt, sympy.Le, sympy.Gt, sympy.Ge, sympy.Ne]),
+        sides,
+        st.integers(-9, 9),
+    )
+    if not depth:
+        return compared
+    part = truths(depth - 1)
+    joins = st.builds(lambda f, a, b: f(a, b), st.sampled_from([sympy.And, sympy.Or, sympy.Xor]), part, part)
+    return st.one_of(part, joins, part.map(sympy.Not))
+
+
+@settings(deadline=None, max_examples=4, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(st.lists(truths(2), min_size=12, max_size=12))
+def test_what_depends_on_a_comparison_of_no_real_numbers_is_none(conditions: list[sympy.Basic]) -> None:
+    """It is NaN unless other parts of the condition decide, whichever branch would be taken."""
+    pieces = [
+        sympy.Piecewise((1, c), (sympy.Piecewise((2, d), (3, True)), True)) for c, d in itertools.pairwise(conditions)
+    ]
+    pieces += [sympy.sign(sympy.log(X)), sympy.Max(Y, sympy.sqrt(X)), sympy.Heaviside(sympy.acos(Y)) + X]
+    found = compiled(pieces, POINTS)
+    for row, values in zip(POINTS, found, strict=True):
+        point = dict(zip((X, Y), row, strict=True))
+        expected = [float(exact(piece, point, lambda: 0.0)) for piece in pieces]
+        np.testing.assert_allclose(values, expected, rtol=1e-14, err_msg=str((row, pieces)))
 
 
 SPECIAL = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 1.0, -1.0, 0.5])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from uqmbd.compiled.tables import Tables
-from uqmbd.compiled.writer import Writer
+from uqmbd.compiled.writer import Masks, Writer
 
 __all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
 
@@ -43,6 +43,12 @@ _OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "acoth": "atan
 _INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}
 
 _COMPARISON = {"LessThan": "ole", "StrictLessThan": "olt", "Equality": "oeq", "Unequality": "une"}
+
+_OPPOSITE = {"LessThan": "ogt", "StrictLessThan": "oge", "Equality": "one", "Unequality": "oeq"}
+"""What holds where a comparison surely does not; neither holds where one of its sides is no real number."""
+
+_PARTIAL = {"asin", "acos", "acosh", "atanh", "asec", "acsc", "acoth", "log", "gamma"}
+"""Functions, next to powers, that are not real everywhere."""
 
 _CONNECTIVE = {"And": "and", "Or": "or", "Xor": "xor"}
 
@@ -127,7 +133,7 @@ def expressions_text(
     meaning = dict(replacements)
     rows = {symbol: k for k, symbol in enumerate(arguments)}
     known: dict[Any, str] = {}
-    masks: set[str] = set()
+    masks = Masks()
     looked: dict[tuple[str, ...], list[str]] = {}
 
     def look_up(e: Any, values: list[str]) -> str:
@@ -165,6 +171,8 @@ def expressions_text(
                 known[e] = look_up(e, values)
             else:
                 known[e] = _written(w, masks, e, values)
+            if known[e] not in masks and (_may_be_unreal(e) or not masks.partial.isdisjoint(values)):
+                masks.partial.add(known[e])
         return known[expression]
 
     # what stands for others is written where it is needed first, which keeps values in registers
@@ -243,7 +251,7 @@ def _real(e: Any) -> float:
         raise NotCompiled(f"{e}, which is no real number") from None
 
 
-def _written(w: Writer, masks: set[str], e: Any, values: list[str]) -> str:
+def _written(w: Writer, masks: Masks, e: Any, values: list[str]) -> str:
     """Write an expression whose parts are written."""
     if values and all(value.startswith("splat (double") for value in values):
         with contextlib.suppress(NotCompiled):  # as the comparison of numbers
@@ -263,7 +271,7 @@ def _written(w: Writer, masks: set[str], e: Any, values: list[str]) -> str:
         return _power(w, e, values)
     kind = type(e).__name__
     if kind == "BooleanTrue" or kind == "BooleanFalse":
-        return _noted(masks, f"splat (i1 {'true' if kind == 'BooleanTrue' else 'false'})")
+        return masks.noted(f"splat (i1 {'true' if kind == 'BooleanTrue' else 'false'})")
     if _is_constant(e):
         return w.number(_real(e))
     rule = _RULES.get(kind)
@@ -296,48 +304,76 @@ def _power(w: Writer, e: Any, values: list[str]) -> str:
     return w.divide(w.number(1.0), result) if _real(exponent) < 0 else result
 
 
-def _noted(masks: set[str], name: str) -> str:
-    masks.add(name)
-    return name
+def _may_be_unreal(e: Any) -> bool:
+    """Whether a function may be no real number though its arguments are."""
+    if e.is_Pow:
+        base, exponent = e.args
+        whole = exponent.is_Number and _real(exponent).is_integer()
+        return not (whole or base.is_Number or type(base).__name__ == "Exp1")
+    return type(e).__name__ in _PARTIAL
 
 
-Rule = Callable[[Writer, set[str], str, list[str]], str]
+Rule = Callable[[Writer, Masks, str, list[str]], str]
 
 
-def _compared(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+def _compared(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     a, b = values
     if a in masks or b in masks:  # of truth values: the search for common subexpressions writes ``x == True``
-        differ = w.made(f"xor MASK {a}, {b}")
-        return _noted(masks, differ if kind == "Unequality" else _not(w, masks, "Not", [differ]))
-    return _noted(masks, w.compare(_COMPARISON[kind], a, b))
+        return _same_truth(w, masks, kind, a, b)
+    if masks.partial.isdisjoint(values):
+        return masks.noted(w.compare(_COMPARISON[kind], a, b))
+    holds = "one" if kind == "Unequality" else _COMPARISON[kind]
+    return masks.noted(w.compare(holds, a, b), w.compare(_OPPOSITE[kind], a, b))
 
 
-def _connected(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+def _same_truth(w: Writer, masks: Masks, kind: str, a: str, b: str) -> str:
+    """Compare truth values."""
+    if masks.defined(a, b):
+        differ = masks.noted(w.made(f"xor MASK {a}, {b}"))
+        return differ if kind == "Unequality" else _not(w, masks, "Not", [differ])
+    both, neither = (w.made(f"and MASK {x}, {y}") for x, y in ((a, b), (masks.false(w, a), masks.false(w, b))))
+    one, other = (w.made(f"and MASK {x}, {y}") for x, y in ((a, masks.false(w, b)), (masks.false(w, a), b)))
+    same, differ = w.made(f"or MASK {both}, {neither}"), w.made(f"or MASK {one}, {other}")
+    return masks.noted(differ, same) if kind == "Unequality" else masks.noted(same, differ)
+
+
+def _connected(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     result = values[0]
     for value in values[1:]:
-        result = w.made(f"{_CONNECTIVE[kind]} MASK {result}, {value}")
-    return _noted(masks, result)
+        if masks.defined(result, value):
+            result = masks.noted(w.made(f"{_CONNECTIVE[kind]} MASK {result}, {value}"))
+        elif kind == "Xor":
+            result = _same_truth(w, masks, "Unequality", result, value)
+        else:
+            opposite = "or" if kind == "And" else "and"
+            false = w.made(f"{opposite} MASK {masks.false(w, result)}, {masks.false(w, value)}")
+            result = masks.noted(w.made(f"{_CONNECTIVE[kind]} MASK {result}, {value}"), false)
+    return result
 
 
-def _not(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
-    return _noted(masks, w.made(f"xor MASK {values[0]}, splat (i1 true)"))
+def _not(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+    (value,) = values
+    return masks.noted(masks.false(w, value), None if masks.defined(value) else value)
 
 
-def _piecewise(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
-    result = w.number(float("nan"))
+def _piecewise(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+    undefined = w.number(float("nan"))
+    result = undefined
     for value, condition in reversed(list(zip(values[::2], values[1::2], strict=True))):
+        if not masks.defined(condition):  # what depends on a comparison of no real numbers is none, too
+            result = w.select(masks.false(w, condition), result, undefined)
         result = value if condition == "splat (i1 true)" else w.select(condition, value, result)
     return result
 
 
-def _sign(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+def _sign(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     (x,) = values
     zero = w.number(0.0)
     negative = w.select(w.compare("olt", x, zero), w.number(-1.0), x)  # zero and NaN stay what they are
     return w.select(w.compare("ogt", x, zero), w.number(1.0), negative)
 
 
-def _extreme(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+def _extreme(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     result = values[0]
     for value in values[1:]:
         result = w.intrinsic("maximum" if kind == "Max" else "minimum", result, value)

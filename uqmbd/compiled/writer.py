@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from uqmbd.compiled.tables import Table, table_constants
 
-__all__ = ["LANES", "Writer"]
+__all__ = ["LANES", "Masks", "Writer"]
 
 LANES = 8
 """Realisations in a row."""
@@ -207,6 +207,38 @@ class Writer:
             lines.append(f"%r{lane} = insertelement KIND {result}, double %f{lane}, i32 {lane}")
             result = f"%r{lane}"
         return "\n".join([*lines, f"ret KIND {result}", "}", ""])
+
+
+class Masks:
+    """Truth values by name, and the values that may be no real numbers: a comparison with these may be undefined.
+
+    Attributes
+    ----------
+    surely_false : dict
+        Of each mask, where it surely does not hold; None: where it does not hold.
+    partial : set of str
+        Values that may be no real numbers.
+    """
+
+    def __init__(self) -> None:
+        self.surely_false: dict[str, str | None] = {}
+        self.partial: set[str] = set()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.surely_false
+
+    def noted(self, name: str, false: str | None = None) -> str:
+        """Note a mask, and where it surely does not hold unless that is wherever it does not hold."""
+        self.surely_false[name] = false
+        return name
+
+    def defined(self, *names: str) -> bool:
+        """Whether masks hold, or surely do not, everywhere."""
+        return all(self.surely_false[name] is None for name in names)
+
+    def false(self, w: Writer, name: str) -> str:
+        """Return where a mask surely does not hold."""
+        return self.surely_false[name] or w.made(f"xor MASK {name}, splat (i1 true)")
 
 
 def _double(value: float) -> str:
