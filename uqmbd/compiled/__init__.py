@@ -12,7 +12,7 @@ from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Part, Program, Writer
-from uqmbd.compiled.recording import FINE, PLACES, Course, Fitted, Need, PartTable, Path
+from uqmbd.compiled.recording import FINE, PLACES, SERIES, Course, Fitted, Need, PartTable, Path
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.waves import wave_values
@@ -37,6 +37,7 @@ __all__ = [
     "NodalSystems",
     "ORDER",
     "PLACES",
+    "SERIES",
     "Operation",
     "Part",
     "PartTable",

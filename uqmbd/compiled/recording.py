@@ -21,7 +21,7 @@ from uqmbd.compiled.programs import Program
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["FINE", "PLACES", "Course", "Fitted", "Need", "PartTable", "Path", "Recorder"]
+__all__ = ["FINE", "PLACES", "SERIES", "Course", "Fitted", "Need", "PartTable", "Path", "Recorder"]
 
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
@@ -40,7 +40,7 @@ LEAST = 64
 _VANDER = np.polynomial.chebyshev.chebvander
 _PADDED = np.append(FINE, np.ones(-len(FINE) % LANES))
 _WEIGHTS = np.where(np.arange(8) % 2, -1.0, 1.0) * np.where(np.arange(8) % 7, 1.0, 0.5)
-_SERIES = np.ascontiguousarray(np.linalg.inv(_VANDER(2 * PLACES - 1, 7)).T)
+SERIES = np.ascontiguousarray(np.linalg.inv(_VANDER(2 * PLACES - 1, 7)).T)
 _FINE = np.ascontiguousarray(_VANDER(_PADDED, 7).T)
 _MEAN = np.linalg.solve(_VANDER(2 * PLACES - 1, 7).T, [1 / (1 - k * k) if k % 2 == 0 else 0.0 for k in range(8)])
 """Barycentric weights of the places, values at these to Chebyshev coefficients, such to values at `FINE`, and weights
@@ -265,6 +265,7 @@ class PartTable:
     step: Index
     depth: Index
     next: Index
+    whole: Index
     beside: Index
     low: Array
     high: Array
@@ -326,7 +327,7 @@ class PartTable:
         return self.count > self.seen
 
     def _structure(self) -> c.Parts:
-        kept = *self.needs, _SERIES, _FINE, _MEAN
+        kept = *self.needs, SERIES, _FINE, _MEAN
         found = c.Parts(
             ctypes.addressof(self.course.structure),
             *(len(self.first), self.outputs, len(self.needs[0])),

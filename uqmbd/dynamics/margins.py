@@ -14,7 +14,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model, OutputMap, output_map
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.statics import ScalarMap, scalar_map, scalars_of
-from uqmbd.dynamics.summaries import running_minimum
+from uqmbd.dynamics.summaries import Domain, domain_map, running_minimum
 from uqmbd.mechanism import Mechanism, Requirement
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
@@ -73,11 +73,14 @@ class MarginMap:
         Margins that change with time.
     still : ScalarMap or None
         The others.
+    domain : Domain
+        What has to hold where those that change with time are finite real numbers.
     """
 
     requirements: tuple[Requirement, ...]
     moving: OutputMap | None
     still: ScalarMap | None
+    domain: Domain
 
     @property
     def needs_motion(self) -> bool:
@@ -109,7 +112,9 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
         [mechanism.margins[r.name] for r in requirements if r.over_time == wanted] for wanted in (True, False)
     )
     compiled = output_map(moving, *places) if moving else None
-    return MarginMap(requirements, compiled, scalar_map(still, *places))
+    expressions = [output.expression for output in moving]
+    domain = domain_map(expressions, expressions, lambda parts: output_map(parts, *places))
+    return MarginMap(requirements, compiled, scalar_map(still, *places), domain)
 
 
 def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[str, ...]:
@@ -171,7 +176,14 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
             trajectories.messages,
         )
         good = np.flatnonzero(status == Status.OK)
-        running[np.ix_(good, over_time)] = running_minimum(ensemble, seen.moving, trajectories)[good]
+        smallest, lost = running_minimum(ensemble, seen.moving, trajectories, seen.domain)
+        running[np.ix_(good, over_time)] = smallest[good]
+        moving = seen.moving.names
+        told = [
+            f"the margin of requirement {moving[one.number]!r} {one.fault}: it {one.text}" if one else ""
+            for one in lost
+        ]
+        fail(np.array([Status.OK if one is None else one.status for one in lost]), told)
     wrong = np.isnan(running).any(axis=2) | np.isinf(running[:, :, -1])
     names = [requirement.name for requirement in seen.requirements]
     reasons = [

@@ -18,12 +18,16 @@ from scipy.optimize import minimize_scalar
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.dynamics import Ensemble, Trajectories, integrate, running_minimum, scalars_of
+from uqmbd.dynamics.summaries import Domain
 from uqmbd.propagation.observed_model import observed_model
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import PositionDriver
 from uqmbd_joints import Distance, Revolute
 from uqmbd_springs import PointForce, SpringDamper, TorsionSpringDamper
+
+ANYWHERE = Domain(None, ())
+"""An expression that is real and finite."""
 
 
 class Stages:
@@ -163,7 +167,7 @@ def test_realisations_depend_on_nothing_but_themselves(monkeypatch):
     def run(rows):
         ensemble = Ensemble(model, values[rows])
         trajectories = integrate(ensemble, np.linspace(0, 2, 11), 1e-6, "dop853", between=True)
-        return scalars_of(ensemble, trajectories), running_minimum(ensemble, outputs, trajectories)
+        return scalars_of(ensemble, trajectories), running_minimum(ensemble, outputs, trajectories, ANYWHERE)[0]
 
     whole, margins = run(np.arange(70))
     assert (whole.status == 0).all()
@@ -342,7 +346,8 @@ def test_running_minima_are_those_of_many_times(method):
     model = observed_model(mechanism, 0.0)
     ensemble = Ensemble(model, np.array([[1.0, 1.0], [0.98, 1.1]]))
     times, dense = np.linspace(0, 3, 13), np.linspace(0, 3, 24_001)
-    got = running_minimum(ensemble, model.outputs, integrate(ensemble, times, 1e-8, method, between=True))
+    path = integrate(ensemble, times, 1e-8, method, between=True)
+    got, _ = running_minimum(ensemble, model.outputs, path, ANYWHERE)
     values = ensemble.outputs(dense, integrate(ensemble, dense, 1e-8, method).states)
     so_far = np.minimum.accumulate(values, axis=2)[:, :, np.searchsorted(dense, times - 1e-9)]
     np.testing.assert_allclose(got, so_far, atol=2e-6)

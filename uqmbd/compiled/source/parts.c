@@ -230,14 +230,15 @@ static void as_good_as_ever(const Parts *p, int64_t e, int64_t o) {
     p->error[at] = 0.0;
 }
 
-/* Tolerances of a realisation, from the sizes of its outputs. */
+/* Tolerances of a realisation, from the sizes of its outputs where they are finite: what is reached before that ends is to
+   be accurate. */
 static void allow(const Parts *p, int64_t m) {
     for (int64_t o = 0; o < p->outputs; o++) {
         double size = 0.0;
         for (int64_t e = p->first[m]; e >= 0; e = p->next[e]) {
             double most = __builtin_fabs(p->most[e * p->outputs + o]), least = __builtin_fabs(p->least[e * p->outputs + o]);
-            if (!(most <= size)) size = most;
-            if (!(least <= size)) size = least;
+            if (most > size) size = most;
+            if (least > size) size = least;
         }
         p->allowed[m * p->outputs + o] = p->share * size;
     }

@@ -39,6 +39,7 @@ from uqmbd.mechanism import (
     Output,
     ScalarSymbol,
     Summary,
+    shown,
 )
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
@@ -108,6 +109,8 @@ class ScalarMap:
         Expressions that are evaluated in steady motion.
     summed : SummaryMap
         What sums the motion up.
+    summed_in : tuple of (str, str)
+        Of each of these, an output that it is in, and how a message shows it.
     kernel : Kernel
         Of ``(modal, motion, resting, steady, summed, inputs)``.
     reaching : tuple of tuple of int
@@ -123,6 +126,7 @@ class ScalarMap:
     resting: OutputMap
     steady: OutputMap
     summed: SummaryMap
+    summed_in: tuple[tuple[str, str], ...]
     kernel: Kernel
     reaching: tuple[tuple[int, ...], ...]
     late: tuple[str, ...]
@@ -216,6 +220,7 @@ def scalar_map(
         resting,
         steady,
         summary_map(summed, compiled),
+        tuple((next(o.name for o in outputs if o.expression.has(s)), shown(s)) for s in summed),
         kernel,
         tuple(
             tuple(k for k, s in enumerate(every) if isinstance(s, EventTime | FirstTime) and o.expression.has(s))
@@ -336,7 +341,12 @@ def scalars_of(
         fail(good, reasons)
     good = np.flatnonzero(status == Status.OK)
     if seen.summed.names and trajectories is not None and len(good):
-        columns[good, ends[3] :] = summarised(ensemble, seen.summed, trajectories, good)
+        columns[good, ends[3] :], lost = summarised(ensemble, seen.summed, trajectories, good)
+        for member, reason in zip(good.tolist(), lost, strict=True):
+            if reason is not None:
+                name, expression = seen.summed_in[reason.number]
+                told = f"output {name!r} {reason.fault}: the expression of {expression} {reason.text}"
+                fail(np.array([member]), [told], reason.status)
     censored = np.zeros((count, len(seen.names)), dtype=bool)
     for k, reaching in enumerate(seen.reaching):
         censored[good, k] = np.isnan(columns[good][:, np.array(reaching, dtype=np.int64)]).any(axis=1)

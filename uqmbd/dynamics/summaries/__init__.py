@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.summaries.summaries import SummaryMap, running_minimum, summarised, summary_map
+from uqmbd.dynamics.summaries.domain import Domain, domain_map
+from uqmbd.dynamics.summaries.summaries import (
+    Reason,
+    SummaryMap,
+    running_minimum,
+    summarised,
+    summary_map,
+)
 
-__all__ = ["SummaryMap", "running_minimum", "summarised", "summary_map"]
+__all__ = ["Domain", "Reason", "SummaryMap", "domain_map", "running_minimum", "summarised", "summary_map"]

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.compiled import Course, Fitted, Need, PartTable
+from uqmbd.compiled import PLACES, SERIES, Course, Fitted, Need, PartTable
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.motion import Motion
 from uqmbd.typing import Array, Index
@@ -27,6 +27,20 @@ SHARE = 0.02
 
 ROUNDING = 2e-12
 """... as a part of the largest value."""
+
+SHY = 1e-6
+"""Part of a part that is left before a time at which an output is no finite real number any more."""
+
+SURPRISE = 0.3
+"""Part of the last four coefficients of a polynomial by which values between its points may be beside it: those of a
+smooth output are less, and what only one of its points shows is more."""
+
+ROUGH = 6
+"""Divisions after which a part may be taken as it is, as nothing makes it better: as in ``parts.c``."""
+
+FINEST = 1 / 4096
+"""Part of the whole time within which an output of time alone is looked at in eight points: no step of an integrator
+tells how fast it changes."""
 
 LONGEST = 1 / 64
 """Part of the whole time that a part lasts at most: what an output does for a moment shows in some of its points."""
@@ -61,6 +75,17 @@ class Parts:
     def owner(self) -> Index:
         """Of which realisation each is, shape (E,); ascending."""
         return self.table.course.owner[self.table.step[self.order]]
+
+    @cached_property
+    def deep(self) -> Index:
+        """Numbers of those that were divided so often that they may have been taken as they are."""
+        return np.flatnonzero(self.table.depth[self.order] > ROUGH)
+
+    @cached_property
+    def unknown(self) -> Index:
+        """Numbers of those in which any output is not finite."""
+        wrong = np.asarray(np.isnan(self.table.highest[: self.table.count]).any(axis=1))
+        return np.flatnonzero(wrong[self.order]) if wrong.any() else np.zeros(0, dtype=np.int64)
 
     @cached_property
     def begin(self) -> Array:
@@ -111,9 +136,32 @@ def part_table(outputs: OutputMap, rtol: float, needs: Sequence[Need]) -> PartTa
     return PartTable(len(outputs.names), needs, max(SHARE * rtol, ROUNDING))
 
 
-def resolved(motion: Motion, outputs: OutputMap, table: PartTable) -> Parts:
-    """Resolve outputs along a motion as far as is needed; what was in the table is lost."""
-    table.begin_with(motion.course, *_begun(motion.course))
+def resolved(
+    motion: Motion,
+    outputs: OutputMap,
+    table: PartTable,
+    timed: OutputMap | None = None,
+    since: Array | None = None,
+) -> Parts:
+    """Resolve outputs along a motion as far as is needed; what was in the table is lost.
+
+    Parameters
+    ----------
+    motion : Motion
+    outputs : OutputMap
+    table : PartTable
+    timed : OutputMap, optional
+        Those of the outputs that are of time and inputs alone.
+    since : array, shape (R,), optional
+        Time from which on an output is no finite real number, s; infinite: nowhere.  Parts begin there, for what is not
+        finite is not divided.
+    """
+    begun = _begun(motion.course)
+    if timed is not None:
+        begun = _looked_through(motion, timed, *begun, table.share)
+    if since is not None and (since < np.inf).any():
+        begun = _cut(motion.course, *begun, since)
+    table.begin_with(motion.course, *begun)
     with np.errstate(invalid="ignore"):
         while table.refine(motion.observed(outputs, *table.new)):
             pass
@@ -133,3 +181,51 @@ def _begun(course: Course) -> tuple[Index, Array, Array]:
     number = np.arange(len(step)) - np.repeat(np.cumsum(counts) - counts, counts)
     reach, of = reached[step], counts[step]
     return step, reach * number / of, np.where(number + 1 == of, reach, reach * (number + 1) / of)
+
+
+def _looked_through(
+    motion: Motion, timed: OutputMap, step: Index, low: Array, high: Array, share: float
+) -> tuple[Index, Array, Array]:
+    """Divide parts on which outputs of time alone do what their polynomials do not show: of which step, from, to."""
+    course = motion.course
+    extent = (course.last - course.begin)[step]
+    turns = np.flatnonzero(np.diff(course.owner[step], prepend=-1))
+    length = (high - low) * extent
+    number = np.cumsum(np.diff(course.owner[step], prepend=course.owner[step[:1]]) != 0)
+    whole = np.add.reduceat(length, turns)[number]
+    count = np.maximum(1, np.ceil(length / np.where(whole > 0, FINEST * whole, 1.0) - 1e-9)).astype(np.int64)
+    part = np.repeat(np.arange(len(step)), count)
+    among = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    begin, end = among / count[part], np.where(among + 1 == count[part], 1.0, (among + 1) / count[part])
+    span = (high - low)[part]
+    left, right = low[part] + begin * span, np.where(end == 1.0, high[part], low[part] + end * span)
+    seen = motion.observed(timed, step[part], left, right)
+    with np.errstate(invalid="ignore"):
+        series = motion.observed(timed, step, low, high) @ SERIES
+        places = 2 * (begin[:, None] + (end - begin)[:, None] * PLACES) - 1
+        vander = np.polynomial.chebyshev.chebvander(places, len(PLACES) - 1)
+        expected = np.einsum("epk,eok->eop", vander, series[part])
+        wrong = np.maximum.reduceat(np.abs(seen - expected).max(axis=2), np.flatnonzero(among == 0))
+        size = np.maximum.reduceat(np.abs(seen).max(axis=2), np.flatnonzero(np.diff(number[part], prepend=-1)))
+        missed = wrong > np.maximum(SURPRISE * np.abs(series[:, :, -4:]).sum(axis=2), share * size[number])
+    chosen = (missed | np.isnan(wrong)).any(axis=1)
+    kept = chosen[part] | (among == 0)
+    return (
+        step[part[kept]],
+        np.where(chosen[part], left, low[part])[kept],
+        np.where(chosen[part], right, high[part])[kept],
+    )
+
+
+def _cut(course: Course, step: Index, low: Array, high: Array, since: Array) -> tuple[Index, Array, Array]:
+    """Divide parts right before a time of each realisation, s, shape (R,); infinite: nowhere."""
+    owner = course.owner[step]
+    number = np.cumsum(np.diff(owner, prepend=owner[:1]) != 0)
+    extent = (course.last - course.begin)[step]
+    place = (since[number] - course.begin[step]) / np.where(extent > 0, extent, 1.0) - SHY * (high - low)
+    inside = (place > low) & (place < high) & ~course.kept[step]
+    count = 1 + inside.astype(np.int64)
+    behind = np.cumsum(count)[inside] - 1
+    step, low, high = np.repeat(step, count), np.repeat(low, count), np.repeat(high, count)
+    high[behind - 1] = low[behind] = place[inside]
+    return step, low, high

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,14 +14,16 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
+from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since, outside_since, unresolved
 from uqmbd.dynamics.summaries.extremes import SAME, extremes
 from uqmbd.dynamics.summaries.integrals import first_times, integrals
 from uqmbd.dynamics.summaries.motion import motion_of
 from uqmbd.dynamics.summaries.resolved import SHARE, Parts, part_table, resolved
 from uqmbd.mechanism import Output, Summary
+from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
-__all__ = ["SummaryMap", "running_minimum", "summarised", "summary_map"]
+__all__ = ["Reason", "SummaryMap", "running_minimum", "summarised", "summary_map"]
 
 
 AT_ONCE = 128
@@ -40,6 +43,8 @@ class SummaryMap:
     columns : tuple of int
         Which output each sums up, of `along`; of `ending` where only the last value counts.
     along, ending : OutputMap
+    domain : Domain
+        What has to hold where the expressions are finite real numbers.
     """
 
     names: tuple[str, ...]
@@ -47,6 +52,7 @@ class SummaryMap:
     columns: tuple[int, ...]
     along: OutputMap
     ending: OutputMap
+    domain: Domain
 
     @property
     def needs_path(self) -> bool:
@@ -82,15 +88,39 @@ def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], Out
     ending = [s for s in found if s.kind == "final"]
     expressions = list(dict.fromkeys(s.summed for s in found if s.kind != "final"))
     last = list(dict.fromkeys(s.summed for s in ending))
+    along = [s for s in found if s.kind != "final"]
+    summed, ends = (compiled([Output(str(e), e, "") for e in part]) for part in (expressions, last))
     return SummaryMap(
         tuple(str(s) for s in found),
         tuple(s.kind for s in found),
         tuple(last.index(s.summed) if s.kind == "final" else expressions.index(s.summed) for s in found),
-        *(compiled([Output(str(e), e, "") for e in part]) for part in (expressions, last)),
+        summed,
+        ends,
+        domain_map([s.args[0] for s in along], [s.summed for s in along], compiled),
     )
 
 
-def summarised(batch: Batch, seen: SummaryMap, trajectories: Trajectories, members: Index) -> Array:
+class Reason(NamedTuple):
+    """Why a realisation has no value.
+
+    Attributes
+    ----------
+    status : Status
+    number : int
+        Of the value, among those that are asked for.
+    fault, text : str
+        What is wrong with it, and with its expression: the ends of sentences, without full stops.
+    """
+
+    status: Status
+    number: int
+    fault: str
+    text: str
+
+
+def summarised(
+    batch: Batch, seen: SummaryMap, trajectories: Trajectories, members: Index
+) -> tuple[Array, list[Reason | None]]:
     """Sum the motions of some realisations up.
 
     Parameters
@@ -106,35 +136,116 @@ def summarised(batch: Batch, seen: SummaryMap, trajectories: Trajectories, membe
 
     Returns
     -------
-    array, shape (M, summary)
-        NaN: a value that is not reached.
+    found : array, shape (M, summary)
+        NaN: a value that is not reached, or is none.
+    reasons : list of Reason or None
+        Of each member: why one of the values is none.
     """
-    found = np.full((len(members), len(seen.names)), np.nan)
+    found, reasons = np.full((len(members), len(seen.names)), np.nan), list[Reason | None]([None] * len(members))
     if seen.ending.names and len(members):
-        states = trajectories.states[members][:, -1:]
+        states, last = trajectories.states[members][:, -1:], float(trajectories.times[-1])
         values = observe_along(batch.select(members), seen.ending, trajectories.times[-1:], states)[:, :, 0]
         for k, (kind, column) in enumerate(zip(seen.kinds, seen.columns, strict=True)):
             if kind == "final":
                 found[:, k] = values[:, column]
+                lost = np.where(np.isfinite(found[:, k]), np.inf, last)
+                _note(reasons, np.arange(len(members)), k, lost)
     if not seen.needs_path:
-        return found
+        return found, reasons
+    along = [k for k, kind in enumerate(seen.kinds) if kind != "final"]
 
-    def collect(rows: Index, parts: Parts, allowed: Array) -> None:
-        for k, (kind, column) in enumerate(zip(seen.kinds, seen.columns, strict=True)):
+    def collect(rows: Index, parts: Parts, allowed: Array, since: Array) -> None:
+        for k, lost in zip(along, since.T, strict=True):
+            kind, column = seen.kinds[k], seen.columns[k]
             if kind in _EXTREMES:
                 sign, which = _EXTREMES[kind]
-                found[rows, k] = extremes(parts, allowed, column, sign)[which]
+                values = extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
-                found[rows, k] = first_times(parts, column)
-            elif kind != "final":
+                values = first_times(parts, column)
+                lost = np.where(values < lost, np.inf, lost)  # what comes later does not count
+            else:
                 total, length = integrals(parts, column)
-                found[rows, k] = np.sqrt(np.maximum(total / length, 0.0)) if kind == "root_mean_square" else total
+                values = np.sqrt(np.maximum(total / length, 0.0)) if kind == "root_mean_square" else total
+            found[rows, k] = values
+            rough = _rough_since(parts, column, allowed, _NEEDS[kind][0], values)
+            _note(reasons, rows, k, lost, rough)
 
-    _resolve(batch, seen.along, trajectories, members, seen.needs, collect)
-    return found
+    columns = [seen.columns[k] for k in along]
+    _resolve(batch, seen.along, columns, seen.domain, trajectories, members, seen.needs, collect)
+    return found, reasons
 
 
-def running_minimum(batch: Batch, outputs: OutputMap, trajectories: Trajectories) -> Array:
+def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, rough: Array | None = None) -> None:
+    """Note of realisations, by row, why they have no value, unless a reason is known.
+
+    Parameters
+    ----------
+    reasons : list of Reason or None
+    rows : array of int, shape (R,)
+    number : int
+        Of the value.
+    lost : array, shape (R,)
+        Since when its expression is no finite real number, s; infinite: never.
+    rough : array, shape (R,), optional
+        Since when it is not resolved, s; infinite: never.
+    """
+    for since, status, fault, text in (
+        (
+            lost,
+            Status.NOT_FINITE,
+            "is not finite",
+            "is not a finite real number at t = {:.6g} s; look in it for divisions by zero, and for roots and "
+            "logarithms outside of their range",
+        ),
+        (
+            rough,
+            Status.OTHER,
+            "is not resolved",
+            "changes too fast to be resolved at t = {:.6g} s; look in it for oscillations and poles, or give a "
+            "smaller max_step",
+        ),
+    ):
+        times = np.full(len(rows), np.inf) if since is None else since
+        for k in np.flatnonzero(times < np.inf).tolist():
+            reasons[rows[k]] = reasons[rows[k]] or Reason(status, number, fault, text.format(times[k]))
+
+
+def _rough_since(parts: Parts, column: int, allowed: Array, kind: int, values: Array) -> Array:
+    """Find since when an output is not resolved where that changes what is asked for, s, shape (R,).
+
+    Parameters
+    ----------
+    parts : Parts
+    column : int
+        Of the output.
+    allowed : array, shape (R, O)
+        Tolerances of the polynomials.
+    kind : int
+        Of what is asked for (`Need.kind`).
+    values : array, shape (R,)
+        What was found: of `REACHED`, the time.
+    """
+    rough = unresolved(parts, column, allowed[:, column])
+    if not len(rough.which):
+        return np.full(len(parts.first), np.inf)
+    number = parts.number[rough.which]
+    if kind == INTEGRAL:
+        lengths = parts.end - parts.begin
+        wrong = np.bincount(number, rough.error * lengths[rough.which], len(parts.first))
+        much = SAME / SHARE * allowed[:, column] * np.add.reduceat(lengths, parts.first)
+        return rough.since(parts, (wrong > much)[number])
+    high = parts.of("most", column, rough.which) + rough.error
+    low = parts.of("least", column, rough.which) - rough.error
+    if kind == REACHED:
+        return rough.since(parts, (high >= 0) & ~(parts.begin[rough.which] > values[number]))
+    if kind == LARGEST:
+        return rough.since(parts, high >= np.maximum.reduceat(parts.of("highest", column), parts.first)[number])
+    return rough.since(parts, low <= np.minimum.reduceat(parts.of("lowest", column), parts.first)[number])
+
+
+def running_minimum(
+    batch: Batch, outputs: OutputMap, trajectories: Trajectories, domain: Domain
+) -> tuple[Array, list[Reason | None]]:
     """Find the smallest values of outputs so far, at the output times and between them.
 
     Parameters
@@ -145,43 +256,68 @@ def running_minimum(batch: Batch, outputs: OutputMap, trajectories: Trajectories
         Of states, time and inputs.
     trajectories : Trajectories
         Their motion, with its path (``integrate(..., between=True)``).
+    domain : Domain
+        What has to hold where the outputs are finite real numbers.
 
     Returns
     -------
-    array, shape (K, output, T)
-        From the first time to each output time, on both sides of jumps; NaN where a realisation failed.
+    found : array, shape (K, output, T)
+        From the first time to each output time, on both sides of jumps; NaN where a realisation failed, and where the
+        output is no finite real number.
+    reasons : list of Reason or None
+        Of each realisation: why one of the outputs is none.
     """
     times = np.asarray(trajectories.times, dtype=float)
     found = np.full((len(batch), len(outputs.names), len(times)), np.nan)
+    reasons = list[Reason | None]([None] * len(batch))
     members = np.flatnonzero([not message for message in trajectories.messages])
 
-    def collect(rows: Index, parts: Parts, allowed: Array) -> None:
-        for column in range(len(outputs.names)):
-            found[members[rows], column] = parts.fitted(column).least_so_far(parts.first, times)
+    def collect(rows: Index, parts: Parts, allowed: Array, since: Array) -> None:
+        for column, lost in enumerate(since.T):
+            smallest = parts.fitted(column).least_so_far(parts.first, times)
+            found[members[rows], column] = np.where(lost[:, None] < np.inf, np.nan, smallest)
+            rough = _rough_since(parts, column, allowed, SO_FAR, smallest[:, -1])
+            _note(reasons, members[rows], column, lost, rough)
 
     if outputs.names:
-        needs = [Need(SO_FAR, 0.0, column) for column in range(len(outputs.names))]
-        _resolve(batch, outputs, trajectories, members, needs, collect)
-    return found
+        columns = list(range(len(outputs.names)))
+        needs = [Need(SO_FAR, 0.0, column) for column in columns]
+        _resolve(batch, outputs, columns, domain, trajectories, members, needs, collect)
+    return found, reasons
 
 
 def _resolve(
     batch: Batch,
     outputs: OutputMap,
+    columns: Sequence[int],
+    domain: Domain,
     trajectories: Trajectories,
     members: Index,
     needs: Sequence[Need],
-    collect: Callable[[Index, Parts, Array], None],
+    collect: Callable[[Index, Parts, Array, Array], None],
 ) -> None:
-    """Resolve outputs along the motions of members, some at once, and hand them on with their rows among these."""
+    """Resolve outputs along the motions of members, some at once, and hand them on.
+
+    With them go their rows among the members, the tolerances of the polynomials, and since when what is in some columns
+    is no finite real number, of each realisation (R, column).
+    """
     if not members.size:  # all have failed, and there is no motion
         return
     if trajectories.path is None:
         raise ValueError("trajectories without a path: integrate(..., between=True)")
     table = part_table(outputs, trajectories.rtol, needs)
+    around = None if domain.parts is None else part_table(domain.parts, trajectories.rtol, domain.needs)
     for k in range(0, len(members), AT_ONCE):
         rows = np.arange(k, min(k + AT_ONCE, len(members)))
         motion = motion_of(batch, trajectories.path, members[rows], trajectories.times[0], trajectories.states[:, 0])
-        parts = resolved(motion, outputs, table)
+        outside = None
+        if domain.parts is not None and around is not None:
+            limits = resolved(motion, domain.parts, around)
+            outside = outside_since(motion, outputs, columns, domain, limits, around.allowed)
+        since = None if outside is None else outside.min(axis=1)
+        parts = resolved(motion, outputs, table, domain.timed, since)
         there = np.searchsorted(members[rows], parts.owner[parts.first])
-        collect(rows[there], parts, table.allowed)
+        since = np.stack([not_finite_since(parts, column) for column in columns], axis=1)
+        since = since if outside is None else np.minimum(since, outside)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has no value
+            collect(rows[there], parts, table.allowed, since)

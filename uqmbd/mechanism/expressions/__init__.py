@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, findings, units_of
+from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
 from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
@@ -67,6 +68,7 @@ __all__ = [
     "At",
     "AtEquilibrium",
     "AtSteady",
+    "DomainCondition",
     "EventTime",
     "LARGEST",
     "ModeShape",
@@ -82,6 +84,7 @@ __all__ = [
     "check_dimensions",
     "check_scalar",
     "damping_ratio",
+    "domain_of",
     "eigenfrequency",
     "event_name",
     "findings",

@@ -1,0 +1,315 @@
+"""Where an expression along a motion is no finite real number, or cannot be resolved.
+
+Values at the places of parts show most of that, but not all.  What is computed from an expression may be real where the
+expression is not, as the square of a root; a pole is between two places, and a gap may be narrower than their distance.
+So the parts of an expression that have to be positive, or other than zero, are resolved, too.  Where one of them is
+zero the expression is followed towards that place: a ratio of two numbers that vanish together stays finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sympy import Expr
+
+from uqmbd.compiled import FINE, PLACES, SERIES, Need
+from uqmbd.dynamics.equations import OutputMap
+from uqmbd.dynamics.summaries.extremes import SAME
+from uqmbd.dynamics.summaries.motion import Motion
+from uqmbd.dynamics.summaries.resolved import SHARE, Parts, values_at
+from uqmbd.mechanism import Output, domain_of, random_variables, t
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["Domain", "Unresolved", "domain_map", "not_finite_since", "outside_since", "unresolved"]
+
+
+INTEGRAL = 3
+"""What parts are resolved for (`Need.kind`): everywhere alike."""
+
+ROUNDS = 20
+"""How often the place of a zero is enclosed more narrowly: to rounding."""
+
+OCTAVES = 30
+"""Halvings of the distance at which an expression is followed towards the zero of a part."""
+
+GROWING = 10
+"""Halvings one after the other in which it changes as much as before, from which on it has no limit there."""
+
+STEADY = 0.9
+"""Part of the change in a halving that the next one has at least there: 1 of a logarithm, more of a pole."""
+
+CHANGE = 1e-12
+"""Change, as a part of the values, that is none: rounding."""
+
+DEEPEST = 40
+"""Divisions after which a part is taken as it is: as in ``parts.c``."""
+
+
+@dataclass(frozen=True)
+class Domain:
+    """What has to hold where expressions are finite real numbers.
+
+    Attributes
+    ----------
+    parts : OutputMap or None
+        Of the expressions; None: they are finite real numbers everywhere.
+    conditions : tuple of tuple of (int, bool)
+        Of each expression: which part, and whether it has to be other than zero; else it has to be zero or above.
+    timed : OutputMap or None
+        Those of the expressions that are of time and inputs alone, so that no state tells how fast they change.
+    exact : tuple of bool
+        Which parts are: they have no error of the integration.
+    """
+
+    parts: OutputMap | None
+    conditions: tuple[tuple[tuple[int, bool], ...], ...]
+    timed: OutputMap | None = None
+    exact: tuple[bool, ...] = ()
+
+    @property
+    def needs(self) -> list[Need]:
+        """What has to be resolved."""
+        return [] if self.parts is None else [Need(INTEGRAL, 0.0, k) for k in range(len(self.parts.names))]
+
+
+def domain_map(
+    written: Sequence[Expr], followed: Sequence[Expr], compiled: Callable[[list[Output]], OutputMap]
+) -> Domain:
+    """Compile what has to hold where expressions are finite real numbers.
+
+    Parameters
+    ----------
+    written, followed : sequence of expressions
+        As the user wrote them, and what is computed of each.
+    compiled : callable
+        Makes a map of outputs.
+    """
+    found = []
+    for expression, shown in zip(written, followed, strict=True):
+        # what does not change along a motion shows in all values, or in none
+        shown_by = domain_of(shown)
+        found.append([one for one in domain_of(expression) if one.moves or one not in shown_by])
+    parts = list(dict.fromkeys(one.part for some in found for one in some))
+    timed = [e for e in dict.fromkeys(followed) if e.free_symbols - random_variables(e) == {t}]
+    limits, alone = (compiled([Output(str(e), e, "") for e in some]) if some else None for some in (parts, timed))
+    conditions = tuple(tuple((parts.index(one.part), one.nonzero) for one in some) for some in found)
+    exact = tuple(part.free_symbols - random_variables(part) <= {t} for part in parts)
+    return Domain(limits, conditions, alone, exact)
+
+
+def not_finite_since(parts: Parts, column: int) -> Array:
+    """Find when a value of an output is no finite number first, s, of each realisation, shape (R,); infinite: never."""
+    since = np.full(len(parts.first), np.inf)
+    which = parts.unknown
+    if len(which):
+        which = which[np.isnan(parts.of("highest", column, which))]
+    if len(which):
+        place = PLACES[(~np.isfinite(parts.of("values", column, which))).argmax(axis=1)]
+        np.minimum.at(since, parts.number[which], parts.time(which, 2 * place - 1))
+    return since
+
+
+def outside_since(
+    motion: Motion, outputs: OutputMap, columns: Sequence[int], domain: Domain, parts: Parts, allowed: Array
+) -> Array:
+    """Find when expressions leave their domain first, s, of each realisation, shape (R, expression); infinite: never.
+
+    Parameters
+    ----------
+    motion : Motion
+    outputs : OutputMap
+        The expressions.
+    columns : sequence of int
+        Which of them each expression of the domain is.
+    domain : Domain
+    parts : Parts
+        Of the parts of the expressions, resolved.
+    allowed : array, shape (R, part)
+        Of the polynomials.
+    """
+    since = np.full((len(parts.first), len(columns)), np.inf)
+    slack = np.where(domain.exact, 1.0, SAME / SHARE) * allowed
+    below, zeros = dict[int, Array](), dict[int, _Zeros]()
+    for k, (column, conditions) in enumerate(zip(columns, domain.conditions, strict=True)):
+        for part, nonzero in conditions:
+            if nonzero:
+                if part not in zeros:
+                    zeros[part] = _zeros(motion, domain, part, parts, slack[:, part])
+                found = _unbounded_since(motion, outputs, column, zeros[part], len(since))
+            else:
+                if part not in below:
+                    below[part] = _negative_since(motion, domain, part, parts, slack[:, part])
+                found = below[part]
+            since[:, k] = np.minimum(since[:, k], found)
+    return since
+
+
+def _negative_since(motion: Motion, domain: Domain, column: int, parts: Parts, slack: Array) -> Array:
+    """Find when a part is below zero first, s, shape (R,), where it is by more than its own error."""
+    assert domain.parts is not None
+    since = np.full(len(parts.first), np.inf)
+    which = np.flatnonzero(parts.of("least", column) < -slack[parts.number])
+    if not len(which):
+        return since
+    place, _ = parts.fitted(column).peaks(-1.0, which)
+    table, order = parts.table, parts.order[which]
+    at = table.low[order] + 0.5 * (1 + place) * (table.high[order] - table.low[order])
+    # beside a jump a polynomial reaches values that there are not
+    value = motion.observed(domain.parts, table.step[order], at, at)[:, column, 0]
+    which = which[value < -slack[parts.number[which]]]
+    rows, earliest = np.unique(parts.number[which], return_index=True)
+    which = which[earliest]
+    series, fine = parts.of("coefficients", column, which), _fine(parts, column, which)
+    first = (fine < 0).argmax(axis=1)
+    low, high = FINE[np.maximum(first - 1, 0)], FINE[first]
+    for _ in range(ROUNDS):
+        middle = 0.5 * (low + high)
+        over = values_at(series, middle) >= 0
+        low, high = np.where(over, middle, low), np.where(over, high, middle)
+    since[rows] = parts.time(which, high)
+    return since
+
+
+def _fine(parts: Parts, column: int, which: Index) -> Array:
+    """Values of some parts at the fine places, (N, fine); at the ends those that are known."""
+    series, values = (parts.of(name, column, which) for name in ("coefficients", "values"))
+    fine = np.polynomial.chebyshev.chebvander(FINE, series.shape[1] - 1) @ series.T
+    fine[[0, -1]] = values[:, [0, -1]].T
+    return np.ascontiguousarray(fine.T)
+
+
+@dataclass(frozen=True)
+class _Zeros:
+    """Where a part is zero, (Z,) each: of which realisation, in which step, where in it, s, and how far it is known."""
+
+    number: Index
+    step: Index
+    place: Array
+    time: Array
+    span: Array
+
+    def some(self, which: Index) -> _Zeros:
+        return _Zeros(*(x[which] for x in vars(self).values()))
+
+
+def _zeros(motion: Motion, domain: Domain, column: int, parts: Parts, slack: Array) -> _Zeros:
+    """Find where a part is zero, or comes as near to it as its own error: in order of time of each realisation."""
+    assert domain.parts is not None
+    near = slack[parts.number]
+    which = np.flatnonzero((parts.of("least", column) <= near) & (parts.of("most", column) >= -near))
+    fine = _fine(parts, column, which)
+    size, jump = np.abs(fine), np.abs(np.diff(fine, axis=1))
+    lower = np.pad(size, ((0, 0), (1, 1)), constant_values=np.inf)
+    around = np.maximum(np.pad(jump, ((0, 0), (1, 0))), np.pad(jump, ((0, 0), (0, 1))))
+    least = (size <= lower[:, :-2]) & (size <= lower[:, 2:]) & (size - around <= near[which, None])
+    rows, at = np.nonzero(least)
+    chosen, last = which[rows], len(FINE) - 1
+    table, order = parts.table, parts.order[which[rows]]
+    step, begin, span = table.step[order], table.low[order], table.high[order] - table.low[order]
+    ends = FINE[np.maximum(at - 1, 0)], FINE[np.minimum(at + 1, last)]
+    low, high = (begin + 0.5 * (1 + end) * span for end in ends)
+    for _ in range(ROUNDS if len(chosen) else 0):
+        values = motion.observed(domain.parts, step, low, high)[:, column]
+        places = low[:, None] + (high - low)[:, None] * PLACES
+        each, node = np.arange(len(values)), np.nan_to_num(np.abs(values), nan=np.inf).argmin(axis=1)
+        crossed = values[:, :-1] * values[:, 1:] <= 0
+        first, any_ = crossed.argmax(axis=1), crossed.any(axis=1)
+        left = np.where(any_, first, np.maximum(node - 1, 0))
+        right = np.where(any_, first + 1, np.minimum(node + 1, len(PLACES) - 1))
+        place, distance = places[each, node], np.abs(values)[each, node]
+        low, high = places[each, left], places[each, right]
+    if not len(chosen):
+        return _Zeros(np.zeros(0, dtype=np.int64), step, begin, begin, span)
+    real = distance <= near[chosen]
+    course = motion.course
+    time = course.begin[step] + place * (course.last[step] - course.begin[step])
+    return _Zeros(parts.number[chosen], step, place, time, span).some(np.flatnonzero(real))
+
+
+def _unbounded_since(motion: Motion, outputs: OutputMap, column: int, zeros: _Zeros, count: int) -> Array:
+    """Find the first zeros of a part at which an expression has no finite limit, s, of each realisation, shape (R,)."""
+    since = np.full(count, np.inf)
+    _, earliest = np.unique(zeros.number, return_index=True)
+    # mostly the first ones settle it
+    for some in (zeros.some(earliest), zeros.some(np.setdiff1d(np.arange(len(zeros.number)), earliest))):
+        left = some.some(np.flatnonzero(some.time < since[some.number]))
+        for side in (-1.0, 1.0):
+            found = _unbounded(motion, outputs, column, left, side)
+            np.minimum.at(since, left.number[found], left.time[found])
+    return since
+
+
+def _unbounded(motion: Motion, outputs: OutputMap, column: int, zeros: _Zeros, side: float) -> Array:
+    """Tell at which zeros of a part an expression has no finite limit from one side, shape (Z,)."""
+    course, count = motion.course, len(zeros.step)
+    extent = course.last[zeros.step] - course.begin[zeros.step]
+    end = np.where(extent > 0, (course.end - course.begin)[zeros.step] / np.where(extent > 0, extent, 1.0), 1.0)
+    reach = np.minimum(zeros.span, zeros.place if side < 0 else end - zeros.place)
+    found = np.zeros(count, dtype=bool)
+    which = np.flatnonzero(reach > zeros.span / 2**GROWING)
+    if not len(which):
+        return found
+    far = reach[which, None] * 0.5 ** np.arange(OCTAVES)
+    place = zeros.place[which, None]
+    low, high = (place - far, place - far / 2) if side < 0 else (place + far / 2, place + far)
+    steps = np.repeat(zeros.step[which], OCTAVES)
+    values = motion.observed(outputs, steps, low.ravel(), high.ravel())[:, column]
+    values = values.reshape(len(which), OCTAVES, len(PLACES))[..., :: int(-side)]  # towards the zero
+    with np.errstate(invalid="ignore", over="ignore"):
+        rises = np.diff(values, axis=2)
+        way = np.where((rises > 0).all(axis=2), 1, np.where((rises < 0).all(axis=2), -1, 0))
+        change = np.abs(values[..., -1] - values[..., 0])
+        way = np.where(change > CHANGE * np.abs(values).max(axis=2), way, 0)
+        grows = (way[:, 1:] != 0) & (way[:, 1:] == way[:, :-1]) & (change[:, 1:] >= STEADY * change[:, :-1])
+    run, longest = np.zeros(len(which), dtype=np.int64), np.zeros(len(which), dtype=np.int64)
+    for k in range(OCTAVES - 1):
+        run = np.where(grows[:, k], run + 1, 0)
+        longest = np.maximum(longest, run)
+    found[which] = (longest >= GROWING) | ~np.isfinite(values).all(axis=(1, 2))
+    return found
+
+
+@dataclass(frozen=True)
+class Unresolved:
+    """Parts on which the polynomials of an output are wrong by more than its tolerance, and nothing makes them better.
+
+    Attributes
+    ----------
+    which : array of int, shape (U,)
+        Parts.
+    error : array, shape (U,)
+        By how much; infinite where the values grow as far as the part can be divided.
+    """
+
+    which: Index
+    error: Array
+
+    def since(self, parts: Parts, some: Mask) -> Array:
+        """Find the first of some of them, s, of each realisation, shape (R,); infinite: there is none."""
+        since, which = np.full(len(parts.first), np.inf), self.which[some]
+        np.minimum.at(since, parts.number[which], parts.begin[which])
+        return since
+
+
+def unresolved(parts: Parts, column: int, allowed: Array) -> Unresolved:
+    """Find the parts on which an output is not resolved; tolerances of its polynomials are (R,).
+
+    A jump is resolved: on both sides of it are the values that it has there, however far it is divided.
+    """
+    which, table = parts.deep, parts.table
+    if len(which):
+        which = which[(parts.of("error", column, which) == 0) & ~np.isnan(parts.of("highest", column, which))]
+    if not len(which):
+        return Unresolved(which, np.zeros(0))
+    depth, near = table.depth[parts.order[which]], (SAME / SHARE * allowed)[parts.number[which]]
+    sizes = np.abs(parts.of("values", column, which) @ SERIES)
+    last, before = sizes[:, 7] + sizes[:, 6], sizes[:, 5] + sizes[:, 4]
+    error = 2.0 * last * (1.0 + (10.0 * np.minimum(last / np.maximum(before, 1e-300), 1.0)) ** 2)
+    whole = table.whole[parts.order[which]]
+    grown = parts.of("highest", column, which) - table.highest[whole, column]
+    grown = np.maximum(grown, table.lowest[whole, column] - parts.of("lowest", column, which))
+    error = np.where(depth >= DEEPEST, np.where(grown > near, np.inf, 0.0), error)
+    some = error > near
+    return Unresolved(which[some], error[some])

@@ -1,0 +1,150 @@
+"""Where an expression is a finite real number, as conditions on its parts.
+
+What is computed from an expression may be real where the expression is not: the square of a root is.  So the conditions
+are taken from the expression as the user wrote it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism.expressions.time import step
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["DomainCondition", "domain_of"]
+
+
+@dataclass(frozen=True)
+class DomainCondition:
+    """What has to hold where an expression is a finite real number.
+
+    Attributes
+    ----------
+    part : expression
+        Of which it is.
+    nonzero : bool
+        Whether the part has to be other than zero; else it has to be zero or above.
+    """
+
+    part: sympy.Expr
+    nonzero: bool
+
+    @property
+    def moves(self) -> bool:
+        """Whether the part may change along a motion."""
+        return any(not isinstance(s, RandomVariable) for s in self.part.free_symbols)
+
+    def within(self, condition: Any) -> DomainCondition:
+        """Return the same where a branch of a piecewise expression counts."""
+        return DomainCondition(sympy.Piecewise((self.part, condition), (1, True)), self.nonzero)
+
+
+def domain_of(expression: Any) -> tuple[DomainCondition, ...]:
+    """Return what has to hold where an expression is a finite real number, as far as that is not so everywhere.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x", real=True)
+    >>> [(one.part, one.nonzero) for one in domain_of(sympy.sqrt(x - 1) / sympy.cos(x) + sympy.sqrt(1 + x**2))]
+    [(x - 1, False), (cos(x), True)]
+    """
+    return tuple(dict.fromkeys(_conditions(sympy.sympify(expression), set())))
+
+
+def _conditions(expression: sympy.Basic, seen: set[sympy.Basic]) -> Iterator[DomainCondition]:
+    """Yield the conditions of an expression and its parts, but for those that were seen."""
+    waiting: list[sympy.Basic] = [expression]
+    while waiting:
+        part = waiting.pop()
+        if part in seen or not part.args:
+            continue
+        seen.add(part)
+        if isinstance(part, step):
+            part = part.doit()
+        if isinstance(part, sympy.Piecewise):
+            before: list[Any] = []
+            for value, condition in part.args:
+                here = sympy.And(condition, *(sympy.Not(one) for one in before))
+                yield from (one.within(here) for one in _conditions(value, set()))
+                before.append(condition)
+            continue
+        yield from _of(part)
+        waiting += reversed(part.args)
+
+
+def _of(part: sympy.Basic) -> Iterator[DomainCondition]:
+    """Yield the conditions of one operation."""
+    if isinstance(part, sympy.Pow):
+        base, exponent = part.args
+        if not exponent.is_integer and not nonnegative(base):
+            yield DomainCondition(base, nonzero=False)
+        falls = exponent.is_negative if exponent.is_number else not nonnegative(exponent)
+        if falls:
+            yield from _other_than_zero(base)
+        return
+    x = part.args[0]
+    if isinstance(part, sympy.log):
+        if not nonnegative(x):
+            yield DomainCondition(x, nonzero=False)
+        yield from _other_than_zero(x)
+    elif isinstance(part, sympy.asin | sympy.acos | sympy.atanh):
+        yield DomainCondition(1 - x**2, nonzero=False)
+        if isinstance(part, sympy.atanh):
+            yield from _other_than_zero(1 - x**2)
+    elif isinstance(part, sympy.asec | sympy.acsc | sympy.acoth):
+        yield DomainCondition(x**2 - 1, nonzero=False)
+        if isinstance(part, sympy.acoth):
+            yield from _other_than_zero(x**2 - 1)
+    elif isinstance(part, sympy.acosh):
+        yield DomainCondition(x - 1, nonzero=False)
+    elif isinstance(part, sympy.tan | sympy.sec):
+        yield from _other_than_zero(sympy.cos(x))
+    elif isinstance(part, sympy.cot | sympy.csc):
+        yield from _other_than_zero(sympy.sin(x))
+    elif isinstance(part, sympy.coth | sympy.csch):
+        yield from _other_than_zero(x)
+    elif isinstance(part, sympy.gamma | sympy.loggamma):  # computed as the logarithm of the magnitude of gamma
+        yield from _other_than_zero(sympy.Piecewise((sympy.sin(sympy.pi * x), x < sympy.Rational(1, 2)), (1, True)))
+
+
+def _other_than_zero(part: sympy.Expr) -> Iterator[DomainCondition]:
+    """Yield the conditions that a part is not zero, if it changes along a motion and may be: of its factors."""
+    if isinstance(part, sympy.Abs | sympy.Mul) or (isinstance(part, sympy.Pow) and part.args[1].is_positive):
+        for factor in part.args[:1] if isinstance(part, sympy.Pow) else part.args:
+            yield from _other_than_zero(factor)
+        return
+    found = DomainCondition(part, nonzero=True)
+    if found.moves and not positive(part):
+        yield found
+
+
+def nonnegative(e: sympy.Basic) -> bool:
+    """Whether an expression is surely zero or above, by its structure alone: SymPy's own answer may take minutes."""
+    if e.is_number or not e.args:
+        return bool(e.is_nonnegative)
+    if isinstance(e, sympy.Add | sympy.Mul):
+        return all(nonnegative(x) for x in e.args)
+    if isinstance(e, sympy.Pow):
+        return bool(e.args[1].is_even) or nonnegative(e.args[0])
+    if isinstance(e, sympy.Max):
+        return any(nonnegative(x) for x in e.args)
+    return isinstance(e, sympy.Abs | sympy.Heaviside | sympy.acos | sympy.acosh) or positive(e)
+
+
+def positive(e: sympy.Basic) -> bool:
+    """Whether an expression is surely above zero, by its structure alone."""
+    if e.is_number or not e.args:
+        return bool(e.is_positive)
+    if isinstance(e, sympy.Add):
+        return all(nonnegative(x) for x in e.args) and any(positive(x) for x in e.args)
+    if isinstance(e, sympy.Mul):
+        return all(positive(x) for x in e.args)
+    if isinstance(e, sympy.Pow):
+        return positive(e.args[0])
+    if isinstance(e, sympy.Max):
+        return any(positive(x) for x in e.args)
+    return isinstance(e, sympy.exp | sympy.cosh | sympy.sech)
