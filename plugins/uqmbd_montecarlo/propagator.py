@@ -273,11 +273,13 @@ class MonteCarlo(uqmbd.Propagator):
     def _statistics(
         self, problem: uqmbd.Problem, samples: xr.Dataset, found: Gathered, everything: AllSamples | None
     ) -> xr.Dataset:
+        independent = uqmbd.sampling_design(self.sampling).independent
         if everything is None:
-            statistics = statistics_of_samples(samples, each=problem.each)
+            statistics = statistics_of_samples(samples, independent=independent, each=problem.each)
         else:
-            statistics = statistics_dataset(problem.labels, **found.moments.statistics(), **everything.statistics())
-        if len(found.replicates) > 1:
+            moments = found.moments.statistics(independent=independent)
+            statistics = statistics_dataset(problem.labels, **moments, **everything.statistics())
+        if not independent:
             errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)

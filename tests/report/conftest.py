@@ -35,7 +35,7 @@ def oscillator_node(
     data = results.sample_dataset(response, np.stack([stiffness, mass], axis=1), axes, status=status, messages=messages)
     return results.propagator_node(
         label,
-        results.statistics_of_samples(data),
+        results.statistics_of_samples(data, independent="sampling" not in (options or {})),
         data,
         propagator="monte-carlo",
         seed=seed,

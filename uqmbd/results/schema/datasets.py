@@ -73,8 +73,8 @@ _LONG_NAMES = {
     "sobol_total": "total Sobol' index",
 }
 _COMMENTS = {
-    "std": "unbiased variance (ddof = 1) where it comes from samples",
-    "variance": "unbiased (ddof = 1) where it comes from samples",
+    "std": "of independent samples root of the unbiased variance (divisor N - 1), of a sampling design with divisor N",
+    "variance": "of independent samples unbiased (divisor N - 1), of a sampling design with divisor N",
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method cannot tell",

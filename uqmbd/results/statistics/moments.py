@@ -80,8 +80,13 @@ class Moments:
         )
         return Moments(n, self.mean + d * b / n, second, third, fourth)
 
-    def statistics(self) -> dict[str, Array]:
+    def statistics(self, independent: bool = True) -> dict[str, Array]:
         """Compute what `uqmbd.results.sample_statistics` does, but for quantiles.
+
+        Parameters
+        ----------
+        independent : bool
+            As of `uqmbd.results.sample_statistics`.
 
         Returns
         -------
@@ -96,7 +101,7 @@ class Moments:
         n = self.count
         if n < 2:
             raise StudyError(f"Statistics need at least two successful samples; there are {n}.")
-        variance = self.second / (n - 1)
+        variance = self.second / (n - 1 if independent else n)
         m2, m3, m4 = self.second / n, self.third / n, self.fourth / n
         constant = m2 <= (32 * np.finfo(float).eps * np.abs(self.mean)) ** 2
         safe = np.where(constant, 1.0, m2)
@@ -107,13 +112,25 @@ class Moments:
             "variance": variance,
             "skewness": np.where(constant, 0.0, m3 / safe**1.5),
             "kurtosis": np.where(constant, 3.0, m4 / safe**2),
-            "std_error_mean": std / np.sqrt(n),
-            "std_error_std": error_of_std(variance, m4, n),
+            "std_error_mean": std / np.sqrt(n) if independent else np.full_like(std, np.nan),
+            "std_error_std": error_of_std(variance, m4, n) if independent else np.full_like(std, np.nan),
         }
 
 
 def error_of_std(variance: Array, fourth: Array, count: Any, scale: ArrayLike = 1.0) -> Array:
-    """Return the standard error of the standard deviation of samples over a scale; 0 where nothing varies."""
+    """Return the standard error of the standard deviation of independent samples over a scale; 0 where nothing varies.
+
+    Parameters
+    ----------
+    variance, fourth : array
+        Unbiased variance, and fourth central moment of the samples (divisor `count`), over the scale.
+    count : int or array of int
+        Number of samples.
+    scale : array_like
+        What the samples were divided by.
+    """
     std = np.sqrt(variance)
+    # by the same divisor as the variance: else the two nearly cancel where the kurtosis is near 1, as of two values
+    fourth = fourth * (count / (count - 1)) ** 2
     of_variance = np.sqrt(np.maximum(fourth - (count - 3) / (count - 1) * variance**2, 0.0) / count)
     return np.where(std > 0, scale * of_variance / (2 * divisor(std)), 0.0)

@@ -37,14 +37,19 @@ def sample_statistics(
     probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
     *,
     status: ArrayLike | None = None,
+    independent: bool = True,
     each: Callable[..., Iterable[Any]] = map,
 ) -> dict[str, NDArray[np.float64]]:
-    r"""Compute the statistics of independent samples.
+    r"""Compute the statistics of samples.
 
-    With :math:`n` samples, the unbiased variance :math:`s^2` and the fourth central moment :math:`m_4`, the standard
-    errors are :math:`s / \sqrt{n}` for the mean and, for the standard deviation,
-    :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`: the exact variance of :math:`s^2` for any
-    distribution ([1]_, section 2.3), carried to :math:`s` by the delta method. They hold for independent samples only.
+    With :math:`n` independent samples, the unbiased variance :math:`s^2` and the fourth central moment :math:`m_4`
+    (divisor :math:`(n-1)^2 / n`), the standard errors are :math:`s / \sqrt{n}` for the mean and, for the standard
+    deviation, :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`: the exact variance of
+    :math:`s^2` for any distribution ([1]_, section 2.3), carried to :math:`s` by the delta method.
+
+    The divisor :math:`n - 1` of :math:`s^2` makes up for the variance :math:`\sigma^2 / n` of the mean of independent
+    samples.  The points of a design (Latin hypercube, Sobol', Halton) know the mean much better: their divisor is
+    :math:`n`, and their standard errors come from replicates (`replicate_errors`).
 
     Parameters
     ----------
@@ -54,6 +59,8 @@ def sample_statistics(
         Increasing, between 0 and 1; P of them.
     status : array_like of int, shape (S,), optional
         Samples whose status is not 0 are left out. Default: all count.
+    independent : bool
+        Whether the samples are independent; else they are the points of a design.
     each : callable, optional
         Who computes blocks of columns: like ``map``, which computes one after another; those of an executor of threads
         and of :meth:`uqmbd.Problem.each` compute some at once, with the same results.
@@ -61,10 +68,10 @@ def sample_statistics(
     Returns
     -------
     dict of str to numpy.ndarray
-        ``mean``, ``std``, ``variance`` (unbiased), ``skewness`` and ``kurtosis`` (of the sample; not the excess: 3 for
+        ``mean``, ``std``, ``variance``, ``skewness`` and ``kurtosis`` (of the sample; not the excess: 3 for
         a normal distribution), ``std_error_mean``, ``std_error_std``, ``smallest`` and ``largest``, each of shape
         (...), ``quantile`` of shape (P, ...) by linear interpolation, and ``probability`` (P,). Made for
-        ``statistics_dataset(labels, **it)``.
+        ``statistics_dataset(labels, **it)``. The standard errors of a design are NaN: one set of points has no spread.
         Where all samples agree (to rounding) the skewness is 0 and the kurtosis 3.
 
     Raises
@@ -105,14 +112,16 @@ def sample_statistics(
     columns = samples.reshape(n, -1)
     width = max(LEAST_COLUMNS, BLOCK_NUMBERS // n)
     blocks = [columns[:, k : k + width] for k in range(0, columns.shape[1], width)]
-    parts = list(each(partial(_block_statistics, levels=levels), blocks))
+    parts = list(each(partial(_block_statistics, levels=levels, independent=independent), blocks))
     found = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
     found = {name: x.reshape((*x.shape[:-1], *shape)) for name, x in found.items()}
     found["probability"] = levels
     return found
 
 
-def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+def _block_statistics(
+    block: NDArray[np.float64], levels: NDArray[np.float64], independent: bool
+) -> dict[str, NDArray[np.float64]]:
     """Statistics of samples (S, C) for each of the C columns."""
     n = len(block)
     # One row per column: contiguous sorting gives quantiles, extremes and the median (an exact shift) at once.
@@ -136,8 +145,9 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
     m2 = square.mean(axis=1)
     m3 = np.einsum("cs,cs->c", square, x) / n
     m4 = np.einsum("cs,cs->c", square, square) / n
-    variance = m2 * n / (n - 1)
+    variance = m2 * n / (n - 1) if independent else m2
     std = np.sqrt(variance)
+    unknown = np.full_like(std, np.nan)
 
     shapeless = (spread <= _ROUNDING * reach) | (m2 == 0)
     safe = np.where(shapeless, 1.0, m2)
@@ -147,8 +157,8 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
         "variance": (unit * std) ** 2,
         "skewness": np.where(shapeless, 0.0, m3 / safe**1.5),
         "kurtosis": np.where(shapeless, 3.0, m4 / safe**2),
-        "std_error_mean": unit * std / np.sqrt(n),
-        "std_error_std": error_of_std(variance, m4, n, unit),
+        "std_error_mean": unit * std / np.sqrt(n) if independent else unknown,
+        "std_error_std": error_of_std(variance, m4, n, unit) if independent else unknown,
         "quantile": quantile,
         "smallest": smallest,
         "largest": largest,
@@ -205,9 +215,8 @@ def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArra
 def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.float64]]:
     r"""Compute mean and standard deviation, with their standard errors, from independent replicates of a design.
 
-    The points of a Latin hypercube or of a Sobol' set depend on one another, so standard errors come from leaving out
-    one of the R replicates at a time (the jackknife [1]_), widened by Student's t of R - 1 degrees of freedom, so that
-    1.96 of them hold 95 % as they would with many replicates.
+    The points of a Latin hypercube or of a Sobol' set depend on one another, so the variance has the divisor n, and
+    standard errors come from leaving out one of the R replicates at a time (`replicate_errors`).
 
     Parameters
     ----------
@@ -225,10 +234,6 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     StudyError
         If the first replicate that is not empty holds fewer than two samples.
 
-    References
-    ----------
-    .. [1] B. Efron and C. Stein, Annals of Statistics 9 (1981) 586-596.
-
     Examples
     --------
     >>> found = replicate_statistics([[0.0, 1.0], [2.0, 3.0]])
@@ -242,7 +247,7 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     errors = [replicate_errors(given[: last + 1]) for last in range(len(given))]
     return {
         "mean": np.array([float(m.mean) for m in so_far]),
-        "std": np.array([np.sqrt(float(m.second) / (m.count - 1)) for m in so_far]),
+        "std": np.array([np.sqrt(float(m.second) / m.count) for m in so_far]),
         "std_error_mean": np.array([float(e[0]) for e in errors]),
         "std_error_std": np.array([float(e[1]) for e in errors]),
     }
@@ -252,6 +257,7 @@ def statistics_of_samples(
     samples: xr.Dataset,
     probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
     *,
+    independent: bool = True,
     each: Callable[..., Iterable[Any]] = map,
 ) -> xr.Dataset:
     """Build the dataset ``statistics`` from a dataset ``samples``, leaving failed samples out.
@@ -262,6 +268,8 @@ def statistics_of_samples(
         From :func:`uqmbd.results.sample_dataset`.
     probabilities : sequence of float
         Of the quantiles.
+    independent : bool
+        As for :func:`sample_statistics`.
     each : callable, optional
         As for :func:`sample_statistics`.
 
@@ -290,7 +298,7 @@ def statistics_of_samples(
         times=samples["time"].values if "time" in samples.dims else None,
     )
     response, status = samples["response"].values, samples["status"].values
-    found = sample_statistics(response, probabilities, status=status, each=each)
+    found = sample_statistics(response, probabilities, status=status, independent=independent, each=each)
     if np.any(axes.turns):
         fine = status == Status.OK
         found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)
