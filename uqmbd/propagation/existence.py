@@ -11,6 +11,7 @@ import sympy
 
 from uqmbd.mechanism import StateSymbol, random_variables, t
 from uqmbd.randomness import RandomVariable, exists, moment_orders
+from uqmbd.results.schema import with_reasons
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,6 +83,8 @@ class Existence:
                 kept[variable] = values.where(~values["output"].isin(missing))
                 comment = "; ".join(filter(None, (values.attrs.get("comment", ""), note)))
                 kept[variable].attrs = {**values.attrs, "comment": comment}
+                reasons = {name: f"it does not exist: {_blamed([self.causes[name]])}" for name in missing}
+                kept[variable] = with_reasons(kept[variable], reasons)
         return kept, tuple(
             self._sentence(cause, names) for cause in dict.fromkeys(self.causes[n] for n in names if n in self.orders)
         )

@@ -19,7 +19,18 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison import DIFFERS, UNDER_RESOLVED, compare, overall
 from uqmbd.results.requirements import compare_requirements
-from uqmbd.results.schema import Labels, as_text, comparable, join_nodes, node_parts, statistics_dataset, united
+from uqmbd.results.schema import (
+    EVERY,
+    Labels,
+    as_text,
+    comparable,
+    join_nodes,
+    node_parts,
+    reasons_of,
+    statistics_dataset,
+    united,
+    with_reasons,
+)
 from uqmbd.status import Status
 
 __all__ = [
@@ -202,6 +213,14 @@ def joined_outputs(
     )
     order = [statistics["output"].values.tolist().index(name) for name in names]
     statistics = statistics.isel(output=order).assign_attrs(first.attrs)
+    for name in statistics.data_vars:
+        reasons: dict[str, str] = {}
+        for data in filled:
+            own = reasons_of(data[name]) if name in data else {}
+            outputs = data["output"].values.tolist()
+            reasons |= {x: own.get(x, own.get(EVERY, "")) for x in outputs if x in own or EVERY in own}
+        statistics[name].attrs.pop("unknown", None)
+        statistics[name] = with_reasons(statistics[name], reasons)
     about = {"long_name": "share of realisations in which it does not happen until the last time"}
     statistics["censored"] = ("output", np.array(shares), about)
     about = {"long_name": "largest share in which it may not happen", "comment": "with 95 % confidence"}
@@ -250,6 +269,7 @@ def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
             continue
         sizes = {dim: found.sizes["output"] if dim == "output" else other.sizes[dim] for dim in other.dims}
         found[name] = (other.dims, np.full(tuple(sizes.values()), np.nan), other.attrs)
+        found[name] = with_reasons(found[name], {EVERY: "the method does not state it"})
     return found
 
 

@@ -122,6 +122,11 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
         raise StudyError(
             f"{where}: its function returned as {what} {_told(value)}{hint}, at t = {time:.6g} s{about}; {expected}."
         )
+    if any(np.ma.is_masked(x) for x in (value if isinstance(value, (tuple, list)) else (value,))):
+        raise StudyError(
+            f"{where}: its function returned as {what} a masked array with masked entries at t = {time:.6g} s{about}; "
+            f"a mask is no command. Return NaN for a realisation that has failed. {expected[0].upper()}{expected[1:]}."
+        )
     try:
         if isinstance(value, tuple) and len(value) == width:
             columns = [np.asarray(x, dtype=float) for x in value]

@@ -37,7 +37,7 @@ from uqmbd.results import (
     with_scalars,
 )
 from uqmbd.results.chaos import verified_std, verified_trials
-from uqmbd.results.schema import with_units
+from uqmbd.results.schema import check_probabilities, check_values, with_units
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 from uqmbd.wording import format_count
@@ -234,6 +234,8 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
         )
     parts = node_parts(node)
     own = parts.pop("requirements")
+    if {"violation_probability", "std_error", "interval"} <= set(own.data_vars):
+        _usable(lambda: check_probabilities(own, "requirements"), propagator, label)
     return own, xr.DataTree.from_dict(parts, name=node.name)
 
 
@@ -271,7 +273,8 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
     Raises
     ------
     StudyError
-        If it is no node with mean and standard deviation of the outputs at the times of the problem.
+        If it is no node with mean and standard deviation of the outputs at the times of the problem, or a statistic has
+        a value that it cannot have, as a negative standard deviation, or NaN without a reason.
     """
     kind = type(propagator)
     who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"
@@ -294,4 +297,17 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
             given = data.coords[axis].values if axis in data.coords else None
             if given is None or not np.array_equal(given, axes[axis][1]):
                 raise StudyError(f"{who} a node whose {name!r} is not at the {axis}s of the problem; {expected}.")
+    end = node.attrs.get("ends_at", np.inf)
+    last = float(end) if isinstance(end, (int, float, np.number)) else np.inf
+    _usable(lambda: check_values(statistics, "statistics", end=last), propagator, problem.label)
     return node
+
+
+def _usable(check: Callable[[], None], propagator: Propagator, label: str) -> None:
+    """Check values; say whose they are where they cannot be used."""
+    kind = type(propagator)
+    try:
+        check()
+    except StudyError as error:
+        who = f"{label}: propagate of {kind.__module__}.{kind.__qualname__}"
+        raise StudyError(f"{who} returned a node that cannot be used: {error}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.requirements.intervals import LEVEL
-from uqmbd.results.schema import check_shape, fixed_width
+from uqmbd.results.schema import check_shape, fixed_width, real_numbers
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.mechanism import Requirement
@@ -87,9 +89,9 @@ def requirements_dataset(
     names = requirement_names(requirements)
     known = {r.name: r for r in requirements if not isinstance(r, str)}
     shape, dims = (len(names),), ("requirement",)
-    probability = np.asarray(violation_probability, dtype=float)
-    ends = [np.asarray(end, dtype=float) for end in (lower, upper)]
-    error = np.full(shape, np.nan) if std_error is None else np.asarray(std_error, dtype=float)
+    probability = real_numbers("violation_probability", violation_probability)
+    ends = [real_numbers(name, end) for name, end in (("lower", lower), ("upper", upper))]
+    error = np.full(shape, np.nan) if std_error is None else real_numbers("std_error", std_error)
     given = {"violation_probability": probability, "lower": ends[0], "upper": ends[1], "std_error": error}
     for name, values in given.items():
         check_shape(name, values, shape, dims)
@@ -104,7 +106,11 @@ def requirements_dataset(
     about = {"long_name": "probability that the requirement is violated", "units": "1"}
     data: dict[str, Any] = {
         "violation_probability": (dims, probability, about),
-        "std_error": (dims, error, {"long_name": "standard error of the probability", "units": "1"}),
+        "std_error": (
+            dims,
+            error,
+            {"long_name": "standard error of the probability", "units": "1", **_silent(names, error)},
+        ),
         "interval": (
             (*dims, "bound"),
             np.stack(ends, axis=1),
@@ -128,3 +134,9 @@ def requirements_dataset(
         data["violated_by"] = ((*dims, "time"), over_time, about)
         coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
     return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))
+
+
+def _silent(names: Sequence[str], error: Array) -> dict[str, str]:
+    """Return the attribute that says of which requirements (R,) no standard error is stated."""
+    unknown = {name: "the method does not state it" for name, x in zip(names, error, strict=True) if np.isnan(x)}
+    return {"unknown": json.dumps(unknown)} if unknown else {}

@@ -31,17 +31,21 @@ from uqmbd.results.schema.nodes import (
 )
 from uqmbd.results.schema.units import CF, as_text, product_of_units, united, units_of, with_units
 from uqmbd.results.schema.validation import validate
+from uqmbd.results.schema.values import EVERY, check_probabilities, check_values, real_numbers, reasons_of, with_reasons
 
 __all__ = [
     "CF",
     "DEFAULT_PROBABILITIES",
+    "EVERY",
     "InputInfo",
     "Labels",
     "OutputInfo",
     "SCHEMA_VERSION",
     "STATUS_MEANINGS",
     "as_text",
+    "check_probabilities",
     "check_shape",
+    "check_values",
     "check_version",
     "comparable",
     "failed_methods",
@@ -54,11 +58,14 @@ __all__ = [
     "product_of_units",
     "propagator_node",
     "propagator_nodes",
+    "real_numbers",
+    "reasons_of",
     "sample_dataset",
     "statistics_dataset",
     "time_index",
     "united",
     "units_of",
     "validate",
+    "with_reasons",
     "with_units",
 ]

@@ -20,6 +20,7 @@ does not know are allowed.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.axes import Labels, fixed_width
 from uqmbd.results.schema.units import united
+from uqmbd.results.schema.values import EVERY, real_numbers
 from uqmbd.status import Status
 
 __all__ = [
@@ -170,10 +172,10 @@ def sample_dataset(
     >>> str(samples["message"][1].item())
     "output 'x' is not finite (nan) at t = 1 s"
     """
-    values = np.array(response, dtype=float, copy=copy or None)
+    values = real_numbers("response", response, copy=copy)
     count = values.shape[0] if values.ndim else 0
     check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
-    drawn = np.array(inputs, dtype=float)
+    drawn = real_numbers("inputs", inputs)
     check_shape("inputs", drawn, (count, len(labels.inputs)), ("sample", "input"))
     flags = np.zeros(count, dtype=np.int32) if status is None else np.array(status, dtype=np.int32)
     check_shape("status", flags, (count,), ("sample",))
@@ -268,7 +270,7 @@ def statistics_dataset(
     Raises
     ------
     StudyError
-        If a shape does not fit the labels.
+        If a shape does not fit the labels, or values are complex or masked.
 
     Examples
     --------
@@ -279,11 +281,13 @@ def statistics_dataset(
     0.25
     """
     unknown = np.full(labels.shape, np.nan)
+    optional = {"skewness": skewness, "kurtosis": kurtosis, "quantile": quantile}
+    silent = [name for name, value in optional.items() if value is None]
     levels = np.array(DEFAULT_PROBABILITIES if probability is None else probability, dtype=float)
     plain: dict[str, ArrayLike | None] = {
         "mean": mean,
         "std": std,
-        "variance": np.square(np.asarray(std, dtype=float)) if variance is None else variance,
+        "variance": np.square(real_numbers("std", std)) if variance is None else variance,
         "skewness": unknown if skewness is None else skewness,
         "kurtosis": unknown if kurtosis is None else kurtosis,
         "std_error_mean": std_error_mean,
@@ -306,9 +310,11 @@ def statistics_dataset(
     for name, value, dims, sizes in table:
         if value is None:
             continue
-        array = np.array(value, dtype=float)
+        array = real_numbers(name, value)
         check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
         attrs = {"long_name": _LONG_NAMES[name]} | ({"comment": _COMMENTS[name]} if name in _COMMENTS else {})
+        if name in silent:
+            attrs["unknown"] = json.dumps({EVERY: "the method does not state it"})
         variables[name] = ((*dims, *labels.dims), array, attrs)
     coords = {
         **labels.output_coords(),

@@ -11,6 +11,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
 from uqmbd.results.schema.nodes import comparable, propagator_nodes
+from uqmbd.results.schema.values import check_probabilities, check_values, place_of
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -21,7 +22,6 @@ _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
 _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
 _EXTREMES = ("smallest", "largest")
 _CIRCULAR = ("circular_mean", "circular_std")
-_MAYBE_UNKNOWN = ("circular_std", "integration_error")
 _BY_INPUT = ("sobol_first", "sobol_total")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval")
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
@@ -190,18 +190,9 @@ def _not_finite(values: xr.DataArray) -> xr.DataArray:
     return values.copy(data=~np.isfinite(values.values))
 
 
-def _first(bad: xr.DataArray) -> str:
-    index = np.argwhere(bad.values)[0]
-    parts = []
-    for dim, k in zip(bad.dims, index, strict=True):
-        value = bad.coords[dim].values[k] if dim in bad.coords else k
-        parts.append(f"{dim} {value!s}")
-    return ", ".join(parts)
-
-
 def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expected: str) -> None:
     if bool(bad.any()):
-        raise StudyError(f"{node.path}/{name}: found {found} at {_first(bad)}; expected {expected}.")
+        raise StudyError(f"{node.path}/{name}: found {found} at {place_of(bad)}; expected {expected}.")
 
 
 def _validate_statistics(node: xr.DataTree, end: float) -> None:
@@ -230,33 +221,13 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
     later = whole.sel(time=whole["time"] > end)
     for name in (*_PLAIN, *(n for n in (*_OPTIONAL, "integration_error") if n in later)):
         _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
-    data: Mapping[str, xr.DataArray] = {str(k): v for k, v in whole.sel(time=whole["time"] <= end).data_vars.items()}
-    for name in ("mean", "std", "variance", *(n for n in _OPTIONAL if n in data)):
-        _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
-        if name != "mean":
-            _values(node, name, data[name] < 0, "a negative value", "none")
-    if "quantile_error" in data:
-        _values(node, "quantile_error", ~(data["quantile_error"] >= 0), "a bound that is not a number from 0 on", "one")
-    for name in (n for n in _MAYBE_UNKNOWN if n in data):
-        _values(node, name, data[name] < 0, "a negative value", "none")
-    off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
-    _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
-    falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
-    _values(node, "quantile", falls, "a quantile that falls with the probability", "none")
-    if set(_EXTREMES) <= set(data):
-        off = ~((data["smallest"] <= data["quantile"]) & (data["quantile"] <= data["largest"]))
-        known = data["quantile"].notnull()
-        _values(node, "quantile", off & known, "a quantile that is beyond the samples", "none")
-    expected = "the fourth standardised moment (3 for a normal), not the excess"
-    _values(node, "kurtosis", data["kurtosis"] < 1 - 1e-9, "a value below 1", expected)
+    check_values(whole, node.path, end=end)
 
 
 def _validate_interval(node: xr.DataTree, name: str) -> None:
     _dims(node, name, ("bound", "input", "output", "time"))
     ends = node.coords["bound"].values.tolist() if "bound" in node.coords else []
     _require(ends == ["lower", "upper"], f"{node.path}/bound", f"{ends}", "['lower', 'upper']")
-    lower, upper = node.to_dataset()[name]
-    _values(node, name, ~(lower <= upper), "a lower end that is not below the upper one", "numbers in order")
 
 
 def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.DataTree) -> None:
@@ -390,16 +361,13 @@ def _validate_timeless(node: xr.DataTree) -> None:
             same = data["output"].values.tolist() == expected
             _require(same, f"{node.path}/{child}/output", "other outputs than have statistics", ", ".join(expected))
     if names:
-        statistics = statistics.sel(output=given)
-    for name in (n for n in ("mean", "std") if n in statistics):
-        finite = np.isfinite(statistics[name].values).all()
-        _require(finite, f"{node.path}/statistics/{name}", "a value that is not finite", "a number")
+        check_values(statistics, f"{node.path}/statistics", refused=json.loads(refused).keys())
 
 
 def _validate_requirements(node: xr.DataTree) -> None:
     for name, dims in {"violation_probability": (), "std_error": (), "interval": ("bound",)}.items():
         _dims(node, name, ("requirement", *dims))
-    _values(node, "interval", ~((ends := node.to_dataset()["interval"]) >= 0) | ~(ends <= 1), "no probability", "one")
+    check_probabilities(node.to_dataset(), node.path)
 
 
 def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:

@@ -1,0 +1,241 @@
+"""Values of statistics: real, finite, not negative where they cannot be, and NaN only with a reason.
+
+The reason is the attribute ``unknown`` of a variable: a JSON object from names of outputs (``*``: every one) to a
+sentence.  No reason is needed after the time ``ends_at`` of a node, or for outputs that its attribute ``refused`` names.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array
+
+__all__ = [
+    "EVERY",
+    "check_probabilities",
+    "check_values",
+    "place_of",
+    "real_numbers",
+    "reasons_of",
+    "with_reasons",
+]
+
+EVERY = "*"
+"""Stands for every output in the attribute ``unknown``."""
+
+_NOT_NEGATIVE = (
+    "std", "variance", "std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std",
+    "quantile_error", "integration_error", "circular_std", "verification_error", "verification_factor",
+)  # fmt: skip
+_SHARES = ("censored", "censored_bound")
+_INTERVALS = ("sobol_first_interval", "sobol_total_interval")
+_KNOWN = (
+    "mean", *_NOT_NEGATIVE, *_SHARES, "skewness", "kurtosis", "quantile", "smallest", "largest", "circular_mean",
+    "sobol_first", "sobol_total", *_INTERVALS,
+)  # fmt: skip
+_MAY_BE_INFINITE = ("circular_std", "verification_factor")
+"""Where directions cancel; where nothing tells how far an error may be off."""
+
+
+def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
+    """Return real numbers as an array; without `copy` that which is given, if it is one of them.
+
+    Raises
+    ------
+    StudyError
+        If they are complex, no numbers, or masked: a mask would be lost, and what is below it taken for a value.
+
+    Examples
+    --------
+    >>> real_numbers("std", [1, 2]).tolist()
+    [1.0, 2.0]
+    """
+    if np.ma.is_masked(value):
+        at = tuple(int(k) for k in np.argwhere(np.ma.getmaskarray(value))[0])
+        raise StudyError(
+            f"{name!r} is a masked array with {np.ma.count_masked(value)} masked values, the first at index {at}; "
+            "expected numbers, and for a statistic that is not known NaN with its reason."
+        )
+    if np.iscomplexobj(value):
+        array = np.asarray(value)
+        at = tuple(int(k) for k in np.argwhere(array.imag != 0)[0]) if array.imag.any() else (0,) * array.ndim
+        raise StudyError(f"{name!r} is complex, {array[at]} at index {at}; expected real numbers.")
+    try:
+        return np.array(value, dtype=float, copy=copy or None)
+    except (TypeError, ValueError):
+        raise StudyError(f"{name!r} is {type(value).__name__}, which holds other things than numbers.") from None
+
+
+def reasons_of(data: xr.DataArray) -> dict[str, str]:
+    """Return why values of a statistic are not known, by output."""
+    try:
+        found = json.loads(str(data.attrs.get("unknown", "{}")))
+    except ValueError:
+        return {}
+    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}
+
+
+def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray:
+    """Return a statistic with reasons why it is not known, by output, besides those that it has."""
+    whole = {**reasons_of(data), **reasons}
+    return data.assign_attrs(unknown=json.dumps(whole)) if whole else data
+
+
+def check_values(statistics: xr.Dataset, path: str, *, end: float = np.inf, refused: Collection[str] = ()) -> None:
+    """Refuse values that no statistic has.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of outputs over time, or of outputs without one.
+    path : str
+        Where it is, for messages.
+    end : float
+        Time, s, after which there are no results.
+    refused : collection of str
+        Outputs without statistics.
+
+    Raises
+    ------
+    StudyError
+        At the first value: its variable, output and place, and what is expected.
+    """
+    held = [name for name in _KNOWN if name in statistics.data_vars and "output" in statistics[name].dims]
+    for name in held:
+        _check_real(statistics[name], f"{path}/{name}")
+    explained = {name: _explained(statistics, name, end, refused) for name in held}
+    if {"integration_error", "mean"} <= explained.keys():
+        # of what has no mean the error is not known either
+        explained["integration_error"] |= explained["mean"] & np.isnan(statistics["mean"].values)
+    for name in held:
+        data, where = statistics[name], f"{path}/{name}"
+        if name in _INTERVALS:
+            lower, upper = data
+            bad = ~(lower <= upper) & ~(explained[name][0] & np.isnan(lower.values) & np.isnan(upper.values))
+            _refuse(where, bad, "a lower end that is not below the upper one", "numbers in order")
+        values = data.values
+        missing, infinite = np.isnan(values), np.isinf(values)
+        if name in _MAY_BE_INFINITE:
+            infinite = infinite & (values < 0)
+        bad = data.copy(data=infinite | (missing & ~explained[name]))
+        if name == "quantile_error":
+            _refuse(where, bad, "a bound that is not a number from 0 on", "one")
+        reason = "a number, or the reason of a NaN in the attribute 'unknown' of the variable: {output: reason}"
+        _refuse(where, bad, "a value that is not finite", f"{reason}; failures must not enter")
+        if name in _NOT_NEGATIVE or name in _SHARES:
+            _refuse(where, data < 0, "a negative value", "none")
+        if name in _SHARES:
+            _refuse(where, data > 1, "a share above 1", "none")
+        if name == "kurtosis":
+            expected = "the fourth standardised moment (3 for a normal), not the excess"
+            _refuse(where, data < 1 - 1e-9, "a value below 1", expected)
+    if {"variance", "std"} <= set(held):
+        variance, std = statistics["variance"], statistics["std"]
+        off = abs(variance - std**2) > 1e-6 * variance + np.finfo(float).tiny
+        off |= np.isnan(variance) != np.isnan(std)
+        _refuse(f"{path}/variance", off, "a value that differs from std**2", "the square of 'std'")
+    if "quantile" in held:
+        _check_quantiles(statistics, path)
+
+
+def check_probabilities(data: xr.Dataset, path: str) -> None:
+    """Refuse values that probabilities of violation, their standard errors and intervals do not have.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As of `uqmbd.results.requirements_dataset`.
+    path : str
+        Where it is, for messages.
+
+    Raises
+    ------
+    StudyError
+        At the first value: its variable, requirement and place, and what is expected.
+    """
+    for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in data):
+        _check_real(data[name], f"{path}/{name}")
+    ends, probability, error = data["interval"], data["violation_probability"], data["std_error"]
+    lower, upper = ends.isel(bound=0, drop=True), ends.isel(bound=1, drop=True)
+    _refuse(f"{path}/interval", ~((ends >= 0) & (ends <= 1)), "no probability", "one, from 0 to 1")
+    _refuse(f"{path}/interval", lower > upper, "a lower end that is not below the upper one", "numbers in order")
+    where = f"{path}/violation_probability"
+    known = (lower > 0) | (upper < 1)
+    _refuse(where, probability.isnull() & known, "NaN", "a probability, or the interval from 0 to 1")
+    off = (probability < lower - 1e-9) | (probability > upper + 1e-9)
+    _refuse(where, off, "a value outside of its interval", "a probability within it")
+    names, reasons = error["requirement"].values.tolist(), reasons_of(error)
+    told = np.array([name in reasons or EVERY in reasons for name in names], dtype=bool)
+    bad = error.copy(data=~(np.isfinite(error.values) & (error.values >= 0)) & ~(np.isnan(error.values) & told))
+    _refuse(f"{path}/std_error", bad, "no standard error", "a number from 0 on, or the reason of a NaN")
+    if "violated_by" in data:
+        by = data["violated_by"]
+        bad = ~((by >= 0) & (by <= 1)) & ~(by.isnull() & probability.isnull())
+        _refuse(f"{path}/violated_by", bad, "no probability", "one, from 0 to 1")
+
+
+def _check_real(data: xr.DataArray, where: str) -> None:
+    """Refuse a variable that holds other things than real numbers; `where` it is, for the message."""
+    if data.dtype.kind == "c":
+        bad = data.copy(data=np.imag(data.values) != 0)
+        place = f" at {place_of(bad)}" if bool(bad.any()) else ""
+        raise StudyError(f"{where}: found complex numbers{place}; expected real ones.")
+    if data.dtype.kind not in "fiu":
+        raise StudyError(f"{where}: found the type {data.dtype}; expected real numbers.")
+
+
+def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
+    quantile = statistics["quantile"]
+    if "probability" in quantile.dims:
+        falls = quantile.diff("probability") < -1e-9 * abs(quantile).max("probability")
+        _refuse(f"{path}/quantile", falls, "a quantile that falls with the probability", "none")
+    if {"smallest", "largest"} <= set(statistics.data_vars):
+        off = ~((statistics["smallest"] <= quantile) & (quantile <= statistics["largest"]))
+        known = quantile.notnull() & statistics["smallest"].notnull() & statistics["largest"].notnull()
+        _refuse(f"{path}/quantile", off & known, "a quantile that is beyond the samples", "none")
+
+
+def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str]) -> Array:
+    """Return where a NaN has a reason, in the shape of the variable."""
+    data = statistics[name]
+    reasons = reasons_of(data)
+    outputs = [str(x) for x in statistics["output"].values] if "output" in statistics.coords else []
+    outputs = outputs or [str(k) for k in range(data.sizes["output"])]
+    told = np.array([x in refused or x in reasons or EVERY in reasons for x in outputs], dtype=bool)
+    if data.attrs.get("reason") and not data.notnull().any():
+        told[:] = True
+    if name in ("circular_mean", "circular_std") and "output_angle" in statistics.coords:
+        told |= statistics["output_angle"].values == 0
+    found = _along(told, "output", data)
+    if "time" in data.dims and "time" in statistics.coords:
+        found = found | _along(statistics["time"].values > end, "time", data)
+    if name == "circular_mean" and "circular_std" in statistics:
+        # directions cancel
+        found = found | np.isposinf(statistics["circular_std"].values)
+    return np.array(np.broadcast_to(found, data.shape))
+
+
+def _along(values: Array, dim: str, data: xr.DataArray) -> Array:
+    """Return values of a dimension so that they broadcast against those of a variable."""
+    return values.reshape([-1 if d == dim else 1 for d in data.dims])
+
+
+def place_of(bad: xr.DataArray) -> str:
+    """Return the place of the first value that is bad, by the coordinates of its dimensions."""
+    index = np.argwhere(bad.values)[0]
+    parts = []
+    for dim, k in zip(bad.dims, index, strict=True):
+        value = bad.coords[dim].values[k] if dim in bad.coords else k
+        parts.append(f"{dim} {value!s}")
+    return ", ".join(parts)
+
+
+def _refuse(where: str, bad: xr.DataArray, found: str, expected: str) -> None:
+    if bool(bad.any()):
+        raise StudyError(f"{where}: found {found} at {place_of(bad)}; expected {expected}.")
