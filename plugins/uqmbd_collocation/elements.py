@@ -95,9 +95,10 @@ def collocate_elements(
     begin = problem.clock()
     plans.plan(space, plans.order).check(space)
     work = _Elements(plans, announced_once(problem, plans.max_realisations))
-    refined = uqmbd.refine_elements(
-        space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
-    )
+    with problem.timed("fitting"):
+        refined = uqmbd.refine_elements(
+            space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
+        )
     problem.progress.finish(problem.label)
     kept = [work.done[k] for k in refined.kept]
     for text in dict.fromkeys(text for one in kept for text in one.warned):

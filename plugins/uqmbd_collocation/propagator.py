@@ -394,13 +394,15 @@ class Collocation(uqmbd.Propagator):
         if self.families:
             uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         if self.families and not problem.timeless:
-            found = self._aligned(problem, space, plans, limits)
+            with problem.timed("fitting"):
+                found = self._aligned(problem, space, plans, limits)
             problem.progress.finish(problem.label)
             return found.node(self, problem, problem.clock() - begin)
         if self.elements is not None:
             return collocate_elements(self, problem, space, plans, self._limits)
         once = problem if self.adaptive == "no" else announced_once(problem, self.max_realisations)
-        found, wall_time = expand(once, space, plans, limits)
+        with problem.timed("fitting"):
+            found, wall_time = expand(once, space, plans, limits)
         if self.adaptive != "no":
             problem.progress.finish(problem.label)
         return found.node(self, problem, wall_time)

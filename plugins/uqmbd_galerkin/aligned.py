@@ -107,13 +107,15 @@ def galerkin_in_phase(
     box = uqmbd.GermBox.whole(space)
     end, length = float(times[-1]), float(times[-1] - times[0])
     try:
-        _follow_nodes(path, projected, end)
+        with problem.timed("integration"):
+            _follow_nodes(path, projected, end)
         for extension in range(EXTENSIONS + 1):
             late = _late(path, box, terms, problem, verification)
             if not (late > LATE * length).any() or extension == EXTENSIONS or path.last[0] > end + LONGEST * length:
                 break
             pace = (path.last[0] - path.parts[-1][0, 0, 0, -1]) / (path.parts[-1].shape[1] / PER_TURN)
-            path.follow(1.05 * float(late.max()) / pace)
+            with problem.timed("integration"):
+                path.follow(1.05 * float(late.max()) / pace)
     except uqmbd.IntegrationError as stopped:
         raise uqmbd.StudyError(
             f"{label}: alignment='phase' with the clock {rates.clock.name!r}: {str(stopped).rstrip('.')}. Nodes are "

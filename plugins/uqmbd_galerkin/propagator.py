@@ -269,7 +269,8 @@ class Galerkin(uqmbd.Propagator):
             ensemble = seen.ensemble(space.to_inputs(rule.nodes))
             projected = self._projected(problem.label, ensemble, space, terms, rule)
         points = uqmbd.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
-        verification = uqmbd.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
+        with problem.timed("verification"):
+            verification = uqmbd.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
         if problem.timeless:
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
         if verification.failures:
@@ -297,13 +298,14 @@ class Galerkin(uqmbd.Propagator):
 
         limit = self.stop_at or np.inf
         problem.progress.start(problem.label, 1)
-        found = projected.integrate(
-            problem.times,
-            problem.rtol,
-            self.integrator or problem.integrator,
-            self.linear_solver,
-            watch if self.stop_at is not None else None,
-        )
+        with problem.timed("integration"):
+            found = projected.integrate(
+                problem.times,
+                problem.rtol,
+                self.integrator or problem.integrator,
+                self.linear_solver,
+                watch if self.stop_at is not None else None,
+            )
         count = finished(found.coefficients)
         chaos = respond(found.coefficients, count)
         stopped = horizons(chaos, limit, problem.rtol)

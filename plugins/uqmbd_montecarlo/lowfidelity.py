@@ -180,7 +180,7 @@ class PairedControl:
         if reason := mismatch(control.study, units, names, times):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
         made = control.study.problem(method, problem.executor, problem.progress)
-        self._cheap = _of_kind(replace(made, clock=problem.clock), problem, names)
+        self._cheap = _of_kind(replace(made, clock=problem.clock, spending=problem.spending), problem, names)
         own = [output.name for output in self._cheap.labels.outputs]
         if missing := [name for name in names if name not in own]:
             raise uqmbd.StudyError(

@@ -280,7 +280,8 @@ class MonteCarlo(uqmbd.Propagator):
             moments = found.moments.statistics(independent=independent)
             statistics = statistics_dataset(problem.labels, **moments, **everything.statistics())
         if not independent:
-            errors = replicate_errors(found.replicates)
+            with problem.timed("error estimation"):
+                errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
         return statistics

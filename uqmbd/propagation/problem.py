@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +34,7 @@ from uqmbd.propagation.execution import (
     Observed,
     Packed,
     Realisations,
+    Spending,
     chunk_size,
     compute_chunk,
     event_histories,
@@ -141,6 +143,8 @@ class Problem:
     """The same, of realisations that are integrated once more, by what for."""
     clock: Clock = field(default_factory=Clock, repr=False, compare=False)
     """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
+    spending: Spending = field(default_factory=Spending, repr=False, compare=False)
+    """What the method spends, in parts; see `timed`."""
     observed: Observed = field(default_factory=Observed, repr=False, compare=False)
     """Realisations from which the error of the integration is measured."""
     ledger: Ledger | None = field(default=None, repr=False, compare=False)
@@ -299,20 +303,21 @@ class Problem:
         if not len(values):
             return
         self.progress.start(self.label, len(values))
-        begin = self.clock()
+        begin = asked = self.clock()
         size = self.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         workers = executor_for(self.executor, unlocked=self._unlocked)
         work = in_order(parts, workers, self._kept.find, self._task, self._kept.keep, self._lost)
         for part, chunk in zip(parts, work, strict=True):
             now = self.clock()
+            self.spending.realised(now - asked)
             found = Realisations.of(part, chunk, now - begin)
             if self.chosen is not None:
                 found = found.choosing(self.model.scalars, self.chosen)
             self.observed.add(found)
             log_realisations(self.label, self.kind, found)
             yield found
-            begin = now
+            begin, asked = now, self.clock()
             self.progress.advance(self.label, len(chunk.status))
             if self.ledger is not None and part is not parts[-1]:
                 self.ledger.begin()
@@ -372,6 +377,7 @@ class Problem:
             progress=self.progress,
             checkpoint=self.checkpoint,
             clock=self.clock,
+            spending=self.spending,
             ledger=self.ledger,
             observed=self.observed,
             chunk_size=self.chunk_of,
@@ -402,10 +408,35 @@ class Problem:
             If a task ends the worker that does it, and another one, too: its number and function.
         """
         work = (self.label, self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
+        asked = self.clock()
         for done, found in enumerate(run_tasks(*work, function, tasks), 1):
+            self.spending.realised(self.clock() - asked)
             yield found
+            asked = self.clock()
             if self.ledger is not None and done < len(tasks):
                 self.ledger.begin()
+
+    def timed(self, part: str) -> AbstractContextManager[None]:
+        """Record what is spent within as a part of the wall time of the method.
+
+        The whole is measured by whoever runs the method, and so are realisations, as integration: a method need not do
+        anything.  What is in no part is ``other``.
+
+        Parameters
+        ----------
+        part : {"integration", "fitting", "verification", "error estimation"}
+            Realisations that are computed within the last two belong to them, and to ``integration`` elsewhere.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such part.
+
+        Examples
+        --------
+        ``with problem.timed("fitting"): coefficients = solve(matrix, response)``
+        """
+        return self.spending.part(part, self.clock)
 
     def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
         """Apply a function to pieces in order, like `map`, in threads where the study has workers.
@@ -570,7 +601,7 @@ class Problem:
         samples: xr.Dataset | None = None,
         *,
         realisations: int,
-        wall_time: float,
+        wall_time: float = 0.0,
         counters: Mapping[str, Any] | None = None,
         children: Mapping[str, xr.Dataset] | None = None,
         attrs: Mapping[str, Any] | None = None,
@@ -586,7 +617,7 @@ class Problem:
         realisations : int
             How many were computed.
         wall_time : float
-            s.
+            s, of a node that is made outside of a study: one that runs a method measures it, and puts it in its place.
         counters, children, attrs : mapping, optional
             Solver counters, further datasets, further attributes.
 

@@ -13,7 +13,7 @@ from uqmbd.propagation.execution.chunks import (
     needs_motion,
     not_finite_output,
 )
-from uqmbd.propagation.execution.cost import Clock
+from uqmbd.propagation.execution.cost import Clock, Spending
 from uqmbd.propagation.execution.fingerprint import fingerprint
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
@@ -47,6 +47,7 @@ __all__ = [
     "Observed",
     "Packed",
     "Realisations",
+    "Spending",
     "Staff",
     "chunk_size",
     "claimed",

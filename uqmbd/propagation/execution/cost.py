@@ -3,9 +3,23 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
-__all__ = ["Clock", "Laps"]
+from uqmbd.errors import StudyError
+
+__all__ = ["OTHER", "PARTS", "Clock", "Laps", "Spending", "spending_attributes"]
+
+
+PARTS = ("integration", "fitting", "verification", "error estimation")
+"""What methods spend time for; the rest is `OTHER`."""
+
+OTHER = "other"
+
+PURPOSES = ("verification", "error estimation")
+"""Parts that realisations belong to which are computed for them."""
 
 
 @dataclass
@@ -56,3 +70,84 @@ class Laps:
         """Seconds since the last call."""
         before, self._last = self._last, time.perf_counter()
         return self._last - before
+
+
+@dataclass
+class Spending:
+    """What a method spends, in parts: one record for all that it does, whoever wrote it.
+
+    A part takes the time while it is open, less that of parts within it.  Realisations are recorded where they are
+    computed: as integration, unless a part that says what they are for is open.
+
+    Attributes
+    ----------
+    seconds : dict
+        By part, of the clock of the problem.
+
+    Examples
+    --------
+    >>> seconds = iter([0.0, 1.0, 6.0, 10.0])
+    >>> spending = Spending()
+    >>> with spending.part("fitting", lambda: next(seconds)), spending.part("verification", lambda: next(seconds)):
+    ...     pass
+    >>> spending.seconds["fitting"], spending.seconds["verification"]
+    (5.0, 5.0)
+    """
+
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
+    _open: list[list[Any]] = field(default_factory=list)
+    """Names of open parts, and the seconds of parts within them."""
+
+    @contextmanager
+    def part(self, name: str, clock: Callable[[], float]) -> Iterator[None]:
+        """Record what is spent within as a part.
+
+        Raises
+        ------
+        StudyError
+            If there is no such part.
+        """
+        if name not in PARTS:
+            raise StudyError(f"There is no part {name!r} of what a method spends; expected one of {', '.join(PARTS)}.")
+        begin = clock()
+        self._open.append([name, 0.0])
+        try:
+            yield
+        finally:
+            spent = clock() - begin
+            self.seconds[name] += spent - self._open.pop()[1]
+            if self._open:
+                self._open[-1][1] += spent
+
+    def realised(self, seconds: float) -> None:
+        """Record the seconds of realisations."""
+        if self._open:
+            if self._open[-1][0] in PURPOSES:
+                return
+            self._open[-1][1] += seconds
+        self.seconds["integration"] += seconds
+
+    @contextmanager
+    def whole(self, clock: Callable[[], float]) -> Iterator[dict[str, float | int]]:
+        """Measure everything that is spent within; fill the attributes of a node, which are complete at the end."""
+        found: dict[str, float | int] = {}
+        before, begin = dict(self.seconds), clock()
+        try:
+            yield found
+        finally:
+            spent = clock() - begin
+            found |= spending_attributes({name: self.seconds[name] - before[name] for name in PARTS}, spent)
+
+
+def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, float]:
+    """Return ``wall_time``, s, and the parts that add up to it, which is what `whole` leaves of them the other one.
+
+    Examples
+    --------
+    >>> spending_attributes({"integration": 2.0, "fitting": 1.0, "verification": 0.0, "error estimation": 0.5}, 4.0)
+    {'wall_time_integration': 2.0, 'wall_time_fitting': 1.0, ..., 'wall_time_other': 0.5, 'wall_time': 4.0}
+    """
+    kept = {name: max(float(parts[name]), 0.0) for name in PARTS}
+    kept[OTHER] = max(whole - sum(kept.values()), 0.0)
+    found = {f"wall_time_{name.replace(' ', '_')}": seconds for name, seconds in kept.items()}
+    return {**found, "wall_time": sum(found.values())}

@@ -62,11 +62,15 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     -------
     xarray.DataTree
         The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
-        requirements; variables that have one unit say it.
+        requirements; variables that have one unit say it.  Its attribute ``wall_time``, s, is all that this took, from
+        the begin to the end, and ``wall_time_integration``, ``wall_time_fitting``, ``wall_time_verification``,
+        ``wall_time_error_estimation`` and ``wall_time_other`` add up to it, whatever the method says of itself.
     """
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
-    found = with_units(_run_all(propagator, problem, check))
+    with problem.spending.whole(problem.clock) as spent:
+        found = with_units(_run_all(propagator, problem, check))
+    found.attrs.update(spent)
     if methods.isEnabledFor(logging.INFO):
         about = found.attrs
         methods.info(
@@ -98,7 +102,9 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
         run = partial(_run, propagator, check=check and one.kind != "requirements")
-        found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
+        with problem.spending.whole(problem.clock) as spent:
+            found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
+        found.attrs.update(spent)
         if given.answers_requirements:
             answered, found = _answered(propagator, problem.label, found)
         nodes[one.kind] = found
@@ -221,7 +227,7 @@ def _nothing(propagator: Propagator, problem: Problem) -> xr.DataTree:
     """Make a node without numbers."""
     unknown = np.full(problem.labels.shape, np.nan)
     statistics = statistics_dataset(problem.labels, mean=unknown, std=unknown)
-    return problem.node(propagator, statistics, realisations=problem.observed.counted, wall_time=problem.clock())
+    return problem.node(propagator, statistics, realisations=problem.observed.counted)
 
 
 def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr.Dataset, xr.DataTree]:
@@ -255,7 +261,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
             StudyWarning,
             stacklevel=4,
         )
-    node = with_integration_error(node, problem) if check else node
+    with problem.timed("error estimation"):
+        node = with_integration_error(node, problem) if check else node
     progress.end()
     statistics = node.children["statistics"]
     seen = verified_std(node, statistics["std"].shape)

@@ -24,6 +24,7 @@ from uqmbd.propagation.execution import (
     Ledger,
     Observed,
     Packed,
+    Spending,
     executor_for,
     in_order,
     log_realisations,
@@ -86,6 +87,7 @@ class Work:
     progress: Progress
     checkpoint: Checkpoint | None
     clock: Clock
+    spending: Spending
     ledger: Ledger | None
     observed: Observed
     chunk_size: Callable[[int], int]
@@ -182,6 +184,7 @@ class Reductions:
         again = work.clock.knows(identity)
         work.progress.start(work.label, len(values))
         begin, recovered = work.clock(), 0.0
+        asked = begin
         pieces = Pieces(values, size)
         workers = executor_for(work.executor, unlocked=work.unlocked)
         answers = in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
@@ -191,6 +194,7 @@ class Reductions:
                 now = work.clock()
                 spent = 0.0 if answer.computed or again else answer.chunk.seconds
                 recovered += spent
+                work.spending.realised(now - asked + spent)
                 found = Reduced(
                     piece.first,
                     piece.values,
@@ -208,7 +212,7 @@ class Reductions:
                 if own is not None:
                     own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
                 yield found
-                begin = now
+                begin, asked = now, work.clock()
                 work.progress.advance(work.label, len(found.status))
                 if work.ledger is not None and piece.number + 1 < len(pieces):
                     work.ledger.begin()

@@ -1,7 +1,7 @@
 """Values of statistics: real, finite, not negative where they cannot be, and NaN only with a reason.
 
 The reason is the attribute ``unknown`` of a variable: a JSON object from names of outputs (``*``: every one) to a
-sentence.  No reason is needed after the time ``ends_at`` of a node, or for outputs that its attribute ``refused`` names.
+sentence.  None is needed after the time ``ends_at`` of a node, or for outputs that its attribute ``refused`` names.
 """
 
 from __future__ import annotations
