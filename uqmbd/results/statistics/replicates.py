@@ -34,8 +34,8 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     -----
     The jackknife [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened three times.  Student's t of
     R - 1 degrees of freedom makes up for so few replicates.  Where they scatter to one side, as the few points of a
-    long tail do, t is raised by ``|g| (1 + 2 t^2) / (6 sqrt(R))``, g their skewness: the most by which a skewness moves
-    an end of the interval [2]_.  The error of a standard deviation s is in proportion to the true one, which is above s
+    long tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``, the most by which a skewness g moves an end of the
+    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance.  The error of a standard deviation s is in proportion to the true one, which is above s
     more often than below: a half-width x, over s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to
     the second order.
 
@@ -82,6 +82,8 @@ def _half_width(estimates: Array) -> Array:
     square = (off**2).mean(axis=0)
     skewness = np.abs((off**3).mean(axis=0)) / divisor(square**1.5)
     reach = _NORMAL * studentised(count)
+    # so much is chance: the deviation of the skewness of normal replicates
+    skewness = np.maximum(skewness - np.sqrt(6.0 / count), 0.0)
     reach = reach + skewness * (1.0 + 2.0 * reach**2) / (6.0 * np.sqrt(count))
     return np.asarray(unit * reach * np.sqrt((count - 1) * square))
 
