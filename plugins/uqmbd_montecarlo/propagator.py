@@ -27,7 +27,13 @@ from uqmbd_montecarlo.gain import of_study, of_surrogate
 from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.lowfidelity import LowFidelity, PairedControl, mismatch
 from uqmbd_montecarlo.pickfreeze import obstacle_of
-from uqmbd_montecarlo.replicates import allowed_samples, replicate_sizes, uniform_samples
+from uqmbd_montecarlo.replicates import (
+    allowed_pairs,
+    allowed_samples,
+    paired_samples,
+    replicate_sizes,
+    uniform_samples,
+)
 from uqmbd_montecarlo.sensitivity import SobolRun, rows_at_once, run_sobol
 from uqmbd_montecarlo.surrogate import ChaosControl, Surrogate, surrogate_of
 
@@ -71,8 +77,12 @@ class MonteCarlo(uqmbd.Propagator):
     sobol_indices : bool
         Estimate Sobol' indices of first order and total ones, with 95 % jackknife intervals, by pick-freeze: the
         samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input, N (d + 2) in
-        all for d inputs, of which no more than `keep` are held at once.  For random sampling of inputs that do not
-        depend on each other.  The other statistics are those of the samples, the same as without this option.
+        all for d inputs, of which no more than `keep` are held at once.  For inputs that do not depend on each other.
+        The pairs of a design whose points are not independent (Sobol', Halton, Latin hypercube) are the halves of the
+        coordinates of points in 2 d dimensions, and intervals come from its replicates.  The other statistics are those
+        of the samples, of random sampling the same as without this option.  An output that does not happen in some
+        realisations has statistics, and no indices (NaN, with the reason): given that it happens inputs are not
+        independent.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
 
@@ -110,17 +120,32 @@ class MonteCarlo(uqmbd.Propagator):
         if isinstance(self.control, uqmbd.Study):
             object.__setattr__(self, "control", LowFidelity(self.control))
         self._check_control()
-        if self.sobol_indices and (self.samples % 2 or self.samples < 4):
+        self._check_pairs(independent)
+        if self.control is not None and not independent:
+            raise uqmbd.StudyError(
+                "MonteCarlo: control needs independent samples, for its errors come from them one by one; "
+                f"sampling is {self.sampling!r}, expected 'random'."
+            )
+
+    def _check_pairs(self, independent: bool) -> None:
+        if not self.sobol_indices:
+            return
+        if independent and (self.samples % 2 or self.samples < 4):
             raise uqmbd.StudyError(
                 f"MonteCarlo: samples is {self.samples}; sobol_indices needs an even number, 4 or more: it takes them "
                 "as pairs."
             )
-        for option, used in (("control", self.control is not None), ("sobol_indices", self.sobol_indices)):
-            if used and not independent:
-                raise uqmbd.StudyError(
-                    f"MonteCarlo: {option} needs independent samples, for its errors come from them one by one; "
-                    f"sampling is {self.sampling!r}, expected 'random'."
-                )
+        below = allowed_pairs(self.sampling, self.samples, self.replicates)
+        if below != self.samples:
+            base = max(uqmbd.sampling_design(self.sampling).base, 1)
+            above = below * base if base > 1 else below + 2 * self.replicates
+            power = f" and a power of {'two' if base == 2 else base}" if base > 1 else ""
+            first = min(below, above) if below > self.samples else below
+            raise uqmbd.StudyError(
+                f"MonteCarlo: samples is {self.samples}; sobol_indices takes them as pairs, and {self.replicates} "
+                f"replicates of the design {self.sampling!r} need a number that is {2 * self.replicates} times a whole "
+                f"number{power}. Take {first}{'' if below > self.samples else f' or {above}'}."
+            )
 
     def _check_control(self) -> None:
         if self.control is None:
@@ -165,7 +190,7 @@ class MonteCarlo(uqmbd.Propagator):
 
         def allowed(samples: int) -> int:
             if self.sobol_indices:
-                return samples // 2 * 2
+                return allowed_pairs(self.sampling, samples, self.replicates)
             return allowed_samples(self.sampling, samples, self.replicates)
 
         independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
@@ -202,8 +227,12 @@ class MonteCarlo(uqmbd.Propagator):
             return self._propagated(problem, passing)
 
     def _propagated(self, problem: uqmbd.Problem, passing: Passing | None) -> xr.DataTree:
-        sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
-        uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
+        sizes, pairs = replicate_sizes(self.sampling, self.samples, self.replicates), None
+        if self.sobol_indices:
+            about = (self.sampling, self.samples, self.replicates, len(problem.inputs), self.seed)
+            uniform, *pairs = paired_samples(*about)
+        else:
+            uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
         values = problem.inputs.from_uniform(uniform)
         surrogate = paired = sums = None
         if isinstance(self.control, LowFidelity):
@@ -249,9 +278,17 @@ class MonteCarlo(uqmbd.Propagator):
                 stacklevel=2,
             )
         sobol = None
-        if self.sobol_indices:
+        if pairs is not None:
             again = everything.responses if everything else lambda first, last: kept.response[first:last]
-            sobol = run_sobol(problem, values, again, self.keep, self.max_failures)
+            replicates = len(sizes) if len(sizes) > 1 else 0
+            sobol = run_sobol(problem, values, (pairs[0], pairs[1]), again, self.keep, self.max_failures, replicates)
+            for name, why in sobol.without.items():
+                warnings.warn(
+                    f"{problem.label}: output {name!r} has no Sobol' indices: {why}. Take later times, or a quantity "
+                    "that each realisation has, as uqmbd.maximum.",
+                    uqmbd.StudyWarning,
+                    stacklevel=2,
+                )
         if sobol is not None and sobol.failures:
             warnings.warn(
                 f"{problem.label}: {sobol.failures} of {sobol.realisations} further realisations for Sobol' "

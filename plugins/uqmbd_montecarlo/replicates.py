@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import uqmbd
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
-__all__ = ["allowed_samples", "replicate_sizes", "uniform_samples"]
+__all__ = ["allowed_pairs", "allowed_samples", "paired_samples", "replicate_sizes", "uniform_samples"]
 
 
 def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
@@ -77,6 +77,62 @@ def allowed_samples(design: str, samples: int, replicates: int) -> int:
     while power * found.base * replicates <= samples:
         power *= found.base
     return power * replicates
+
+
+def allowed_pairs(design: str, samples: int, replicates: int) -> int:
+    """Return the largest number of samples, up to a given one, that are pairs of a design in equal replicates.
+
+    Examples
+    --------
+    >>> allowed_pairs("random", 1501, 16), allowed_pairs("sobol", 1501, 16), allowed_pairs("halton", 1501, 16)
+    (1500, 1024, 1472)
+    """
+    if uqmbd.sampling_design(design, "MonteCarlo: sampling").independent:
+        return max(samples // 2 * 2, 4)
+    return 2 * (allowed_samples(design, samples // 2, replicates) // replicates * replicates)
+
+
+def paired_samples(design: str, samples: int, replicates: int, dimension: int, seed: int) -> tuple[Array, Index, Index]:
+    """Draw samples in pairs: of a design, the two halves of the coordinates of points in twice as many dimensions.
+
+    The halves of independent points are the first and the second half of the samples.
+
+    Parameters
+    ----------
+    design : str
+        Name of a sampling design.
+    samples, replicates : int
+        How many, as `allowed_pairs` allows.
+    dimension : int
+        Number of inputs.
+    seed : int
+        The same seed gives the same bits.
+
+    Returns
+    -------
+    uniform : array, shape (samples, dimension)
+        Open interval; replicate after replicate, in each the first halves of its pairs, then the second ones.
+    first, second : array of int, shape (samples / 2,)
+        Where the halves of each pair are, replicate after replicate.
+
+    Examples
+    --------
+    >>> u, first, second = paired_samples("sobol", 16, 2, dimension=1, seed=1)
+    >>> first.tolist(), second.tolist()
+    ([0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15])
+    >>> sorted((4 * u[first[:4], 0]).astype(int).tolist()), sorted((4 * u[second[:4], 0]).astype(int).tolist())
+    ([0, 1, 2, 3], [0, 1, 2, 3])
+    """
+    count = samples // 2
+    if uqmbd.sampling_design(design).independent:
+        return uniform_samples(design, [samples], dimension, seed), np.arange(count), count + np.arange(count)
+    sizes = replicate_sizes(design, count, replicates)
+    points = uniform_samples(design, sizes, 2 * dimension, seed)
+    places = np.arange(samples).reshape(replicates, 2, count // replicates)
+    first, second = places[:, 0].ravel(), places[:, 1].ravel()
+    uniform = np.empty((samples, dimension))
+    uniform[first], uniform[second] = points[:, :dimension], points[:, dimension:]
+    return uniform, first, second
 
 
 def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) -> Array:

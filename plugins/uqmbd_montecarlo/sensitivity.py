@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.typing import Array
-from uqmbd_montecarlo.pickfreeze import PickFreeze, mixed_inputs
+from uqmbd.results import Status
+from uqmbd.typing import Array, Index
+from uqmbd_montecarlo.pickfreeze import PickFreeze, SobolIndices, mixed_inputs
 
 __all__ = ["SobolRun", "rows_at_once", "run_sobol"]
 
@@ -40,14 +42,21 @@ class SobolRun:
     reason: str
     counters: dict[str, float]
     wall_time: float
+    replicates: int = 0
+    """Of a design whose points are not independent."""
+    without: Mapping[str, str] = field(default_factory=dict)
+    """Outputs without indices, and why."""
 
     @property
     def words(self) -> str:
         """What was done, in a sentence."""
         d = len(self.variables["input"])
+        if not self.rows:
+            return f"no Sobol' indices: {next(iter(self.without.values()))}"
+        blocks = f"the {self.replicates} replicates of the design" if self.replicates else "blocks of rows"
         text = (
             f"Jansen's estimators on {self.rows} rows of {d + 2} realisations each, with 95 % intervals of a jackknife "
-            "over blocks of rows"
+            f"over {blocks}"
         )
         if self.dropped:
             text += f"; {self.dropped} further rows were left out, since a realisation of theirs failed"
@@ -66,7 +75,13 @@ def rows_at_once(rows: int, inputs: int, keep: int) -> int:
 
 
 def run_sobol(
-    problem: uqmbd.Problem, values: Array, responses: Callable[[int, int], Array], keep: int, max_failures: float
+    problem: uqmbd.Problem,
+    values: Array,
+    pairs: tuple[Index, Index],
+    responses: Callable[[int, int], Array],
+    keep: int,
+    max_failures: float,
+    replicates: int = 0,
 ) -> SobolRun:
     """Compute the further realisations of pick-freeze, some rows at a time, and the indices.
 
@@ -76,12 +91,23 @@ def run_sobol(
         That of the samples.
     values : array, shape (2 N, input)
         Inputs of the samples.
+    pairs : tuple of array of int, shape (N,)
+        Places of both halves of each pair of samples.
     responses : callable
         Responses (K, output, time) of the samples from one index to another, NaN where they failed.
     keep : int
         Realisations that are held at once.
     max_failures : float
         Share.
+    replicates : int
+        Equal parts of the pairs that are independent of each other; 0: all pairs are.
+
+    Returns
+    -------
+    SobolRun
+        An output that does not happen in some realisations has no indices (NaN, with the reason): given that it
+        happens, inputs are not independent, so that shares of its variance do not add up, and pick-freeze, which
+        changes one input alone, leaves the realisations in which it happens.
 
     Raises
     ------
@@ -89,27 +115,44 @@ def run_sobol(
         If too many failed.
     """
     count, dimension = len(values) // 2, len(problem.inputs)
+    names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)
+    late = Counter(problem.observed.missing)
+    if any(late.values()):
+        # of all outputs that are asked for together, in which case those that always happen are asked for again
+        beside = dict.fromkeys(names, "another output that is asked for with it does not happen in some realisations")
+        without = beside | _late({names[k]: late[k] for k in late}, problem.observed.counted)
+        unknown = np.full((2, 2, dimension, *problem.labels.shape), np.nan)
+        indices = SobolIndices(unknown[0, 0], unknown[1, 0], unknown[:, 0], unknown[:, 1])
+        return SobolRun(_variables(indices, problem.labels, without), *nothing, replicates, without)
+    first, second = pairs
     label = f"{problem.label}: Sobol' indices"
     checkpoint = problem.checkpoint and replace(problem.checkpoint, label=label)
-    other = replace(problem, label=label, checkpoint=checkpoint)
+    # these realisations are no samples of the inputs: they do not count where an output does not happen
+    seen = type(problem.observed)()
+    other = replace(problem, label=label, checkpoint=checkpoint, observed=seen)
     sums: PickFreeze | None = None
     failures, wall_time, reasons, counters = 0, 0.0, Counter[str](), dict[str, float]()
     step = rows_at_once(count, dimension, keep)
-    for first in range(0, count, step):
-        part = slice(first, min(first + step, count))
-        found = other.realise(mixed_inputs(values[:count][part], values[count:][part]))
-        mixed = found.response.reshape(dimension, -1, *problem.labels.shape)
-        halves = [responses(start + part.start, start + part.stop) for start in (0, count)]
-        fine = found.good.reshape(dimension, -1)
+    for start in range(0, count, step):
+        part = slice(start, min(start + step, count))
+        found = other.realise(mixed_inputs(values[first[part]], values[second[part]]))
+        halves = [_at(responses, where[part]) for where in (first, second)]
+        censored = found.status == Status.CENSORED
+        fine = (found.good | censored).reshape(dimension, -1)
+        # of outputs that do not happen nothing will be said
+        given = np.where(censored[:, None, None] & np.isnan(found.response), 0.0, found.response)
+        mixed = given.reshape(dimension, -1, *problem.labels.shape)
         usable = np.all([fine.all(axis=0), *(np.isfinite(x).all(axis=(1, 2)) for x in halves)], axis=0)
         rows = np.flatnonzero(usable)
-        more = PickFreeze.of(first + rows, count, halves[0][rows], halves[1][rows], mixed[:, rows])
+        blocks = replicates or None
+        more = PickFreeze.of(start + rows, count, halves[0][rows], halves[1][rows], mixed[:, rows], blocks)
         sums = more if sums is None else sums.merge(more)
         failures += int(np.count_nonzero(~fine))
         wall_time += found.wall_time
         counters |= {name: counters.get(name, 0) + number for name, number in found.counters.items()}
         if reason := found.most_frequent_reason():
             reasons[reason] += found.failures
+    problem.observed.counters.update(seen.counters)
     used = 0 if sums is None else int(sums.rows.sum())
     reason = reasons.most_common(1)[0][0] if reasons else ""
     few = sums is None or np.count_nonzero(sums.rows) < 2
@@ -120,12 +163,28 @@ def run_sobol(
             f"max_failures = {max_failures:g} must not be exceeded. "
             f"Most frequent reason: {reason or 'an output is not finite'}"
         )
+    without = _late({names[k]: seen.missing[k] for k in seen.missing}, dimension * count)
     about = used, count - used, dimension * count, failures, reason
-    return SobolRun(_variables(sums, problem.labels), *about, counters, wall_time)
+    variables = _variables(sums.indices(), problem.labels, without)
+    return SobolRun(variables, *about, counters, wall_time, replicates, without)
 
 
-def _variables(sums: PickFreeze, labels: uqmbd.results.Labels) -> xr.Dataset:
-    found = sums.indices()
+def _late(missing: Mapping[str, int], of: int) -> dict[str, str]:
+    """Say of outputs that do not happen in some of so many realisations why they have no indices."""
+    return {
+        name: f"it does not happen in {number} of {of} realisations; given that it happens inputs are not independent"
+        for name, number in missing.items()
+        if number
+    }
+
+
+def _at(responses: Callable[[int, int], Array], places: Index) -> Array:
+    """Return responses at ascending places (K,), from those that ask for consecutive ones."""
+    runs = np.split(places, np.flatnonzero(np.diff(places) != 1) + 1)
+    return np.concatenate([responses(int(run[0]), int(run[-1]) + 1) for run in runs])
+
+
+def _variables(found: SobolIndices, labels: uqmbd.results.Labels, without: Mapping[str, str]) -> xr.Dataset:
     dims = ("input", *labels.dims)
     about = "not cut off at 0 and 1; 0 where the output does not vary"
     names = {"sobol_first": "first-order Sobol' index", "sobol_total": "total Sobol' index"}
@@ -136,4 +195,13 @@ def _variables(sums: PickFreeze, labels: uqmbd.results.Labels) -> xr.Dataset:
         ends = getattr(found, f"{short}_interval")
         variables[f"{name}_interval"] = (("bound", *dims), ends, {"long_name": f"95 % interval of the {words}"})
     coords = {"bound": ("bound", ["lower", "upper"]), **labels.input_coords(), **labels.output_coords()}
-    return xr.Dataset(variables, coords=coords)
+    data = xr.Dataset(variables, coords=coords)
+    if not without:
+        return data
+    known, unknown = ~data["output"].isin(list(without)), json.dumps(dict(without))
+    return data.assign(
+        {
+            name: x.where(known).transpose(*x.dims).assign_attrs(x.attrs, unknown=unknown)
+            for name, x in data.data_vars.items()
+        }
+    )

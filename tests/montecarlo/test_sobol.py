@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import chaospy
 import numpy as np
@@ -237,7 +240,9 @@ def test_rows_with_a_failure_are_left_out() -> None:
     [
         ({"sobol_indices": 100}, ["sobol_indices is 100", "True or False"]),
         ({"sobol_indices": True, "samples": 51}, ["samples is 51", "even"]),
-        ({"sobol_indices": True, "sampling": "sobol", "samples": 512}, ["sobol_indices", "'sobol'", "'random'"]),
+        ({"sobol_indices": True, "sampling": "sobol", "samples": 16}, ["16 samples", "'sobol'", "32"]),
+        ({"sobol_indices": True, "sampling": "halton", "samples": 100}, ["100", "'halton'", "96 or 128"]),
+        ({"sobol_indices": True, "sampling": "sobol", "samples": 32}, ["samples is 32", "power of two", "64"]),
     ],
 )
 def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
@@ -258,3 +263,86 @@ def test_dependent_inputs_are_refused_and_independent_vectors_not() -> None:
     independent = resting({"y": a + b})
     assert method.obstacle(independent) is None
     assert "sobol_first" in independent.propagate(method)["statistics"]
+
+
+ANGLES = [uqmbd.RandomVariable(name, chaospy.Uniform(-np.pi, np.pi)) for name in "xyz"]
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "halton", "latin-hypercube"])
+@pytest.mark.parametrize("keep", [20_000, 300])
+def test_designs_give_indices_with_intervals_of_their_replicates(sampling: str, keep: int) -> None:
+    """Ishigami's function, of which the indices are known; no more is computed than N (d + 2) realisations."""
+    x, y, z = ANGLES
+    study = resting({"f": sympy.sin(x) + 7 * sympy.sin(y) ** 2 + z**4 * sympy.sin(x) / 10})
+    method = MonteCarlo(samples=512, seed=2, sampling=sampling, replicates=8, sobol_indices=True, keep=keep)
+    node = study.propagate(method)
+    validate(node)
+    assert node.attrs["realisations"] == 256 * 5 and "the 8 replicates" in node.attrs["sobol_summary"]
+    found = node["statistics"].to_dataset().isel(output=0, time=-1)
+    one, two, both = (1 + np.pi**4 / 50) ** 2 / 2, 49 / 8, np.pi**8 * 8 / 22500
+    whole = one + two + both
+    for name, exact in (("first", [one, two, 0]), ("total", [one + both, two, both])):
+        low, high = found[f"sobol_{name}_interval"].transpose("bound", "input").values
+        center, reach = (high + low) / 2, (high - low) / 2
+        assert (np.abs(center - np.array(exact) / whole) < 2.5 * reach).all() and (reach < 0.35).all()
+    assert abs(float(found["mean"]) - 3.5) < 5 * float(found["std_error_mean"])
+    assert abs(float(found["std"]) - np.sqrt(whole)) < 5 * float(found["std_error_std"])
+
+
+def moving(threshold: float) -> uqmbd.Study:
+    """A point that passes a place in some realisations, until the last time, and its largest place in all."""
+    v, w = (uqmbd.RandomVariable(n, chaospy.Uniform(low, 2 - low)) for n, low in (("v", 0.5), ("w", 0.9)))
+    mechanism = uqmbd.Mechanism("line", uqmbd.Line())
+    point = mechanism.body("point", mass=1, position=0, velocity=v * w)
+    mechanism.output("place", point.position[0], units="m")
+    mechanism.output("arrival", uqmbd.first_time(point.position[0] >= threshold), units="s")
+    mechanism.output("farthest", uqmbd.maximum(point.position[0]), units="m")
+    return uqmbd.Study("line", mechanism, [0.0, 1.0])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("sampling", ["random", "sobol"])
+@pytest.mark.parametrize("threshold", [0.6, 1.0, 1.4])
+def test_an_output_that_may_not_happen_has_its_statistics(threshold: float, sampling: str) -> None:
+    """They are those without indices, to the bit of independent samples; the others have indices, and one warning."""
+    method = MonteCarlo(samples=128, seed=3, sampling=sampling, replicates=4, sobol_indices=True)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        node = moving(threshold).propagate(method)
+    validate(node)
+    texts = [str(w.message) for w in told]
+    assert len(texts) == 1 and "output 'arrival' has no Sobol' indices: it does not happen in" in texts[0], texts
+    found = node["scalars/statistics"].to_dataset()
+    late = found.sel(output="arrival")
+    assert np.isnan(late["sobol_first"]).all() and np.isnan(late["sobol_total_interval"]).all()
+    assert "does not happen" in json.loads(found["sobol_first"].attrs["unknown"])["arrival"]
+    assert (np.abs(found["sobol_first"].sel(output="farthest", input="v") - 1) < 0.25).all()
+    assert (np.abs(node["statistics/sobol_first"].sel(output="place", input="v", time=1.0) - 1) < 0.25).all()
+    if sampling == "random":
+        plain = moving(threshold).propagate(replace(method, sobol_indices=False))["scalars/statistics"].to_dataset()
+        for name in ("mean", "std", "quantile", "censored", "censored_bound", "std_error_mean"):
+            np.testing.assert_array_equal(found[name].values, plain[name].values, err_msg=name)
+    else:
+        assert 0 < float(late["censored"]) < 1 and float(late["std"]) > 0
+
+
+@pytest.mark.slow
+def test_an_output_that_happens_at_all_samples_but_not_beside_has_no_indices() -> None:
+    """Samples in which it happens, and pairs of inputs from two of them in which it does not: none is known."""
+    speed, other = (uqmbd.RandomVariable(n, chaospy.Uniform(0.0, 1.0)) for n in ("speed", "other"))
+    mechanism = uqmbd.Mechanism("line", uqmbd.Line())
+    point = mechanism.body("point", mass=1, position=0, velocity=speed + other)
+    mechanism.output("arrival", uqmbd.first_time(point.position[0] >= 0.35), units="s")
+    study = uqmbd.Study("line", mechanism, [0.0, 1.0])
+    seen = 0
+    for seed in range(20):
+        with warnings.catch_warnings(record=True):
+            warnings.simplefilter("always")
+            node = study.propagate(MonteCarlo(samples=8, seed=seed, sobol_indices=True))
+        validate(node)
+        found = node["scalars/statistics"].to_dataset().isel(output=0)
+        happens = float(found["censored"]) == 0.0
+        if happens and np.isnan(found["sobol_first"]).all():
+            seen += 1
+            assert np.isfinite(found["mean"]) and "of 8 realisations" in found["sobol_first"].attrs["unknown"]
+    assert seen

@@ -427,6 +427,11 @@ class Problem:
         part : {"integration", "fitting", "verification", "error estimation"}
             Realisations that are computed within the last two belong to them, and to ``integration`` elsewhere.
 
+        Returns
+        -------
+        context manager
+            What is spent while it is open is recorded, less what is spent in parts within it.
+
         Raises
         ------
         uqmbd.StudyError

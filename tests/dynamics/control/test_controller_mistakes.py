@@ -110,6 +110,8 @@ def test_a_condition_on_any_or_all_of_a_group_is_refused(function, samples):
     ("function", "told"),
     [
         (lambda time, measured: measured[:, 0] + 1j, "which is not real"),
+        (lambda time, measured: np.ma.masked_greater(measured[:, 0], -1e9), "masked array with masked entries"),
+        (lambda time, measured: (np.ma.masked_all(len(measured)),), "masked array with masked entries"),
         (lambda time, measured: None, "a return is missing"),
     ],
 )

@@ -149,10 +149,11 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
     sure, nodes = every, list[xr.DataTree]()
     while sure:
         one = problem.choosing(sure)
-        found, _ = _one(run, one)
+        found, _, told = _one(run, one)
         late = [name for k, name in enumerate(sure) if one.observed.missing[k]]
         if found is not None and not late:
             nodes.append(found)
+            _tell(told)
             break
         sure = tuple(name for name in sure if name not in late)
     shares, refused = dict.fromkeys(sure, 0.0), dict[str, str]()
@@ -161,7 +162,9 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         if name in sure:
             continue
         one = problem.choosing((name,))
-        found, why = _one(run, one)
+        found, why, told = _one(run, one)
+        if found is not None and (not one.observed.missing or "samples" in found.children):
+            _tell(told)  # what is refused needs no warnings of how it was found
         missing, counted = one.observed.missing[0], one.observed.counted
         samples = any("samples" in node.children for node in ([found] if found is not None else nodes))
         sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
@@ -188,8 +191,10 @@ def _trials(node: xr.DataTree, seen: Observed) -> float:
     return seen.counted if "samples" in node.children else verified_trials(node)
 
 
-def _one(run: Callable[[Problem], xr.DataTree], problem: Problem) -> tuple[xr.DataTree | None, str]:
-    """Run a method on an output that may not happen; or why that is impossible."""
+def _one(
+    run: Callable[[Problem], xr.DataTree], problem: Problem
+) -> tuple[xr.DataTree | None, str, list[warnings.WarningMessage]]:
+    """Run a method on outputs that may not happen; or why that is impossible; and of what it would warn."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
@@ -198,10 +203,13 @@ def _one(run: Callable[[Problem], xr.DataTree], problem: Problem) -> tuple[xr.Da
             if not problem.observed.missing:
                 raise
             found, why = None, str(error)
-    for warning in told:  # what is refused needs no warnings of how it was found
-        if found is not None and (not problem.observed.missing or "samples" in found.children):
-            warnings.warn(warning.message, stacklevel=5)
-    return found, why
+    return found, why, told
+
+
+def _tell(told: list[warnings.WarningMessage]) -> None:
+    """Warn of what a run that counts has warned of."""
+    for warning in told:
+        warnings.warn(warning.message, stacklevel=5)
 
 
 def _late(seen: Observed, why: str, *, few: bool) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 
 __all__ = [
     "EVERY",
@@ -57,9 +57,10 @@ def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
     [1.0, 2.0]
     """
     if np.ma.is_masked(value):
-        at = tuple(int(k) for k in np.argwhere(np.ma.getmaskarray(value))[0])
+        mask = np.asarray(np.ma.getmaskarray(value), dtype=bool)
+        at = tuple(int(k) for k in np.argwhere(mask)[0])
         raise StudyError(
-            f"{name!r} is a masked array with {np.ma.count_masked(value)} masked values, the first at index {at}; "
+            f"{name!r} is a masked array with {np.count_nonzero(mask)} masked values, the first at index {at}; "
             "expected numbers, and for a statistic that is not known NaN with its reason."
         )
     if np.iscomplexobj(value):
@@ -201,7 +202,7 @@ def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
         _refuse(f"{path}/quantile", off & known, "a quantile that is beyond the samples", "none")
 
 
-def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str]) -> Array:
+def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str]) -> Mask:
     """Return where a NaN has a reason, in the shape of the variable."""
     data = statistics[name]
     reasons = reasons_of(data)
@@ -212,7 +213,7 @@ def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collectio
         told[:] = True
     if name in ("circular_mean", "circular_std") and "output_angle" in statistics.coords:
         told |= statistics["output_angle"].values == 0
-    found = _along(told, "output", data)
+    found: Mask = _along(told, "output", data)
     if "time" in data.dims and "time" in statistics.coords:
         found = found | _along(statistics["time"].values > end, "time", data)
     if name == "circular_mean" and "circular_std" in statistics:
@@ -221,7 +222,7 @@ def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collectio
     return np.array(np.broadcast_to(found, data.shape))
 
 
-def _along(values: Array, dim: str, data: xr.DataArray) -> Array:
+def _along(values: Mask, dim: str, data: xr.DataArray) -> Mask:
     """Return values of a dimension so that they broadcast against those of a variable."""
     return values.reshape([-1 if d == dim else 1 for d in data.dims])
 

@@ -35,9 +35,9 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     The jackknife [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened three times.  Student's t of
     R - 1 degrees of freedom makes up for so few replicates.  Where they scatter to one side, as the few points of a
     long tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``, the most by which a skewness g moves an end of the
-    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance.  The error of a standard deviation s is in proportion to the true one, which is above s
-    more often than below: a half-width x, over s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to
-    the second order.
+    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance.  The error of a
+    standard deviation s is in proportion to the true one, which is above s more often than below: a half-width x, over
+    s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
 
     References
     ----------
