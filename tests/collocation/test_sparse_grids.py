@@ -137,6 +137,7 @@ def test_weights_of_nodes_are_those_of_the_mean():
     assert fit.weights @ np.cos(nodes).prod(axis=1) == pytest.approx(moments(fit)[0], abs=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of a low level
 def test_an_order_beyond_the_level_is_refused(resting):
     study = resting(lambda a, b, c: a * b * c, *[chaospy.Uniform(-1, 1)] * 3)
     message = (
