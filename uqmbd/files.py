@@ -9,11 +9,20 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["flush", "replacing", "sweep"]
+__all__ = ["flush", "no_link", "replacing", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
 _OLD = "old"
+
+
+def no_link(path: str | os.PathLike[str], flags: int, mode: int = 0o666) -> int:
+    """Open a file as `os.open` does, but never what a symbolic link of this name leads to; an opener for `open`.
+
+    Everything that is opened for writing in a folder that others may share is opened so: else a link there decides
+    what is overwritten.  A pipe does not block.
+    """
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), mode)
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -184,7 +185,7 @@ def set_traps(cache: Path, trace: Path) -> list[Path]:
     """Put traps in the place of all kernels, as someone would who knows how they are stored."""
     files = kernels(cache)
     for file in files:
-        Store(cache).put(file.stem, pickle.dumps(Trap(trace)))
+        Store(file.parent).put(file.stem, pickle.dumps(Trap(trace)))
     return files
 
 
@@ -219,9 +220,11 @@ def test_what_another_user_put_there_is_not_unpickled(cache: Path, tmp_path: Pat
 def test_folder_of_another_user_is_not_used_and_that_is_said(cache: Path, tmp_path: Path) -> None:
     set_traps(cache, tmp_path / "trace")
     before = {file: file.read_bytes() for file in kernels(cache)}
-    os.chown(cache, 12345, 12345)
-    with pytest.warns(UserWarning, match="belongs to another user"):
+    os.chown(kernels(cache)[0].parent, 12345, 12345)
+    with pytest.warns(UserWarning, match="belongs to another user") as warned:
         assert abs(pull()) == pytest.approx(2 * 9.81)
+        assert abs(pull()) == pytest.approx(2 * 9.81)
+    assert len(warned) == 1
     assert not (tmp_path / "trace").exists()
     assert {file: file.read_bytes() for file in kernels(cache)} == before
 
@@ -236,25 +239,61 @@ def test_plain_pickle_without_a_digest_is_not_loaded(cache: Path, tmp_path: Path
 
 
 @posix
-@pytest.mark.parametrize("mode", [None, 0o777, 0o755])
-def test_folder_is_private(mode: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mode", [None, 0o755, 0o777, 0o1777, 0o2775, 0o700])
+def test_own_folder_is_private_and_no_mode_is_changed(
+    mode: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "a" / "b"
     if mode is not None:
         folder.mkdir(parents=True)
+        (folder / "of another.txt").write_text("other")
         folder.chmod(mode)
     monkeypatch.setenv("UQMBD_CACHE", str(folder))
     pull()
-    assert folder.stat().st_mode & 0o777 == 0o700
-    assert all(file.stat().st_mode & 0o777 == 0o600 for file in kernels(folder))
+    own = folder / f"uqmbd-{os.geteuid()}"
+    assert own.stat().st_mode & 0o777 == 0o700
+    assert all(file.stat().st_mode & 0o777 == 0o600 for file in kernels(own))
+    if mode is not None:
+        assert stat.S_IMODE(folder.stat().st_mode) == mode
+        assert {p.name for p in folder.iterdir()} == {own.name, "of another.txt"}
     before = compilations[0]
     pull()
     assert compilations[0] == before, "taken from the cache"
 
 
-def test_folder_that_cannot_be_written_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@posix
+@pytest.mark.parametrize("kind", ["link", "file", "writable"])
+def test_a_place_that_is_not_ours_is_left_as_it_is_and_said_once(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where others may write, they may make what has the name of our folder."""
+    place, victim = tmp_path / f"uqmbd-{os.geteuid()}", tmp_path / "documents"
+    victim.mkdir(mode=0o755)
+    if kind == "link":
+        place.symlink_to(victim)
+    elif kind == "file":
+        place.write_text("text")
+    else:
+        place.mkdir()
+        place.chmod(0o777)
+    monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
+    with pytest.warns(UserWarning, match="is not used: .* Remove it") as warned:
+        for _ in range(2):
+            assert abs(pull()) == pytest.approx(2 * 9.81)
+    assert len(warned) == 1
+    assert not list(victim.iterdir()) and stat.S_IMODE(victim.stat().st_mode) == 0o755
+    assert kind != "writable" or (stat.S_IMODE(place.stat().st_mode) == 0o777 and not list(place.iterdir()))
+
+
+def test_folder_that_cannot_be_written_costs_only_time_and_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("UQMBD_CACHE", str(tmp_path / "file" / "cache"))
-    assert abs(pull()) == pytest.approx(2 * 9.81)
+    with pytest.warns(UserWarning, match="cannot be written .*UQMBD_CACHE") as warned:
+        for _ in range(2):
+            assert abs(pull()) == pytest.approx(2 * 9.81)
+    assert len(warned) == 1
 
 
 def test_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,11 +302,12 @@ def test_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pyte
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
     try:
-        found = pull()
+        with pytest.warns(UserWarning, match="cannot be written"):
+            found = pull()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert abs(found) == pytest.approx(2 * 9.81)
-    assert not list((tmp_path / "cache").iterdir())
+    assert [p.name for p in (tmp_path / "cache").rglob("*")] == [f"uqmbd-{os.geteuid()}"]
 
 
 def test_a_cached_kernel_with_a_table_loads_what_looks_it_up(tmp_path: Path) -> None:

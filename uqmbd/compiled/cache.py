@@ -24,9 +24,9 @@ __all__ = ["cache_folder", "cached", "source_digest"]
 
 
 def cache_folder() -> Path:
-    """Folder of cached kernels: ``UQMBD_CACHE`` if set, else in the user's cache folder."""
+    """Folder of cached kernels: below ``UQMBD_CACHE`` if set, which several users may share, else below the user's."""
     if stated := os.environ.get("UQMBD_CACHE"):
-        return Path(stated)
+        return Path(stated) / (f"uqmbd-{os.geteuid()}" if hasattr(os, "geteuid") else "uqmbd")
     import platformdirs
 
     return platformdirs.user_cache_path("uqmbd") / "kernels"

@@ -9,9 +9,10 @@ import stat
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from uqmbd.files import replacing
+from uqmbd.files import no_link, replacing
 
 __all__ = ["Store"]
 
@@ -28,12 +29,13 @@ class Store:
 
     A file holds a header (a mark, the length and the SHA-256 digest of key and content) and the content.  What fails
     the check, belongs to another user, or may be written by others is as if it were not there, and what cannot be
-    written is not kept.  A digest tells damage, not intent: against the latter there are owner and mode.
+    written is not kept; a process warns once of each reason.  A digest tells damage, not intent: against the latter
+    there are owner and mode.
 
     Parameters
     ----------
     folder : Path
-        Made, and made private, when something is put there.
+        Made with mode 0700 when something is put there.  The mode of a folder that exists is never changed.
 
     Examples
     --------
@@ -58,7 +60,7 @@ class Store:
         try:
             if not self._private():
                 return None
-            with open(self.path(key), "rb", opener=_no_link) as file:
+            with open(self.path(key), "rb", opener=no_link) as file:
                 about = os.fstat(file.fileno())
                 if not stat.S_ISREG(about.st_mode) or (_CHECKED and not _ours(about)):
                     return None
@@ -70,16 +72,21 @@ class Store:
 
     def put(self, key: str, content: bytes) -> None:
         """Keep the content of a key, if that is possible."""
-        with contextlib.suppress(OSError):
+        try:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
             with contextlib.suppress(FileExistsError):
                 self.folder.mkdir(mode=0o700)
             if self._private():
                 with (
                     replacing(self.path(key), lasting=False) as part,
-                    open(part, "wb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file,
+                    open(part, "xb", opener=lambda path, flags: no_link(path, flags, 0o600)) as file,
                 ):
                     file.write(_header(key, content) + content)
+        except OSError as error:
+            _report(
+                f"{self.folder} cannot be written ({error.strerror or error}): compiled equations are not kept, so that "
+                "each process compiles them again. Let UQMBD_CACHE name a folder that can be written."
+            )
 
     @contextlib.contextmanager
     def alone(self, key: str) -> Iterator[None]:
@@ -92,7 +99,7 @@ class Store:
             import fcntl
 
             if self.folder.is_dir() and self._private():
-                handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+                handle = no_link(path, os.O_RDWR | os.O_CREAT, 0o600)
                 fcntl.flock(handle, fcntl.LOCK_EX)
         try:
             yield
@@ -103,22 +110,22 @@ class Store:
                 os.close(handle)
 
     def _private(self) -> bool:
-        """Whether the folder is its user's alone, after it was made so."""
-        if not _CHECKED:
+        """Whether the folder is its user's, and no link; others may not write there."""
+        about = self.folder.lstat()
+        if stat.S_ISDIR(about.st_mode) and (not _CHECKED or _ours(about)):
             return True
-        about = self.folder.stat()
-        if about.st_uid == os.geteuid() and about.st_mode & 0o077:
-            with contextlib.suppress(OSError):
-                self.folder.chmod(0o700)
-            about = self.folder.stat()
-        if _ours(about):
-            return True
-        warnings.warn(
-            f"{self.folder} is not used: it belongs to another user, or others may write there. What is kept there "
-            "would be run, so it must be a folder of your own (mode 0700).",
-            stacklevel=2,
+        _report(
+            f"{self.folder} is not used: it is no folder, belongs to another user, or others may write there. What is "
+            "kept there would be run, so it must be a folder of your own that nobody else may write (mode 0700). "
+            "Remove it, or let UQMBD_CACHE name another folder."
         )
         return False
+
+
+@cache
+def _report(problem: str) -> None:
+    """Warn, once in a process."""
+    warnings.warn(problem, stacklevel=2)
 
 
 def _ours(about: os.stat_result) -> bool:
@@ -129,7 +136,3 @@ def _header(key: str, content: bytes) -> bytes:
     digest = hashlib.sha256(key.encode() + b"\0")
     digest.update(content)
     return _MAGIC + len(content).to_bytes(8, "little") + digest.digest()
-
-
-def _no_link(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
