@@ -84,8 +84,8 @@ class Store:
                     file.write(_header(key, content) + content)
         except OSError as error:
             _report(
-                f"{self.folder} cannot be written ({error.strerror or error}): compiled equations are not kept, so that "
-                "each process compiles them again. Let UQMBD_CACHE name a folder that can be written."
+                f"{self.folder} cannot be written ({error.strerror or error}): compiled equations are not kept, so "
+                "that each process compiles them again. Let UQMBD_CACHE name a folder that can be written."
             )
 
     @contextlib.contextmanager

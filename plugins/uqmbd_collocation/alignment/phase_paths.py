@@ -53,10 +53,7 @@ STANDS: Sequence = ("the clock stands",)
 
 @dataclass(frozen=True)
 class _Path:
-    """One realisation: where it is among those that were computed with it, and what became of it.
-
-    It is known until the end of `found`, and is known to fail, with the reason `beyond`, on the way to `limit`.
-    """
+    """One realisation, known until the end of `found`; it fails on the way to `limit`, with the reason `beyond`."""
 
     found: uqmbd.Dense
     row: int

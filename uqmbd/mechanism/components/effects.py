@@ -120,7 +120,7 @@ def _is_equal(one: Any, other: Any) -> bool:
 
 def _key(component: Component) -> Hashable | None:
     """Return what effects depend on; None where an option is no plain word or number, which may be like no other."""
-    parts: list[Hashable] = [type(component), *(body.is_ground for body in component.attached.values())]
+    parts: list[Any] = [type(component), *(body.is_ground for body in component.attached.values())]
     for name, parameter in component.parameters().items():
         value = component.values.get(name)
         if parameter.kind != "option":
