@@ -87,7 +87,7 @@ class ContactLaw:
     def __post_init__(self) -> None:
         for name in ("force", "friction"):
             law_values(getattr(self, name), *SYMBOLS, what=name, package="uqmbd_contact")
-        if sympy.sympify(self.friction).is_negative:
+        if sympy.sympify(self.friction, strict=True).is_negative:
             raise uqmbd.StudyError(f"friction is {self.friction}; expected a coefficient of friction, 0 or more.")
         condition = isinstance(self.acts, (bool, Boolean)) and not isinstance(self.acts, sympy.Expr)
         if self.acts is not None and not condition:
@@ -98,7 +98,7 @@ class ContactLaw:
     @property
     def normal(self) -> sympy.Expr:
         """The force where the bodies touch and it acts, else zero."""
-        force = sympy.sympify(self.force)
+        force = sympy.sympify(self.force, strict=True)
         # the condition is around everything, so that derivatives outside are zero, not those of a root of nothing
         if self.acts is None:
             # a force that is not a number is no force that pulls: it is handed on, and the realisation fails

@@ -10,6 +10,7 @@ import sympy
 
 import uqmbd
 from uqmbd import NamedFrame
+from uqmbd.laws import law_values
 from uqmbd.typing import Vector
 
 __all__ = ["Bushing"]
@@ -95,11 +96,17 @@ def _left(vector: sympy.Matrix) -> sympy.Matrix:
 def _matrix(what: str, value: Any, size: int) -> list[Any]:
     """Entries, row by row, of a matrix given as one number, its diagonal, or all of it."""
     try:
-        parts = [sympy.sympify(x, strict=True) for x in np.asarray(value, dtype=object).ravel()]
-    except (sympy.SympifyError, TypeError, ValueError):
-        parts = [None]
-    if not all(isinstance(x, sympy.Expr) for x in parts):
-        raise uqmbd.StudyError(f"{what} is {value!r}; expected numbers, or expressions in random variables.")
+        given = np.asarray(value, dtype=object).ravel().tolist()
+    except ValueError:
+        given = [value]
+    for entry in given:
+        try:
+            law_values(entry, what=what)
+        except uqmbd.StudyError:
+            raise uqmbd.StudyError(
+                f"{what} is {value!r}; expected numbers, or expressions in random variables."
+            ) from None
+    parts = [sympy.sympify(x, strict=True) for x in given]
     if len(parts) == 1:
         parts *= size
     if len(parts) == size:

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 import uqmbd
-from uqmbd.laws import distance
+from uqmbd.laws import distance, law_values
 
 __all__ = ["distance", "haversine_bump", "sampled_road"]
 
@@ -26,7 +26,7 @@ def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distan
     Raises
     ------
     uqmbd.StudyError
-        If the length is a number that is not positive.
+        If one of them is no number or expression, or the length is a number that is not positive.
 
     Examples
     --------
@@ -34,9 +34,12 @@ def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distan
     >>> [round(float(bump.subs(distance, x)), 6) for x in (0.9, 1.15, 2)]
     [0.0, 0.05, 0.0]
     """
-    if sympy.sympify(length).is_positive is False:
+    for what, value in (("height", height), ("length", length), ("start", start), ("along", along)):
+        symbols = {distance, *getattr(value, "free_symbols", ())}
+        law_values(value, *sorted(symbols, key=str), what=f"haversine_bump: {what}")
+    if sympy.sympify(length, strict=True).is_positive is False:
         raise uqmbd.StudyError(f"haversine_bump: the length is {length}; expected a positive number of metres.")
-    x = sympy.sympify(along) - start
+    x = sympy.sympify(along, strict=True) - start
     wave = height * (1 - sympy.cos(2 * sympy.pi * x / length)) / 2
     return sympy.Piecewise((0, x <= 0), (0, x >= length), (wave, True))
 

@@ -43,7 +43,7 @@ class SpringDamper(uqmbd.TypedComponent):
     def prepare(self) -> dict[str, Any]:
         """Take from the drawing on which side the ends are on a line."""
         return (
-            {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length).is_zero))}
+            {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1
             else {}
         )

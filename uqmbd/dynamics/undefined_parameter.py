@@ -9,7 +9,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import Instance, Model
-from uqmbd.mechanism import Mechanism, flatten
+from uqmbd.mechanism import Mechanism, as_symbolic, flatten
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["not_finite"]
@@ -79,7 +79,7 @@ def _origin(
         body = list(mechanism.bodies.values())[(k - first) // model.size]
         coordinate = (k - first) % model.size
         pose = ("its drawn pose", mechanism.space.coordinates[coordinate])
-        turned = sympy.sympify(body.pose.angle)
+        turned = as_symbolic(body.pose.angle)
         if coordinate >= model.dimension and mechanism.space.turns and model.dimension == 2 and turned.free_symbols:
             # the half-angle pair is not what was written
             return f"body {body.name!r}", (pose[0], "angle"), turned

@@ -11,7 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, BodyTerms, Pose, inertia_entries, mass_number, orientation
 from uqmbd.mechanism.components import settle
 from uqmbd.mechanism.declared import Described, require_known
-from uqmbd.mechanism.expressions import check_dimensions, numbers, shown
+from uqmbd.mechanism.expressions import as_symbolic, check_dimensions, numbers, shown
 from uqmbd.units import without_quantities
 
 __all__ = ["new_body"]
@@ -70,7 +70,7 @@ def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: A
         velocity=vector("velocity", d, "world axes"),
         angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes"),
         hold=hold,
-        angle=sympy.sympify(0 if angle is None else angle),
+        angle=as_symbolic(0 if angle is None else angle),
     )
     centre = vector("com", d, "centre of mass, body frame", origin)
     terms = BodyTerms(name, mechanism.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)

@@ -15,7 +15,7 @@ import sympy
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components import Component, known_effects, no_effect, range_text, settle, stated_in_bodies
 from uqmbd.mechanism.declared import Described
-from uqmbd.mechanism.expressions import shown
+from uqmbd.mechanism.expressions import as_symbolic, shown
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable, adopted, distribution_about, is_distribution, strays
 
@@ -52,7 +52,7 @@ class Quantity:
     def entries(self) -> list[sympy.Expr]:
         """Its values, one for each number."""
         value = self.holder.values[self.key]
-        return [sympy.sympify(x) for x in (value if isinstance(value, (tuple, list)) else [value])]
+        return [as_symbolic(x) for x in (value if isinstance(value, (tuple, list)) else [value])]
 
     @property
     def tensor(self) -> bool:

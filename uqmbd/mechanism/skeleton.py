@@ -10,7 +10,7 @@ import sympy
 
 from uqmbd.mechanism.bodies import Body, StateSymbol
 from uqmbd.mechanism.components import Component
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.expressions import as_symbolic, t
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.randomness import RandomVariable
 
@@ -101,19 +101,19 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
 
 def _radius(component: Component, point: str) -> sympy.Expr:
     """Radius about a point; 0: there is none."""
-    value = sympy.sympify(component.values.get(component.radius_of(point)) or 0)
+    value = as_symbolic(component.values.get(component.radius_of(point)) or 0)
     return value if _settled(value) else sympy.S.Zero
 
 
 def _points(value: list[Any], time: float) -> tuple[sympy.Expr, ...] | None:
     """Point at a time; None where it depends on the motion."""
-    entries = tuple(sympy.sympify(x).xreplace({t: sympy.Float(time)}) for x in value)
+    entries = tuple(as_symbolic(x).xreplace({t: sympy.Float(time)}) for x in value)
     return entries if all(_settled(x) for x in entries) else None
 
 
 def _still(value: Any, time: float) -> sympy.Expr:
     """Entry of a direction; one that depends on time or motion counts as one, unless it is zero for good."""
-    entry = sympy.sympify(value)
+    entry = as_symbolic(value)
     return entry if _settled(entry) else sympy.S.One
 
 

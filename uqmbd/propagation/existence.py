@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import StateSymbol, random_variables, t
+from uqmbd.mechanism import StateSymbol, as_symbolic, random_variables, t
 from uqmbd.randomness import RandomVariable, exists, moment_orders
 from uqmbd.results.schema import with_reasons
 
@@ -146,7 +146,7 @@ def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
     >>> grows(wheel.rotation[0, 0]), grows(wheel.point((1, 0))[0]), grows(sympy.sin(wheel.angle))
     (False, True, False)
     """
-    value = sympy.sympify(expression)
+    value = as_symbolic(expression)
     if isinstance(value, BOUNDED) or not value.free_symbols or value == t:
         return False
     if isinstance(value, RandomVariable):

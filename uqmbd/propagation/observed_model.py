@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.mechanism import as_symbolic
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 
@@ -143,8 +144,8 @@ def _written(value: Any) -> str:
     if isinstance(value, (tuple, list, sympy.MatrixBase)):
         return f"({', '.join(_written(one) for one in value)})"
     try:
-        value = sympy.sympify(value)
-    except (sympy.SympifyError, TypeError):
+        value = as_symbolic(value)
+    except StudyError:
         return type(value).__name__
     if not isinstance(value, sympy.Expr):
         return type(value).__name__

@@ -77,7 +77,7 @@ def test_nonsense_in_a_plugins_parameter_is_a_study_error(plane, value, words):
         ({"rate": (1, 2)}, "rate has 2 numbers, expected 1"),
         ({"rate": [[1, 2], [3, 4]]}, "which is nested"),
         ({"rate": None}, "rate is missing; expected a number"),
-        ({"rate": {}}, "which is a Dict"),
+        ({"rate": {}}, "which is no number or expression"),
         ({"axis": (0, 0)}, "axis: the vector (0, 0) has no length"),
         ({"axis": (0, 0, 1)}, "axis has 3 numbers, expected 2"),
         ({"turn": (1, 0, 0, 0)}, "turn has 4 numbers, expected 1 (how it is turned, 1: the angle in rad)"),

@@ -12,6 +12,7 @@ from uqmbd.mechanism import (
     WITHOUT_DERIVATIVE,
     Component,
     StateSymbol,
+    as_symbolic,
     foreign_part,
     random_variables,
     shown,
@@ -33,7 +34,7 @@ SMALLEST = 1e-290
 
 def plain(expression: Any) -> sympy.Expr:
     """Write functions that have no derivative everywhere as piecewise expressions, which have."""
-    value = sympy.sympify(expression)
+    value = as_symbolic(expression)
     if value.has(step):
         value = value.replace(lambda e: isinstance(e, step), lambda e: e.doit())
     if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
@@ -112,8 +113,8 @@ def settled_expression(
         Saying what to write instead.
     """
     try:
-        value = sympy.sympify(expression, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError):
+        value = as_symbolic(expression)
+    except StudyError:
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(

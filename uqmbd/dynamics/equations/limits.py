@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.mechanism import Mechanism, Parameter, flatten, is_tensor_of_body, nominal, range_text
+from uqmbd.mechanism import Mechanism, Parameter, as_symbolic, flatten, is_tensor_of_body, nominal, range_text
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 from uqmbd.wording import format_number, format_quantity
@@ -134,10 +134,10 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
         return Limit(name, placed(value), units, *ends, inputs=inputs_of(value))
 
     for body in mechanism.bodies.values():
-        mass = sympy.sympify(body.terms.values["mass"])
+        mass = as_symbolic(body.terms.values["mass"])
         if _random(mass):
             limits.append(limit(f"mass of body {body.name!r}", mass, "kg"))
-        moments = [sympy.sympify(x) for x in body.terms.values["inertia"] or ()]
+        moments = [as_symbolic(x) for x in body.terms.values["inertia"] or ()]
         if len(moments) == 1 and _random(moments[0]):
             limits.append(limit(f"moment of inertia of body {body.name!r}", moments[0], "kg m^2"))
         if len(moments) == 6 and any(_random(x) for x in moments):
@@ -201,7 +201,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]
         for key, parameter in component.parameters().items():
             if not (parameter.ranged or parameter.one_sign):
                 continue
-            entries = [sympy.sympify(x) for x in flatten(component.values.get(key))]
+            entries = [as_symbolic(x) for x in flatten(component.values.get(key))]
             for k, entry in enumerate(entries):
                 if _random(entry):
                     place = f"[{k}]" if len(entries) > 1 else ""

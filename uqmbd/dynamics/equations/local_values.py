@@ -10,7 +10,18 @@ import sympy
 from uqmbd.dynamics.equations.counted_angles import CountedAngle
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import AngleSymbol, Body, Component, HeldSymbol, Space, StateSymbol, angles_in, flatten, t
+from uqmbd.mechanism import (
+    AngleSymbol,
+    Body,
+    Component,
+    HeldSymbol,
+    Space,
+    StateSymbol,
+    angles_in,
+    as_symbolic,
+    flatten,
+    t,
+)
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["bodies_of", "held_by", "localise", "symbols_of"]
@@ -65,7 +76,7 @@ def localise(
         return sympy.Symbol(f"_p{len(parameters) - 1}", real=True)
 
     def place(entry: Any) -> sympy.Expr:
-        entry = sympy.sympify(entry)
+        entry = as_symbolic(entry)
         if entry.is_number:
             number = float(entry)
             return sympy.Integer(int(number)) if number in (0.0, 1.0) else symbol_for(entry)
@@ -102,9 +113,7 @@ def localise(
     for symbol in angles:
         angle = symbol.angle
         constants = {k: place(x) for k, x in angle.constants.items()}
-        cosine, sine, rate = (
-            place(sympy.sympify(x).xreplace(constants)) for x in (angle.cosine, angle.sine, angle.rate)
-        )
+        cosine, sine, rate = (place(as_symbolic(x).xreplace(constants)) for x in (angle.cosine, angle.sine, angle.rate))
         counted.append(CountedAngle(local[symbol], angle, cosine, sine, rate, place(angle.near)))
         pattern.append(counted[-1].pattern)
     return values, counted, parameters, tuple(pattern)

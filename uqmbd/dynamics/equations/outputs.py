@@ -32,6 +32,7 @@ from uqmbd.mechanism import (
     ReactionSymbol,
     StateSymbol,
     angles_in,
+    as_symbolic,
     t,
 )
 from uqmbd.randomness import RandomVariable
@@ -75,7 +76,7 @@ def angle_counters(mechanism: Mechanism) -> list[Component]:
         counter.counts = symbol
         pair = {"cosine": angle.cosine, "sine": angle.sine, "rate": angle.rate}
         counter.values = {key: angle.whole(x) for key, x in pair.items()}
-        counter.values |= {"near": sympy.sympify(angle.near), "half": angle.half, "signed": angle.signed}
+        counter.values |= {"near": as_symbolic(angle.near), "half": angle.half, "signed": angle.signed}
         counters.append(counter)
     return counters
 

@@ -19,6 +19,7 @@ from uqmbd.mechanism.components import (
     Potential,
     Term,
 )
+from uqmbd.mechanism.expressions import as_symbolic
 from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
 from uqmbd.randomness import Symbol, Symbolic
 
@@ -152,7 +153,7 @@ class Body(NamedFrame):
     @property
     def mass(self) -> sympy.Expr:
         """The mass, kg: a number or an expression in random variables."""
-        return sympy.sympify(self.terms.mass)
+        return as_symbolic(self.terms.mass)
 
     @property
     def com(self) -> Sequence[Any]:
@@ -163,7 +164,7 @@ class Body(NamedFrame):
     @property
     def inertia(self) -> Any:
         """Inertia about the centre of mass, body axes, kg m^2: in the plane a number, in space ``(Ixx, ..., Iyz)``."""
-        entries = tuple(sympy.sympify(x) for x in self.terms.inertia or ())
+        entries = tuple(as_symbolic(x) for x in self.terms.inertia or ())
         if not entries:
             raise AttributeError(f"body {self.name!r} has no .inertia: it is a point mass; use .mass.")
         return entries[0] if len(entries) == 1 else entries

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies.inertia import inertia_entries, mass_number
-from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.expressions import as_symbolic, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Planar, Spatial
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import random_factor, random_root
@@ -239,7 +239,7 @@ def _tensor(second: sympy.Matrix) -> tuple[sympy.Expr, ...]:
 
 def _numbers(where: str, what: str, given: Any, entries: Any) -> list[float]:
     """Return entries as numbers, or refuse random ones."""
-    random = sorted({str(s) for x in entries for s in sympy.sympify(x).free_symbols})
+    random = sorted({str(s) for x in entries for s in as_symbolic(x).free_symbols})
     if random:
         raise StudyError(
             f"{where}: the {what} is {shown(given)}, which depends on {', '.join(random)}; expected numbers."

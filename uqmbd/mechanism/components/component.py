@@ -38,7 +38,7 @@ from uqmbd.mechanism.components.terms import (
     VirtualWork,
 )
 from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
-from uqmbd.mechanism.expressions import EventTime, flatten
+from uqmbd.mechanism.expressions import EventTime, as_symbolic, flatten
 from uqmbd.mechanism.geometry import (
     Frame,
     Matrix,
@@ -427,7 +427,7 @@ class Component:
             rad.
         """
         angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
-        return sympy.sympify(angle_j) - sympy.sympify(angle_i)
+        return as_symbolic(angle_j) - as_symbolic(angle_i)
 
     def drawn_frame(self, body: str) -> Frame:
         """Frame of one of its bodies in the drawn pose, at rest, for `prepare`."""

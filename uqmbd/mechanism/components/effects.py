@@ -11,7 +11,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.component import Component, Parameter, VirtualWork
 from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions import flatten, shown, t
+from uqmbd.mechanism.expressions import as_symbolic, flatten, shown, t
 from uqmbd.mechanism.geometry import Frame, Space
 
 __all__ = ["effective_parameters", "known_effects", "no_effect", "require_effects"]
@@ -78,7 +78,7 @@ def effective_parameters(
         return frozenset(declared)
     finally:
         component.read = read
-    used = {s for e in (*_expressions(terms), *flatten(point)) for s in sympy.sympify(e).free_symbols}
+    used = {s for e in (*_expressions(terms), *flatten(point)) for s in as_symbolic(e).free_symbols}
     entered = {name for name, own in symbols_of.items() if used & own}
     is_option = {name for name, parameter in declared.items() if parameter.kind == "option"}
     found |= entered | (component.read & set(declared)) | (is_option & (asked | component.prepared_from))
@@ -114,7 +114,7 @@ def _is_stated(component: Component, parameter: Parameter) -> bool:
 
 
 def _is_equal(one: Any, other: Any) -> bool:
-    one, other = sympy.sympify(one), sympy.sympify(other)
+    one, other = as_symbolic(one), as_symbolic(other)
     return bool(one.is_number and other.is_number and float(one) == float(other))
 
 
@@ -157,7 +157,7 @@ def _symbolic(component: Component, options: Mapping[str, Any]) -> tuple[dict[st
 def _expressions(part: Any) -> Iterator[Any]:
     """Yield the expressions of terms; of work, the power."""
     if isinstance(part, VirtualWork):
-        yield from (sympy.sympify(f) * v for f, v in zip(flatten(part.force), flatten(part.velocity), strict=False))
+        yield from (as_symbolic(f) * v for f, v in zip(flatten(part.force), flatten(part.velocity), strict=False))
     elif is_dataclass(part):
         for one in fields(part):
             yield from _expressions(getattr(part, one.name))

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import (
     Frame,
     NamedFrame,
@@ -168,7 +168,7 @@ class JointAngle:
 
     def whole(self, expression: Any) -> sympy.Expr:
         """Insert what the constants stand for."""
-        return sympy.sympify(expression).xreplace({k: sympy.sympify(x) for k, x in self.constants.items()})
+        return as_symbolic(expression).xreplace({k: as_symbolic(x) for k, x in self.constants.items()})
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ def angle_between(
     """
     if i.space.dimension == 2:
         cosine, sine = relative_quaternion(i.quaternion, j.quaternion)
-        rate = sympy.sympify(_spin(j)[0] - _spin(i)[0])
+        rate = as_symbolic(_spin(j)[0] - _spin(i)[0])
         return JointAngle(cosine, sine, half=True, signed=True, near=drawn, rate=rate, speed=speed)
     frames = joint_frames(*axes)
     turned = relative_quaternion(frames[0], quaternion_product(start, frames[1]))
@@ -285,7 +285,7 @@ class AngleSymbol(Symbolic, Symbol):
     def states(self) -> set[sympy.Symbol]:
         """Coordinates and velocities that the angle and its rate depend on."""
         angle = self.angle
-        found = {s for x in (angle.cosine, angle.sine, angle.rate) for s in sympy.sympify(x).free_symbols}
+        found = {s for x in (angle.cosine, angle.sine, angle.rate) for s in as_symbolic(x).free_symbols}
         return {s for s in found - set(angle.constants) if not isinstance(s, RandomVariable)}
 
 
@@ -386,7 +386,7 @@ def motion_values(
         return sympy.Add(*(expression.diff(x) * dx for x, dx in flow.items()))
 
     def known(what: str, expression: Any, constants: Iterable[sympy.Symbol] = (), *, moving: bool = False) -> Any:
-        value = sympy.sympify(expression)
+        value = as_symbolic(expression)
         allowed = {*flow, *constants, *(flow.values() if moving else ())}
         strangers = [s for s in value.free_symbols if s not in allowed and not isinstance(s, RandomVariable)]
         if strangers:
@@ -412,7 +412,7 @@ def motion_values(
             else:
                 speed = known(f"the rate of {name!r}", told.rate, told.constants, moving=True)
             angle = JointAngle(
-                cosine, sine, told.half, told.signed, sympy.sympify(told.near), speed, told.speed, told.constants
+                cosine, sine, told.half, told.signed, as_symbolic(told.near), speed, told.speed, told.constants
             )
             put(name, AngleSymbol(owner, f"{owner.name}.{name}", angle), "rad")
             put(told.speed, told.whole(speed), "rad/s")

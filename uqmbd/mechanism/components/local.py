@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.names import did_you_mean
 
@@ -135,7 +135,7 @@ class Local:
     def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401 - as for let and rate_of
         if isinstance(expression, (list, tuple, sympy.MatrixBase)):
             return sympy.Matrix([self._named(name, x, kind) for x in flatten(expression)])
-        value = sympy.sympify(expression)
+        value = as_symbolic(expression)
         if value.is_number or (value.is_Symbol and kind == "value"):
             return value if kind == "value" else sympy.S.Zero
         symbol = Quantity(name, real=True)

@@ -10,7 +10,7 @@ import sympy
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions import Spline, t
+from uqmbd.mechanism.expressions import Spline, as_symbolic, shown, t
 
 __all__ = ["law_at", "law_values"]
 
@@ -59,11 +59,10 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     """
     names = [f"{package}.{x}" if package else str(x) for x in symbols]
     listed = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-    expected = f"expected an expression in {listed}, uqmbd.t and random variables"
+    expected = f"expected an expression in {listed}{', ' * bool(names)}uqmbd.t and random variables"
     try:
-        # SymPy would read a text as a formula and make symbols of its words
-        value = None if isinstance(law, (str, bytes, bool)) else sympy.sympify(law, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError):
+        value = None if isinstance(law, bool) else as_symbolic(law)
+    except StudyError:
         value = None
     if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
         raise StudyError(f"{what} is {law!r}; {expected}.")
@@ -103,6 +102,11 @@ def law_at(
     by : sympy.Symbol, optional
         The derivative by this symbol instead of the law itself.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If `by` is no symbol, or as for `law_values`.
+
     Examples
     --------
     A spring whose law the user writes in the length:
@@ -128,6 +132,8 @@ def law_at(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StudyWarning)  # `prepare` warned
         beside = law_values(law, *values, what=what)
+    if by is not None and not isinstance(by, sympy.Symbol):
+        raise StudyError(f"law_at: by is {shown(by)}; expected one of the symbols of the law.")
     known = {symbol: getattr(p, name) for name, symbol in beside.items()}
-    expression = sympy.sympify(law)
+    expression = as_symbolic(law)
     return (expression if by is None else expression.diff(by)).xreplace(known | dict(values))

@@ -9,7 +9,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol
-from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, At, Part, shape_of_mode, shown, t
+from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, At, Part, as_symbolic, shape_of_mode, shown, t
 from uqmbd.names import checked
 from uqmbd.randomness import RandomVariable
 
@@ -44,7 +44,7 @@ def time_derivative(expression: Any) -> sympy.Expr:
     >>> uqmbd.simulate(mechanism, [0, 0.2])["power"].values.round(9).tolist()
     [-40.0, -20.0]
     """
-    whole = sympy.sympify(expression)
+    whole = as_symbolic(expression)
     found: list[sympy.Expr] = []
     for symbol in sorted(whole.free_symbols, key=str):
         if not isinstance(symbol, RandomVariable):
@@ -122,7 +122,7 @@ def _rate(symbol: Any, whole: sympy.Expr) -> sympy.Expr:
     if symbol == t:
         return sympy.Integer(1)
     if isinstance(symbol, AngleSymbol):
-        return sympy.sympify(symbol.angle.whole(symbol.angle.rate))
+        return as_symbolic(symbol.angle.whole(symbol.angle.rate))
     owner = getattr(symbol, "owner", None)
     if isinstance(symbol, StateSymbol) and isinstance(owner, Body):
         if symbol.quantity == "q":
@@ -130,7 +130,7 @@ def _rate(symbol: Any, whole: sympy.Expr) -> sympy.Expr:
         if symbol.quantity == "v":
             return (*owner.acceleration, *owner.quaternion_acceleration)[symbol.index]
         if symbol.quantity == "angular_velocity":
-            return sympy.sympify(owner.angular_acceleration)
+            return as_symbolic(owner.angular_acceleration)
     raise StudyError(
         f"time_derivative(): the expression is {sympy.sstr(whole)[:200]}, and the rate of {symbol} is not known; "
         "expected positions, velocities, angles, uqmbd.t and random variables."

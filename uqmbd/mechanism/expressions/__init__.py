@@ -45,7 +45,15 @@ from uqmbd.mechanism.expressions.timeless import (
     is_scalar,
     shape_of_mode,
 )
-from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown, unknown_symbol
+from uqmbd.mechanism.expressions.user_values import (
+    LARGEST,
+    as_symbolic,
+    flatten,
+    numbers,
+    random_variables,
+    shown,
+    unknown_symbol,
+)
 
 __all__ = [
     "Final",
@@ -80,6 +88,7 @@ __all__ = [
     "SplineTable",
     "WITHOUT_DERIVATIVE",
     "at_equilibrium",
+    "as_symbolic",
     "at_steady",
     "check_dimensions",
     "check_scalar",

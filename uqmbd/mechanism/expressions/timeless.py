@@ -10,7 +10,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import Placeholder
 from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.user_values import flatten, shown
+from uqmbd.mechanism.expressions.user_values import as_symbolic, flatten, shown
 from uqmbd.names import checked
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 
@@ -303,8 +303,8 @@ def single(function: str, expression: Any, example: str = "body.position[0]") ->
     """Return what a quantity without a time is of: one expression, in which there is none of them yet."""
     parts = flatten(expression)
     try:
-        value = sympy.sympify(parts[0], strict=True) if len(parts) == 1 else None
-    except (sympy.SympifyError, TypeError, ValueError):
+        value = as_symbolic(parts[0]) if len(parts) == 1 else None
+    except StudyError:
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
@@ -13,11 +14,43 @@ from uqmbd.mechanism.expressions.computable import UNEVALUATED, foreign_part, to
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import is_quantity
 
-__all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown", "unknown_symbol"]
+__all__ = ["LARGEST", "as_symbolic", "flatten", "numbers", "random_variables", "shown", "unknown_symbol"]
 
 
 LARGEST = 1e100
 """Numbers beyond which there is no arithmetic in 64 bits: energies are products of three of them."""
+
+
+def as_symbolic(value: Any) -> Any:
+    """Return a number as SymPy's, and an object of SymPy as it is; reject texts and containers.
+
+    Everything that a user gives goes through this function before it reaches SymPy: `sympy.sympify` executes texts as
+    Python, also those inside of tuples, sets and dicts, and with ``strict=True``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is neither a number nor an object of SymPy.
+
+    Examples
+    --------
+    >>> as_symbolic(2) + as_symbolic(sympy.Symbol("x"))
+    x + 2
+    >>> as_symbolic(("2", "3"))
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: ('2', '3') is no number or expression.
+    """
+    if isinstance(value, (sympy.Basic, sympy.MatrixBase)):
+        return value
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, (str, bytes, type)) or value is None or hasattr(value, "__iter__"):
+        raise StudyError(f"{shown(value)} is no number or expression.")
+    try:
+        return sympy.sympify(value, strict=True)
+    except (sympy.SympifyError, TypeError, ValueError):
+        raise StudyError(f"{shown(value)} is no number or expression.") from None
 
 
 def flatten(value: Any) -> list[Any]:
@@ -124,8 +157,8 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
     if isinstance(entry, (str, bytes, bool, type)) or entry is None:
         raise refused(f"; {wanted}.")
     try:
-        number = sympy.sympify(entry, strict=True)
-    except (sympy.SympifyError, TypeError, ValueError):
+        number = as_symbolic(entry)
+    except StudyError:
         raise refused(f", which is no number or expression; {wanted}.") from None
     if not isinstance(number, sympy.Expr) or number.is_commutative is False:
         raise refused(f", which is a {type(number).__name__}; {wanted}.")

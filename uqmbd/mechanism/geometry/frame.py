@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import flatten, numbers, shown, unknown_symbol
+from uqmbd.mechanism.expressions import as_symbolic, flatten, numbers, shown, unknown_symbol
 from uqmbd.mechanism.geometry.matrix import Matrix
 from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
@@ -53,9 +53,9 @@ class Frame:
         d = space.dimension
         self.is_ground = q is None
         still = (0,) * d + (1,) + (0,) * (space.size - d - 1) if space.turns else (0,) * d
-        self.q: tuple[sympy.Expr, ...] = tuple(map(sympy.sympify, still if q is None else q))
-        self.v: tuple[sympy.Expr, ...] = tuple(map(sympy.sympify, (0,) * space.size if v is None else v))
-        self._a = tuple(map(sympy.sympify, (0,) * space.size if a is None else a))
+        self.q: tuple[sympy.Expr, ...] = tuple(map(as_symbolic, still if q is None else q))
+        self.v: tuple[sympy.Expr, ...] = tuple(map(as_symbolic, (0,) * space.size if v is None else v))
+        self._a = tuple(map(as_symbolic, (0,) * space.size if a is None else a))
 
     @property
     def position(self) -> Matrix:

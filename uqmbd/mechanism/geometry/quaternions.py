@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.expressions import as_symbolic, flatten, t
 from uqmbd.randomness import RandomVariable
 
 __all__ = [
@@ -58,7 +58,7 @@ def nominal(expression: Any) -> float:
     >>> nominal(2 * uqmbd.RandomVariable("m", chaospy.Normal(3, 1)))
     6.0
     """
-    value = sympy.sympify(expression)
+    value = as_symbolic(expression)
     means: dict[sympy.Symbol, sympy.Expr] = {
         s: sympy.Float(s.mean) for s in value.free_symbols if isinstance(s, RandomVariable)
     }
@@ -80,9 +80,14 @@ def nominal(expression: Any) -> float:
     return number
 
 
+def _entries(vector: Any) -> list[Any]:
+    """Return the components of what a caller gives as a vector, in SymPy's numbers and expressions."""
+    return [as_symbolic(x) for x in flatten(vector)]
+
+
 def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Scale a vector to length one; numbers stay numbers."""
-    entries = [sympy.sympify(x) for x in vector]
+    entries = _entries(vector)
     length = math.sqrt(sum(nominal(x) ** 2 for x in entries))
     if length < 1e-12:
         example = (0,) * (len(entries) - 1) + (1,)
@@ -115,7 +120,7 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     >>> [tuple(map(float, n)) for n in perpendiculars((0, 0, 1))]
     [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     """
-    axis = [sympy.sympify(x) for x in axis]
+    axis = _entries(axis)
     start = (int(np.argmax(np.abs([nominal(x) for x in axis]))) + 1) % 3
     helper = [0, 0, 0]
     helper[start] = 1
@@ -133,6 +138,8 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
     uqmbd.StudyError
         If the matrix is no proper rotation.
     """
+    for entry in flatten(matrix):
+        as_symbolic(entry)
     r = sympy.Matrix(matrix)
     if r.shape != (3, 3):
         raise StudyError(f"a rotation matrix has 3 rows and 3 columns; this one has shape {r.shape}.")
@@ -181,7 +188,7 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
     >>> relative_quaternion((1, 0), (0, 1))
     (0, 1)
     """
-    i, j = [sympy.sympify(x) for x in e_i], [sympy.sympify(x) for x in e_j]
+    i, j = _entries(e_i), _entries(e_j)
     if not i:
         return ()
     if len(i) == 2:
@@ -209,7 +216,7 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
     >>> quaternion_product((0, 1, 0, 0), (0, 0, 1, 0))
     (0, 0, 0, 1)
     """
-    a, b = [sympy.sympify(x) for x in a], [sympy.sympify(x) for x in b]
+    a, b = _entries(a), _entries(b)
     if not a:
         return ()
     if len(a) == 2:
@@ -240,7 +247,7 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
     >>> [round(float(x), 3) for x in smallest_rotation((1, 0, 0), (0, 1, 0))]
     [0.707, 0.0, 0.0, 0.707]
     """
-    a, b = sympy.Matrix(list(start)), sympy.Matrix(list(end))
+    a, b = sympy.Matrix(_entries(start)), sympy.Matrix(_entries(end))
     if a == b:
         return (sympy.S.One, sympy.S.Zero, sympy.S.Zero, sympy.S.Zero)
     cosine = a.dot(b)
@@ -259,6 +266,7 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
 
 def turned(turn: Sequence[Any], vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     """Turn a vector of three components by a unit quaternion."""
+    turn = _entries(turn)
     conjugate = (turn[0], *(-x for x in turn[1:]))
     return quaternion_product(quaternion_product(turn, (0, *vector)), conjugate)[1:]
 
@@ -286,7 +294,7 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
     (True, [1.0, 0.0, 0.0, 0.0])
     """
     first, second = perpendiculars(axis_i)
-    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(list(axis_i))))
+    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(_entries(axis_i))))
     return frame, quaternion_product(smallest_rotation(axis_i, axis_j), frame)
 
 
@@ -310,7 +318,7 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
     >>> [float(x) for x in aligned((1, 0, 0, 0), (0, 0, 1), (0, 0, 1))]
     [1.0, 0.0, 0.0, 0.0]
     """
-    turn = [sympy.sympify(x) for x in turn]
+    turn, axis_i, axis_j = (_entries(vector) for vector in (turn, axis_i, axis_j))
     if not turn:
         return ()
     if len(turn) == 2:
@@ -318,7 +326,7 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
         drawn: Sequence[Any] = [c * axis_j[0] - s * axis_j[1], s * axis_j[0] + c * axis_j[1]]
     else:
         drawn = turned(turn, axis_j)
-    apart = [sympy.sympify(a - b) for a, b in zip(drawn, axis_i, strict=True)]
+    apart = [as_symbolic(a - b) for a, b in zip(drawn, axis_i, strict=True)]
     # random axes that are parallel at the means are not parallel in each realisation
     if all(x.is_number and abs(x) < PARALLEL for x in apart):
         return tuple(turn)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import AngleSymbol, told_by
+from uqmbd.mechanism import AngleSymbol, as_symbolic, told_by
 from uqmbd.testing.components.bench import Bench
 from uqmbd.testing.components.motion import displaced, random_turn
 from uqmbd.typing import Array
@@ -85,8 +85,8 @@ def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[Told]:
     inputs = dict(zip(bench.case.mechanism.inputs.variables, map(sympy.Float, bench.inputs[row]), strict=True))
 
     def function(e: Any, constants: Mapping[sympy.Symbol, Any] | None = None) -> Callable[[Array], float]:
-        known = {k: sympy.sympify(x).xreplace(inputs).evalf() for k, x in (constants or {}).items()}
-        compiled = sympy.lambdify(symbols, sympy.sympify(e).xreplace({**inputs, **known}))
+        known = {k: as_symbolic(x).xreplace(inputs).evalf() for k, x in (constants or {}).items()}
+        compiled = sympy.lambdify(symbols, as_symbolic(e).xreplace({**inputs, **known}))
 
         def at(place: Array) -> float:
             parts = zip(place.reshape(-1, size), v.reshape(-1, size), strict=True)

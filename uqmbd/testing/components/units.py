@@ -7,7 +7,18 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism import Body, Component, Constraint, Frame, Kinetic, Local, Potential, Space, VirtualWork
+from uqmbd.mechanism import (
+    Body,
+    Component,
+    Constraint,
+    Frame,
+    Kinetic,
+    Local,
+    Potential,
+    Space,
+    VirtualWork,
+    as_symbolic,
+)
 from uqmbd.mechanism.expressions import findings, flatten, t, units_of
 from uqmbd.units import read_units
 
@@ -73,15 +84,15 @@ def _claims(term: object) -> Iterator[tuple[str, sympy.Expr, str]]:
     """Yield what a term holds, what it is, and in what it has to be."""
     match term:
         case Potential(energy):
-            yield "the energy of a Potential", sympy.sympify(energy), "J"
+            yield "the energy of a Potential", as_symbolic(energy), "J"
         case Kinetic(energy):
-            yield "the energy of a Kinetic", sympy.sympify(energy), "J"
+            yield "the energy of a Kinetic", as_symbolic(energy), "J"
         case VirtualWork(force, velocity):
             for f, v in zip(flatten(force), flatten(velocity), strict=True):
-                yield "force times velocity of a VirtualWork", sympy.sympify(f) * sympy.sympify(v), "W"
+                yield "force times velocity of a VirtualWork", as_symbolic(f) * as_symbolic(v), "W"
         case Constraint(equations, _):
             for equation in flatten(equations):
-                yield "a constraint", sympy.sympify(equation), ""
+                yield "a constraint", as_symbolic(equation), ""
 
 
 def _within(expression: sympy.Expr, local: Local) -> set[Any]:
