@@ -9,7 +9,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["flush", "no_link", "replacing", "sweep"]
+from uqmbd.errors import StudyError
+
+__all__ = ["check_script", "flush", "no_link", "replacing", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
@@ -100,3 +102,36 @@ def _flush(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def check_script(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a study script if there is such a file, else raise; nothing heavy is imported for it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is no such file, or it is no Python file.
+    """
+    file = Path(path)
+    try:
+        folder, exists = file.is_dir(), file.exists()
+    except (OSError, ValueError) as error:  # a name that is too long, or has a null character
+        raise StudyError(f"{str(path)[:100]!r} cannot be the name of a study script: {error}.") from None
+    if folder:
+        raise StudyError(f"{path} is a folder; a study script (a .py file) is expected.{_alternatives(file)}")
+    if not exists:
+        raise StudyError(f"There is no file {path} (looked in {Path.cwd()}).{_alternatives(file.parent)}")
+    if file.suffix != ".py":
+        raise StudyError(f"{path} is not a Python file; a study script is a .py file with a module-level `study`.")
+    return file
+
+
+def _alternatives(folder: Path) -> str:
+    """Name the Python files of a folder, for someone who mistyped one of them."""
+    if not folder.is_dir():
+        return ""
+    names = sorted(found.name for found in folder.glob("*.py"))
+    if not names:
+        return ""
+    listed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    return f" Python files in {folder}: {listed}."

@@ -429,6 +429,19 @@ print(len(sys.modules))
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("words", [("run",), ("check",), ("animate",)])
+def test_a_study_that_is_not_there_is_told_before_anything_heavy_is_imported(words):
+    code = (
+        "import sys\nfrom uqmbd.cli import main\n"
+        f"try:\n    main([{words[0]!r}, 'no_such_study.py'])\n"
+        "except SystemExit as left:\n    assert left.code == 2\n"
+        "heavy = {'sympy', 'numpy', 'xarray', 'chaospy', 'scipy'} & set(sys.modules)\nassert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr
+    assert "There is no file no_such_study.py" in done.stderr
+
+
 def test_interrupt_from_the_keyboard(tmp_path):
     """A real signal, while a script is being loaded."""
     import signal

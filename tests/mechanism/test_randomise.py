@@ -59,6 +59,20 @@ def lognormal(mean, std):
     return chaospy.LogNormal(np.log(mean) - variance / 2, np.sqrt(variance))
 
 
+@pytest.mark.parametrize(
+    "error", [ValueError("no law"), ZeroDivisionError("x"), KeyError("arm"), RecursionError("deep")]
+)
+def test_a_function_that_raises_is_told_with_the_number_that_it_was_given(error):
+    def made(value):
+        raise error
+
+    with pytest.raises(uqmbd.StudyError) as caught:
+        rocker().randomise("*.mass", distribution=made)
+    told = str(caught.value)
+    assert "distribution(2), of arm.mass, raises " + type(error).__name__ in told and str(error) in told
+    assert caught.value.__cause__ is error
+
+
 METHODS = [
     MonteCarlo(samples=8, seed=1),
     pytest.param(Collocation(order=1, verify=2), marks=pytest.mark.thorough),

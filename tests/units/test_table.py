@@ -124,6 +124,53 @@ def test_what_is_no_unit_is_told(text):
     assert read_units(text) is None
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "m^(1/0)", "km^9999999", "m^" + "9" * 5000, "m" * 10000, "m" * 199 + "x", "m^(1.5/2)", "(" * 5000, "9" * 400,
+        "(nm^30)^99 m", "1/(nm^40)", "m^100", "km^99 km^99", "((km^9)^9)^9", "m," * 5000, "N/m^n" * 2000, "²" * 150,
+        "m^-0", "(m/m)^(3/7)",
+    ],
+)  # fmt: skip
+def test_what_is_out_of_range_is_told_as_any_other_text(text):
+    unit, advice = read_units(text), advice_on(text)
+    assert (unit is None) == bool(advice) and len(advice) < 400
+    assert unit is None or (0 < unit.factor < math.inf and max(map(abs, unit.dimension)) <= 99)
+
+
+PIECES = [
+    "m",
+    "km",
+    "nm",
+    "N",
+    "kg",
+    " ",
+    "*",
+    "/",
+    "^",
+    "**",
+    "(",
+    ")",
+    "(1/2)",
+    "-",
+    "9",
+    "0",
+    ".",
+    "99",
+    "²",
+    "⁻",
+    "x",
+    ",",
+]
+
+
+@settings(deadline=None)
+@given(st.lists(st.sampled_from(PIECES), max_size=300).map("".join))
+def test_any_text_of_pieces_of_units_is_read_or_told(text):
+    unit, advice = read_units(text), advice_on(text)
+    assert unit is None or (0 < unit.factor < math.inf and isinstance(advice, str))
+
+
 @settings(deadline=None)  # the first one waits for pint
 @given(st.text(max_size=12))
 def test_any_text_is_read_or_told(text):

@@ -17,6 +17,7 @@ from uqmbd.cli.loading import loading
 from uqmbd.cli.terminal import explained, shown_progress
 from uqmbd.clusters import Workers, with_worker_options
 from uqmbd.errors import StudyError
+from uqmbd.files import check_script
 from uqmbd.new import PLUGIN_KINDS, new_plugin, new_study
 from uqmbd.version import __version__
 
@@ -126,6 +127,7 @@ def run(
             raise StudyError(f"{name} needs the report, which --no-report leaves out; leave one of them out.")
     # at once: what is imported next takes a while
     print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)
+    check_script(script)
     with shown_progress() as progress:
         progress.stage(f"loading {script.name}")
         with loading():
@@ -161,6 +163,7 @@ def check(
 
     Its bodies, equations, rank, redundant equations, mobility, inputs, propagators, and what each of these would take.
     """
+    check_script(script)
     with loading():
         from uqmbd.cli.check import show_check
 
@@ -190,6 +193,7 @@ def animate(
     ] = None,
 ) -> None:
     """Show the mechanism in motion: at the means of the inputs, with a cloud of realisations."""
+    check_script(script)
     with loading():
         from uqmbd.cli.animate import animate_study
 

@@ -90,7 +90,7 @@ class Law:
     def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
         """Return the distribution of a number, or say what cannot be."""
         if self.made or is_distribution(self.distribution):
-            found = adopted(self.where, self.distribution(value)) if self.made else value * self.distribution
+            found = self._made_for(name, value) if self.made else value * self.distribution
             if not is_distribution(found):
                 raise StudyError(
                     f"{self.where}: distribution({value:g}), of {name}, is {shown(found)}; expected a chaospy "
@@ -109,6 +109,17 @@ class Law:
                 f"{self.where}: {name} is {value:g}, and has to be {_ends(minimum, maximum)}: {error}. Take a smaller "
                 "deviation, or give distribution= as a chaospy distribution of the factor by which it is multiplied."
             ) from None
+
+    def _made_for(self, name: str, value: float) -> Any:
+        """Return what the function makes of a number."""
+        try:
+            found = self.distribution(value)
+        except Exception as error:  # noqa: BLE001 - the function is the user's
+            raise StudyError(
+                f"{self.where}: distribution({value:g}), of {name}, raises {type(error).__name__}: {error}. Expected a "
+                "function that makes a chaospy distribution of each number, or give it to fewer numbers."
+            ) from error
+        return adopted(self.where, found)
 
     def variable(self, name: str, value: float, units: str, minimum: float, maximum: float) -> RandomVariable:
         """Return the random variable of a number."""

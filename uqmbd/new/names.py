@@ -170,3 +170,9 @@ def _check_plain(name: str) -> None:
 def _check_reserved(name: str, word: str) -> None:
     if keyword.iskeyword(word):
         raise StudyError(f"name {name!r}: {word} is a reserved word of Python; choose another.")
+    if re.fullmatch("__.*__", word):
+        raise StudyError(f"name {name!r}: Python gives files of this name a meaning of its own; choose another.")
+    if re.fullmatch("con|prn|aux|nul|(com|lpt)[0-9]", word.casefold()):
+        raise StudyError(
+            f"name {name!r}: Windows keeps {word} for a device, and has no files of this name; choose another."
+        )

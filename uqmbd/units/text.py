@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import math
 import re
 from collections.abc import Callable
 from fractions import Fraction
@@ -15,6 +16,12 @@ from uqmbd.units.unit import Unit
 __all__ = ["advice_on", "read_units", "spelling"]
 
 EXAMPLES = "'m', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number"
+
+LONGEST = 200
+"""Characters of units: what is longer is another text, and takes long to read."""
+
+LARGEST = 99
+"""Exponent of a base quantity, either way."""
 
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 _NUMBER = r"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
@@ -81,7 +88,8 @@ def spelling(where: str, units: str) -> str:
     "output 'x': units is 'meter'; write 'm'."
     """
     advice = advice_on(units)
-    return f"{where}: units is {units!r}{',' if advice.startswith('which') else ';'} {advice}." if advice else ""
+    shown = repr(units) if len(units) <= LONGEST else f"{units[:20]!r}..."
+    return f"{where}: units is {shown}{',' if advice.startswith('which') else ';'} {advice}." if advice else ""
 
 
 @functools.lru_cache(maxsize=1024)
@@ -89,6 +97,8 @@ def _read(text: str) -> tuple[Unit | None, str]:
     """Return what a text means, and what is to be written instead of it."""
     if not text.strip():
         return None, ""
+    if len(text) > LONGEST:
+        return None, f"which has {len(text)} characters; write units in at most {LONGEST}, such as {EXAMPLES}"
     if found := TABLE.get(text):
         return found, ""
     if "," in text:  # one of several, as of a coefficient of force or moment
@@ -136,14 +146,15 @@ def _symbol(name: str) -> str:
     return same[0] if len(same) == 1 else name
 
 
-def _split(name: str) -> list[str]:
+@functools.lru_cache(maxsize=1024)
+def _split(name: str) -> tuple[str, ...]:
     """Split ``Nm`` or ``kgm`` into symbols, each as long as can be; empty where it does not consist of them."""
     for length in range(len(name), 0, -1):
         if name[:length] in _JOINED:
-            rest = _split(name[length:]) if length < len(name) else []
+            rest = _split(name[length:]) if length < len(name) else ()
             if rest or length == len(name):
-                return [name[:length], *rest]
-    return []
+                return (name[:length], *rest)
+    return ()
 
 
 _JOINED = ("N", "kN", "kg", "m", "mm", "s", "rad", "Pa", "W", "J")
@@ -151,7 +162,17 @@ _JOINED = ("N", "kN", "kg", "m", "mm", "s", "rad", "Pa", "W", "J")
 
 
 def _product(text: str, unit_of: Callable[[str], Unit | None]) -> Unit:
-    """Read products, quotients and powers, from left to right."""
+    """Read products, quotients and powers, from left to right; a number out of range makes no unit."""
+    try:
+        found = _multiplied(text, unit_of)
+    except (ArithmeticError, ValueError):  # an exponent such as 1/0, or a factor beyond the numbers of 64 bits
+        raise _Unreadable from None
+    if not 0 < found.factor < math.inf or any(abs(power) > LARGEST for power in found.dimension):
+        raise _Unreadable
+    return found
+
+
+def _multiplied(text: str, unit_of: Callable[[str], Unit | None]) -> Unit:
     stack: list[tuple[Unit, int]] = []
     whole, sign, last, waiting = Unit(), 1, None, True
     place = 0

@@ -165,6 +165,38 @@ def test_missing_module(script):
     assert "line 1:" in text and "No module named 'no_such_module_at_all'" in text
 
 
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("from uqmbd import Mechansim", "'Mechanism'"),
+        ("from uqmbd.laws import lenght", "'length'"),
+        ("import uqmbd_sprngs", "'uqmbd_springs'"),
+        ("import nmupy", "'numpy'"),
+        ("import uqmbd.lwas", "'laws'"),
+        ("from math import cso", "'cos'"),
+    ],
+)
+def test_a_misspelt_import_comes_with_what_it_may_mean(script, line, meant):
+    told = message(script(line))
+    assert f"did you mean {meant}?" in told and told.lower().count("did you mean") == 1, told
+
+
+@pytest.mark.parametrize(
+    ("line", "relation"),
+    [
+        ("value = 1 if length > 1 else 2", "length > 1"),
+        ("value = max(length, 1)", "length < 1"),
+        ("assert 0 < length < 2", "length > 0"),
+        ("while uqmbd.t <= length: pass", "t <= length"),
+    ],
+)
+def test_a_comparison_of_random_variables_says_what_to_write(script, line, relation):
+    text = f"import chaospy\nimport uqmbd\nlength = uqmbd.RandomVariable('length', chaospy.Normal(1, 0.1))\n{line}\n"
+    told = message(script(text))
+    assert "line 4:" in told and f"\n{relation} is neither true nor false here" in told, told
+    assert "sympy.Piecewise" in told and "uqmbd.nominal(" in told
+
+
 def test_script_that_exits(script):
     assert "ended itself (SystemExit: 3)" in message(script("import sys\nsys.exit(3)\n"))
 

@@ -8,6 +8,7 @@ import importlib
 import importlib.machinery
 import importlib.util
 import linecache
+import pkgutil
 import re
 import sys
 import traceback
@@ -15,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 from uqmbd.errors import StudyError
+from uqmbd.files import check_script
 from uqmbd.names import did_you_mean
 from uqmbd.propagation.studies.study import Study
 
@@ -61,13 +63,7 @@ def load_study(path: str | Path) -> Study:
     ...     load_study(script).name
     'fall'
     """
-    file = Path(path)
-    if file.is_dir():
-        raise StudyError(f"{path} is a folder; a study script (a .py file) is expected.{_alternatives(file)}")
-    if not file.exists():
-        raise StudyError(f"There is no file {path} (looked in {Path.cwd()}).{_alternatives(file.parent)}")
-    if file.suffix != ".py":
-        raise StudyError(f"{path} is not a Python file; a study script is a .py file with a module-level `study`.")
+    file = check_script(path)
     return _take_study(_run(file.resolve(), shown=str(path)), shown=str(path))
 
 
@@ -166,12 +162,27 @@ def _nearest(error: BaseException, text: str) -> str:
     name, known = getattr(error, "name", None), list[str]()
     if not isinstance(name, str) or "did you mean" in text.lower():
         return ""
+    if isinstance(error, ImportError):
+        return did_you_mean(*_imported(error))
     if isinstance(error, AttributeError) and error.obj is not None:
         known = dir(error.obj)
     elif isinstance(error, NameError):
         frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)][-1:]
         known = [each for frame in frames for each in (*frame.f_locals, *frame.f_globals, *dir(builtins))]
     return did_you_mean(name, [each for each in known if name.startswith("_") or not each.startswith("_")])
+
+
+def _imported(error: ImportError) -> tuple[str, list[str]]:
+    """Return the name that an import did not find, and those that there are in its place."""
+    whole = error.name or ""
+    if not isinstance(error, ModuleNotFoundError):  # a name of a module that is there
+        wrong = re.match(r"cannot import name '(\w+)'", str(error))
+        found = sys.modules.get(whole)
+        return (wrong[1], [each for each in dir(found) if not each.startswith("_")]) if wrong and found else ("", [])
+    parent, _, wrong_module = whole.rpartition(".")
+    places = getattr(sys.modules.get(parent), "__path__", []) if parent else None
+    known = [each.name for each in pkgutil.iter_modules(places)]
+    return wrong_module, known if parent else [*known, *sys.stdlib_module_names]
 
 
 def _remedy(error: BaseException) -> str:
@@ -191,6 +202,18 @@ def _remedy(error: BaseException) -> str:
         place = place.tb_next
     if isinstance(error, TypeError) and place is not None and place.tb_frame.f_code is sympy.Expr.__float__.__code__:
         return written
+    if (
+        isinstance(error, TypeError)
+        and place is not None
+        and isinstance(relation := place.tb_frame.f_locals.get("self"), sympy.core.relational.Relational)
+    ):
+        a, b = relation.args[:2]
+        return (
+            f"\n{relation} is neither true nor false here: it depends on numbers that each realisation has. Write "
+            f"sympy.Piecewise((a, {relation}), (b, True)) for what is a where it holds and b elsewhere, and sympy.Max, "
+            f"sympy.Min, sympy.And and sympy.Or in place of max, min, and, or. To choose by the means, write "
+            f"uqmbd.nominal({a - b}) {relation.rel_op} 0."
+        )
     return ""
 
 
@@ -209,14 +232,3 @@ def _described(value: object) -> str:
     kind = "a class" if isinstance(value, type) else f"of type {type(value).__name__}"
     text = repr(value)
     return f"{text if len(text) <= 60 else text[:57] + '...'} ({kind})"
-
-
-def _alternatives(folder: Path) -> str:
-    """Name the Python files of a folder, for someone who mistyped one of them."""
-    if not folder.is_dir():
-        return ""
-    names = sorted(found.name for found in folder.glob("*.py"))
-    if not names:
-        return ""
-    listed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-    return f" Python files in {folder}: {listed}."
