@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import tempfile
@@ -11,11 +12,14 @@ from pathlib import Path
 
 from uqmbd.errors import StudyError
 
-__all__ = ["check_script", "flush", "no_link", "replacing", "sweep"]
+__all__ = ["check_script", "flush", "no_link", "replacing", "scratch", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
 _OLD = "old"
+_MARK = "uqmbd"
+_MARK_TEXT = b"uqmbd writes here, and removes this folder.\n"
+"""What tells a folder for what is half written from one of the user's of such a name."""
 
 
 def no_link(path: str | os.PathLike[str], flags: int, mode: int = 0o666) -> int:
@@ -53,31 +57,53 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
     ...     print([(f.name, f.read_text()) for f in Path(folder).iterdir()])
     [('a.txt', 'whole')]
     """
-    # in the same folder, hence on the same file system: a name changes at once
-    scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX))
-    try:
-        part = scratch / "new"
+    with scratch(path.parent) as place:
+        part = place / "new"
         yield part
         if lasting:
             flush(part)
-        if path.is_dir():
-            (scratch / _OLD).mkdir()
-            os.replace(path, scratch / _OLD / path.name)
+        if path.is_dir() and not path.is_symlink():
+            if not part.is_dir() and os.listdir(path):
+                raise IsADirectoryError(errno.EISDIR, "there is a folder of this name", str(path))
+            (place / _OLD).mkdir()
+            os.replace(path, place / _OLD / path.name)
         os.replace(part, path)
-    finally:
-        _discard(scratch)
     if lasting:
         with contextlib.suppress(OSError):  # folders cannot be opened everywhere
             _flush(path.parent)
 
 
+@contextlib.contextmanager
+def scratch(folder: Path) -> Iterator[Path]:
+    """Yield a new folder in another one, hence on the same file system, in which ``new`` may be made; it is removed."""
+    place = Path(tempfile.mkdtemp(dir=folder, prefix=_PREFIX, suffix=_SUFFIX))
+    try:
+        (place / _MARK).write_bytes(_MARK_TEXT)
+        yield place
+    finally:
+        _discard(place)
+
+
 def sweep(folder: Path) -> None:
     """Remove what processes that were killed left half written in a folder; nobody must be writing there.
 
-    What one had just moved away, to put something in its place, is put back.
+    What one had just moved away, to put something in its place, is put back.  What only has such a name is left.
     """
     for part in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        _discard(part)
+        if _is_scratch(part):
+            _discard(part)
+
+
+def _is_scratch(place: Path) -> bool:
+    try:
+        if place.is_symlink() or not {_MARK} <= set(os.listdir(place)) <= {_MARK, "new", _OLD}:
+            return False
+        with open(place / _MARK, "rb", opener=no_link) as file:
+            mark = file.read(len(_MARK_TEXT) + 1)
+        # a process may be killed while it writes the mark
+        return mark == _MARK_TEXT or (os.listdir(place) == [_MARK] and _MARK_TEXT.startswith(mark))
+    except OSError:
+        return False
 
 
 def _discard(scratch: Path) -> None:
@@ -86,7 +112,14 @@ def _discard(scratch: Path) -> None:
         place = scratch.parent / old.name
         if not place.exists():
             os.replace(old, place)
-    shutil.rmtree(scratch, ignore_errors=True)
+    # the mark last: what is left by who is killed here is still known
+    for part in (scratch / "new", scratch / _OLD):
+        if part.is_dir() and not part.is_symlink():
+            shutil.rmtree(part, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        for name in ("new", _MARK):
+            (scratch / name).unlink(missing_ok=True)
+        scratch.rmdir()
 
 
 def flush(path: Path) -> None:

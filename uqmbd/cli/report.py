@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
+from uqmbd.files import replacing, scratch
+from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, record, start_manifest
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "MOTION", "keep_motion", "open_report", "rewrite_report", "write"]
-
-FIGURES = "figures"
-"""Folder of the report's figures as files, beside the report."""
-
+__all__ = ["FIGURES", "MOTION", "POSES", "keep_motion", "open_report", "rewrite_report", "write"]
 
 MOTION = "motion.nc"
 """Poses of the mechanism, from which the report draws its motion."""
@@ -47,10 +46,12 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
     if not source.exists():
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
-    if (motion := source.parent / MOTION).exists():
-        tree["motion"] = load(motion)
-    if (poses := source.parent / POSES).exists():
-        tree["pose_surrogate"] = load(poses)
+    for name, file in (("motion", MOTION), ("pose_surrogate", POSES)):
+        place = source.parent / file
+        if is_recognised(place):
+            tree[name] = load(place)
+        elif os.path.lexists(place):
+            print(f"Note: {place} is not used: it is no file of uqmbd, or damaged.", file=sys.stderr, flush=True)
     path = write(tree, source.parent / "report.html", figures=figures)
     print(f"report   {path}")
     if show:
@@ -65,22 +66,40 @@ def keep_motion(tree: xr.DataTree, folder: Path) -> None:
         path = folder / file
         if name in tree.children:
             save(tree.children[name].copy(), path)
-        else:
-            path.unlink(missing_ok=True)
+        elif is_ours(folder, file):
+            path.unlink()
 
 
 def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
     """Write a report with the sections that plugins add, and return its path; `figures`: as files beside it, too."""
     from uqmbd.report import installed_sections, write_report
 
-    folder = path.parent / FIGURES
+    run, folder = path.parent, path.parent / FIGURES
+    run.mkdir(parents=True, exist_ok=True)
     if not figures and folder.exists():
         print(
             f"Note: the figures in {folder} are those of an earlier report; --figures writes them again.",
             file=sys.stderr,
             flush=True,
         )
-    return write_report(tree, path, sections=installed_sections(), folder=folder if figures else None)
+    try:
+        # what is there is replaced where uqmbd wrote it, and else left
+        previous = make_way(run, [path.name, *([FIGURES] if figures else [])])
+        if previous is not None:
+            print(f"Note: the report that was in {run} is in {previous} now.", file=sys.stderr, flush=True)
+        start_manifest(run)
+        with scratch(run) as place:
+            new = place / "new" / FIGURES if figures else None
+            target = write_report(tree, path, sections=installed_sections(), folder=new)
+            written = [] if new is None or not new.is_dir() else sorted(new.iterdir())
+            record(run, [path.name, *(f"{FIGURES}/{one.name}" for one in written)], [path, *written])
+            if new is not None and written:
+                with replacing(folder) as part:
+                    new.rename(part)
+    except OSError as error:
+        where = error.filename or run
+        raise StudyError(f"{where} cannot be written: {error.strerror or error}.") from error
+    return target
 
 
 def open_report(path: Path) -> None:

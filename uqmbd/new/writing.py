@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from uqmbd.errors import StudyError
+from uqmbd.files import no_link
 
 __all__ = ["rendered", "write"]
 
@@ -77,7 +78,7 @@ def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]
     for path, text in zip(paths, texts.values(), strict=True):
         path.parent.mkdir(parents=True, exist_ok=True)
         # without --force one that has come since is an error, too
-        with path.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
+        with open(path, "w" if force else "x", encoding="utf-8", newline="\n", opener=no_link) as file:
             file.write(text)
     return paths
 

@@ -38,7 +38,7 @@ from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of,
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.random_inputs import nothing_random
-from uqmbd.propagation.reduction import Reduced, Reductions
+from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
 from uqmbd.propagation.studies import Study, load_study
 
@@ -91,6 +91,7 @@ __all__ = [
     "simulate",
     "static_equilibrium",
     "stepped",
+    "store_name",
     "timing_of",
     "watched_angles",
 ]

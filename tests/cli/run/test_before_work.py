@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 STUDY = """
@@ -17,6 +19,7 @@ study = uqmbd.Study("fall", mechanism, [0.0, 1.0], [MonteCarlo(samples=70, seed=
 def test_nothing_to_go_on_with_is_told(command_line, tmp_path):
     (tmp_path / "fall.py").write_text(STUDY)
     (tmp_path / "results" / "unfinished").mkdir(parents=True)
+    (tmp_path / "results" / "unfinished" / "asked.json").write_text(json.dumps({"study": "0" * 32, "methods": {}}))
     status, _, said = command_line("run", "fall.py", "--no-report", "--resume")
     assert status == 0, said
     assert said.splitlines().count("Note: --resume: nothing unfinished is in results; the run begins anew.") == 1

@@ -323,7 +323,11 @@ def test_a_record_of_sizes_that_is_damaged_is_none(tmp_path, sizes):
     (tmp_path / "unfinished").mkdir()
     text = '{"asked": {"realisations": 200}, "methods": {"monte-carlo": SIZES}}'.replace("SIZES", sizes)
     (tmp_path / "unfinished" / "budget.json").write_text(text)
-    same(study.run(budget=200, folder=tmp_path, resume=True)["monte-carlo"], expected)
+    (tmp_path / "unfinished" / "asked.json").write_text(json.dumps({"study": "0" * 32, "methods": {}}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", uqmbd.StudyWarning)  # of another study
+        found = study.run(budget=200, folder=tmp_path, resume=True)["monte-carlo"]
+    same(found, expected)
 
 
 @pytest.mark.parametrize("budget", ["3parsec", 0, -5, True, 2.5, "0s", ""])

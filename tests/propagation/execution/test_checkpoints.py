@@ -194,4 +194,9 @@ def test_finished_work_survives_until_the_results_are_saved(tmp_path: Path) -> N
     save(again["monte-carlo"], tmp_path / "part.nc")
     assert (tmp_path / "unsaved").is_dir(), "neither is the result of the run in its folder"
     save(again, tmp_path / "results.nc")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["elsewhere", "part.nc", "results.nc"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        ".uqmbd-manifest.json",
+        "elsewhere",
+        "part.nc",
+        "results.nc",
+    ]

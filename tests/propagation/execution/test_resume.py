@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -179,8 +180,9 @@ def test_damaged_chunk_is_computed_again(script: Path, tmp_path: Path) -> None:
 
 def test_without_resume_a_run_starts_over(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
-    stale = out / "unfinished" / "somebody" / "chunk.npz"
+    stale = out / "unfinished" / "0123456789abcdef" / f"{'0' * 32}.npz"
     stale.parent.mkdir(parents=True)
+    (out / "unfinished" / "asked.json").write_text(json.dumps({"study": "0" * 32, "methods": {}}))
     stale.write_bytes(b"left by an earlier run")
     _interrupted(script, out, 2)
     assert not stale.exists()

@@ -17,6 +17,7 @@ from uqmbd.cli.run.run import run_study
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.results import load
+from uqmbd.results.storage import record
 
 STUDY = """
 import chaospy
@@ -129,24 +130,21 @@ def test_of_many_that_want_a_folder_at_once_one_gets_it(tmp_path: Path) -> None:
 
 def test_results_that_are_there_are_set_aside(tmp_path: Path) -> None:
     """Nothing asks, and nothing is mixed: the last results but one are in `previous`, and no earlier ones."""
-    out, mine = (
-        tmp_path / "out",
-        ["results.nc", "report.html", "motion.nc", "monte-carlo-samples.nc", "a-samples.zarr/.zattrs"],
-    )
+    out, mine = tmp_path / "out", ["results.nc", "report.html", "motion.nc"]
     (out / "figures").mkdir(parents=True)
     (out / "notes.txt").write_text("the user's own")
+    (out / "monte-carlo-samples.nc").write_text("the user's own")
     for version in "123":
-        for name in (*mine, "figures/a.svg"):
-            (out / name).parent.mkdir(exist_ok=True, parents=True)
+        names = [*mine, "figures/a.svg", *(["figures/old.svg"] if version == "1" else [])]
+        (out / "figures").mkdir(exist_ok=True)
+        for name in names:
             (out / name).write_text(version)
-        if version == "1":
-            (out / "figures" / "old.svg").write_text("old")
+        record(out, names)
         with claimed(out):
             assert set_aside(out) == out / "previous"
-        found = {str(p.relative_to(out)): p.read_text() for p in out.rglob("*") if p.is_file()}
-        expected = {f"previous/{name}": version for name in (*mine, "figures/a.svg")}
-        old = {"previous/figures/old.svg": "old"} if version == "1" else {}
-        assert found == {"notes.txt": "the user's own", **expected, **old}
+        found = {str(p.relative_to(out)): p.read_text() for p in out.rglob("*") if p.is_file() and p.name[0] != "."}
+        users = dict.fromkeys(["notes.txt", "monte-carlo-samples.nc"], "the user's own")
+        assert found == {**users, **{f"previous/{name}": version for name in names}}
     with claimed(out):
         assert set_aside(out) is None, "there are none"
     assert (out / "previous" / "results.nc").read_text() == "3"
@@ -178,7 +176,7 @@ def test_full_disk_at_the_end_loses_nothing(tmp_path: Path, no_report: None) -> 
     assert "Traceback" not in failed.stderr
     kept = {p: p.stat().st_mtime_ns for p in (out / "unfinished").rglob("*.npz")}
     assert len(kept) >= 10
-    assert [p.name for p in out.iterdir()] == ["unfinished"]
+    assert sorted(p.name for p in out.iterdir()) == [".uqmbd-manifest.json", "unfinished"]
     run_study(study, out=out, resume=True)
     assert load(out / "results.nc")["monte-carlo"].attrs["realisations"] == 640
     assert not (out / "unfinished").exists() and not (out / "unsaved").exists()
@@ -192,8 +190,8 @@ def test_full_disk_on_the_way_is_told(tmp_path: Path) -> None:
     assert failed.returncode in (1, 2)
     assert ".npz cannot be written: File too large" in failed.stderr and "--resume" in failed.stderr
     assert "Traceback" not in failed.stderr
-    found = [p.name for p in out.rglob("*") if p.is_file()]
-    assert found == ["asked.json"], "nothing half written"
+    found = sorted(p.name for p in out.rglob("*") if p.is_file())
+    assert found == [".uqmbd", ".uqmbd-manifest.json", "asked.json"], "nothing half written"
 
 
 def alive(session: int) -> list[int]:

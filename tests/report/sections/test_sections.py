@@ -81,7 +81,7 @@ def test_compiled_templates_are_kept_and_read_again(monkeypatch, tmp_path) -> No
         cold = page()
         assert compiled == ["colours.css.j2"]
         assert page() == cold and compiled == ["colours.css.j2"]
-        (kept,) = (tmp_path / "kept").iterdir()
+        (kept,) = (one for one in (tmp_path / "kept").rglob("*") if one.is_file())
         kept.write_bytes(kept.read_bytes()[:-1])
         assert page() == cold and compiled == ["colours.css.j2"] * 2
     finally:

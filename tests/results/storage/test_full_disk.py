@@ -136,6 +136,7 @@ def test_a_folder_that_cannot_be_replaced_is_left_as_it_was(tmp_path: Path, monk
     assert load(path).identical(old) and os.listdir(tmp_path) == ["r.zarr"]
     moved = tmp_path / ".uqmbd-killed.part" / "old" / "r.zarr"
     moved.parent.mkdir(parents=True)
+    (moved.parents[1] / "uqmbd").write_text("uqmbd writes here, and removes this folder.\n")
     path.rename(moved)
     sweep(tmp_path)
     assert load(path).identical(old) and os.listdir(tmp_path) == ["r.zarr"]

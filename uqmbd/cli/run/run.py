@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.cli.loading import loading
-from uqmbd.cli.report import keep_motion, open_report, write
+from uqmbd.cli.report import FIGURES, MOTION, POSES, keep_motion, open_report, write
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
@@ -22,7 +23,7 @@ from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_progress
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.propagation import allowed_of, claimed, load_study, set_aside
+from uqmbd.propagation import allowed_of, claimed, load_study, set_aside, store_name
 from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration, format_probability
 
@@ -153,7 +154,7 @@ def _run(
                 print(
                     f"Note: --resume: nothing unfinished is in {out}; the run begins anew.", file=sys.stderr, flush=True
                 )
-            previous = set_aside(out)
+            previous = set_aside(out, _needed(report=report, figures=figures), _stores(study, only))
             if previous:
                 print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
             tree = _computed(study, executor, only, out, script, progress, resume=resume, **chosen)
@@ -275,13 +276,22 @@ def _how_to_go_on(script: Path, out: Path) -> str:
     )
 
 
+def _needed(*, report: bool, figures: bool) -> tuple[str, ...]:
+    """Return the names that a run writes into its folder."""
+    return ("results.nc", *(("report.html", MOTION, POSES) if report else ()), *((FIGURES,) if figures else ()))
+
+
+def _stores(study: Study, only: Sequence[str]) -> list[str]:
+    """Return the names of the stores of samples that methods may write."""
+    return [store_name(one.node_name) for one in study.propagators if not only or one.node_name in only]
+
+
 def _make_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise StudyError(f"--out {folder} is a file; a folder is expected, which is made if it does not exist.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".uqmbd-probe"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise StudyError(f"--out {folder}: this folder cannot be written ({error.strerror}).") from error

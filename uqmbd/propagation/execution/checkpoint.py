@@ -18,7 +18,7 @@ from uqmbd.dynamics import MarginValues, ScalarValues
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.propagation.execution.chunks import Chunk
-from uqmbd.results.storage import FOLDER, how_to_go_on
+from uqmbd.results.storage import FOLDER, how_to_go_on, make
 
 __all__ = ["FOLDER", "Checkpoint"]
 
@@ -107,7 +107,8 @@ class Checkpoint:
         kinds = {key: [str(x.dtype), list(x.shape)] for key, x in arrays.items()}
         text = np.array(json.dumps({**about, "arrays": kinds}))
         try:
-            self.place.mkdir(parents=True, exist_ok=True)
+            make(self.folder)
+            self.place.mkdir(exist_ok=True)
             with replacing(path) as part, part.open("wb") as file:
                 np.savez(file, **{_ABOUT: text}, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
         except OSError as error:

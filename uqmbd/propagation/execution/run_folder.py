@@ -3,29 +3,42 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
-import shutil
+import re
 import socket
+import stat
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from datetime import datetime
 from pathlib import Path
 
 from uqmbd.errors import StudyError
-from uqmbd.files import sweep
+from uqmbd.files import no_link, scratch, sweep
+from uqmbd.results.storage import (
+    check_names,
+    check_unfinished,
+    in_manifest,
+    is_ours,
+    is_recognised,
+    move_aside,
+    start_manifest,
+    stores_of,
+)
 
-__all__ = ["PREVIOUS", "claimed", "set_aside"]
-
-PREVIOUS = "previous"
-"""Folder of the results that were there before, within that of a run."""
+__all__ = ["claimed", "set_aside"]
 
 _LOCK = ".uqmbd-lock"
 _BYTE = 1 << 20
 """Where a lock of Windows lies: beyond the text, which others then can read."""
 
-_RESULTS = ("results.nc", "report.html", "motion.nc", "pose_surrogate.nc", "figures", "*-samples.zarr", "*-samples.nc")
+_RESULT = "results.nc"
+_BESIDE = ("report.html", "motion.nc", "pose_surrogate.nc")
+
+_OWNER = re.compile(rb"process \d+ on [^\0\n]*, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
+"""What is in a lock."""
 
 _held: set[tuple[Path, int]] = set()
 """Folders that threads of this process have claimed."""
@@ -77,19 +90,59 @@ def claimed(folder: Path | None) -> Iterator[None]:
 
 def _locked(folder: Path, lock: Path) -> int:
     while True:
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+        made = _made(folder, lock)
         try:
+            handle = no_link(lock, os.O_RDWR) if made is None else made
+        except FileNotFoundError:  # whoever held it has removed it
+            continue
+        except OSError as error:  # a link, or a folder
+            raise _not_a_lock(lock) from error
+        try:
+            if made is not None:
+                return handle
+            if not stat.S_ISREG(os.fstat(handle).st_mode) or not _OWNER.match(_content(handle)):
+                raise _not_a_lock(lock)
             if not _lock(handle):
                 raise _taken(folder, _read(handle))
             # whoever held it may have removed the file after it was opened here
             with contextlib.suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(handle), lock.stat()):
+                if os.path.samestat(os.fstat(handle), lock.lstat()):
                     _write(handle)
                     return handle
         except BaseException:
             os.close(handle)
             raise
         os.close(handle)
+
+
+def _made(folder: Path, lock: Path) -> int | None:
+    """Make a lock that says whose it is, and is held, from the moment at which it has its name; None: there is one."""
+    if os.path.lexists(lock):
+        return None
+    with scratch(folder) as place:
+        part = place / "new"
+        handle = no_link(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+        try:
+            _write(handle)
+            _lock(handle)
+            os.link(part, lock)
+        except FileExistsError:
+            os.close(handle)
+            return None
+        except OSError as error:
+            os.close(handle)
+            if error.errno not in (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EOPNOTSUPP):
+                raise
+        else:
+            return handle
+    # a file system without links
+    try:
+        handle = no_link(lock, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+    except FileExistsError:
+        return None
+    _lock(handle)
+    _write(handle)
+    return handle
 
 
 def _lock(handle: int) -> bool:
@@ -118,15 +171,28 @@ def _lock(handle: int) -> bool:
 
 
 def _write(handle: int) -> None:
-    text = f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S}"
-    os.ftruncate(handle, 0)
+    text = f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S}".encode()
+    # in this order: whoever is killed in between leaves what is known as a lock
     os.lseek(handle, 0, os.SEEK_SET)
-    os.write(handle, text.encode())
+    os.write(handle, text)
+    os.ftruncate(handle, len(text))
+
+
+def _content(handle: int) -> bytes:
+    os.lseek(handle, 0, os.SEEK_SET)
+    return os.read(handle, 1000)
 
 
 def _read(handle: int) -> str:
-    os.lseek(handle, 0, os.SEEK_SET)
-    return os.read(handle, 1000).decode(errors="replace") or "another process"
+    return _content(handle).decode(errors="replace")
+
+
+def _not_a_lock(lock: Path) -> StudyError:
+    return StudyError(
+        f"{lock} is in the way: uqmbd keeps other runs out of the folder by a file of this name, and did not write "
+        "what is there. It is left as it is, and nothing was computed. Remove it, or give another folder (--out DIR; "
+        "in Python: folder=)."
+    )
 
 
 def _taken(folder: Path, owner: str) -> StudyError:
@@ -136,25 +202,46 @@ def _taken(folder: Path, owner: str) -> StudyError:
     )
 
 
-def set_aside(folder: Path) -> Path | None:
-    """Move the results of an earlier run to ``previous``, in the place of those that are there.
+def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: Collection[str] = ()) -> Path | None:
+    """Move the results of an earlier run out of the way; what uqmbd did not write is left where it is.
+
+    Results that are in the manifest go to ``previous``, in the place of those that are there.  Others that uqmbd can
+    have written go to a new folder ``previous-N``.
+
+    Parameters
+    ----------
+    folder : Path
+        That of a run.
+    needed : collection of str
+        Names that the run will write.
+    stores : collection of str
+        Names of stores of samples that it may write, or go on with.
 
     Returns
     -------
     Path or None
         Where they are now; None: there are none.
+
+    Raises
+    ------
+    StudyError
+        If one of these names, or that of the chunks of a run, is taken by something else, before anything is moved:
+        which, and the way out.
     """
-    if not (folder / "results.nc").exists():
-        return None
-    previous = folder / PREVIOUS
-    collected = folder / f".{PREVIOUS}"
-    shutil.rmtree(collected, ignore_errors=True)
-    collected.mkdir()
-    # the result itself last: who is killed before begins again with all of it
-    for pattern in reversed(_RESULTS):
-        for found in folder.glob(pattern):
-            found.rename(collected / found.name)
-    if previous.exists():
-        shutil.rmtree(previous)
-    collected.rename(previous)
-    return previous
+    check_unfinished(folder)
+    check_names(folder, stores)
+    names = check_names(folder, needed)
+    if _RESULT in needed and os.path.lexists(folder / _RESULT):
+        stores = stores_of(folder / _RESULT)
+        ours = [name for name in in_manifest(folder) if is_ours(folder, name)]
+        others = [name for name in (*_BESIDE, *stores) if is_recognised(folder / name)]
+        names = list(dict.fromkeys([_RESULT, *names, *ours, *others]))
+    try:
+        start_manifest(folder)
+        return move_aside(folder, names) if names else None
+    except OSError as error:
+        where = error.filename or folder
+        raise StudyError(
+            f"{where} cannot be written: {error.strerror or error}. Nothing was computed; what was in {folder} is "
+            "there, or in a folder previous-N there."
+        ) from error

@@ -457,7 +457,8 @@ class Study:
         [[0.0, 3.0, 6.0]]
         """
         from uqmbd.propagation.execution import claimed
-        from uqmbd.results.storage import clear, computed, reopen
+        from uqmbd.propagation.reduction import store_name
+        from uqmbd.results.storage import begin, check_names, computed
 
         if not self.propagators:
             raise StudyError(
@@ -469,7 +470,8 @@ class Study:
         terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
         with claimed(folder), Crew(workers) as crew:
             if folder:
-                reopen(folder) if resume else clear(folder)
+                check_names(folder, [store_name(method.node_name) for method in chosen])
+                begin(folder, resume=resume)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
             foretold = self._foretell(chosen)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uqmbd.files import no_link
 from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.drawing.vectors import UNWRITABLE, Drawing
 
@@ -196,7 +197,8 @@ def write_images(content: object, folder: Path) -> list[Path]:
             number += 1
             target = folder / f"{plain}-{number}.{kind.removesuffix('+xml')}"
         folder.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(base64.b64decode(data))
+        with open(target, "wb", opener=no_link) as file:
+            file.write(base64.b64decode(data))
         written[target] = None
     return list(written)
 

@@ -4,25 +4,50 @@ from __future__ import annotations
 
 from uqmbd.results.storage.journal import Record
 from uqmbd.results.storage.lazy import open
+from uqmbd.results.storage.manifest import (
+    FIGURES,
+    PREVIOUS,
+    check_names,
+    in_manifest,
+    is_ours,
+    is_recognised,
+    make_way,
+    move_aside,
+    record,
+    start_manifest,
+    stores_of,
+)
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import load, save
-from uqmbd.results.storage.unfinished import FOLDER, clear, computed, how_to_go_on, is_kept, reopen
+from uqmbd.results.storage.unfinished import FOLDER, begin, check_unfinished, computed, how_to_go_on, is_kept, make
 from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
 
 __all__ = [
+    "FIGURES",
     "FOLDER",
+    "PREVIOUS",
     "Record",
     "SampleChunk",
     "SampleStore",
     "SampleStoreChunks",
     "Shelf",
     "UnfinishedStore",
-    "clear",
+    "begin",
+    "check_names",
+    "check_unfinished",
     "computed",
     "how_to_go_on",
+    "in_manifest",
     "is_kept",
+    "is_ours",
+    "is_recognised",
     "load",
+    "make",
+    "make_way",
+    "move_aside",
     "open",
-    "reopen",
+    "record",
     "save",
+    "start_manifest",
+    "stores_of",
 ]

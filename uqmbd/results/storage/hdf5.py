@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from uqmbd.files import no_link
+
 __all__ = ["NetcdfFile", "WriteError", "netcdf_file"]
 
 
@@ -157,7 +159,7 @@ def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
     """
     import h5netcdf
 
-    with path.open("w+b", buffering=0) as raw:
+    with open(path, "w+b", buffering=0, opener=no_link) as raw:
         handle = _Handle(raw)
         try:
             with _remembering()(handle) as inner, h5netcdf.File(inner, "w") as file:

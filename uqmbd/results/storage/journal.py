@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.files import no_link
+
 __all__ = ["Journal", "Record"]
 
 Record = tuple[dict[str, Any], dict[str, NDArray[Any]]]
@@ -58,7 +60,7 @@ class Journal:
         content = io.BytesIO()
         np.savez(content, **{_ABOUT: np.array(json.dumps(about))}, **arrays)  # type: ignore[arg-type]  # names as options
         payload = content.getvalue()
-        with self.path.open("ab", buffering=0) as file:
+        with open(self.path, "ab", buffering=0, opener=no_link) as file:
             place = file.seek(0, os.SEEK_END)
             rest = memoryview(_MARK + _HEAD.pack(len(payload), zlib.crc32(payload)) + payload)
             while rest:

@@ -19,6 +19,7 @@ from uqmbd.files import replacing
 from uqmbd.results.schema import SCHEMA_VERSION, check_version
 from uqmbd.results.storage.chunks import chunks_of
 from uqmbd.results.storage.hdf5 import netcdf_file
+from uqmbd.results.storage.manifest import has_manifest, record
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_codecs
 
@@ -74,6 +75,8 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Litera
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as written:
             writer(encoded, written)
+            if has_manifest(target.parent):
+                record(target.parent, [target.name], [written])
     except OSError as error:
         unsaved(target.parent, tree.attrs)
         remedy = how_to_go_on(target.parent)

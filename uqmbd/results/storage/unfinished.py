@@ -8,24 +8,161 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import shutil
+import json
+import os
+import re
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-__all__ = ["FOLDER", "clear", "computed", "how_to_go_on", "is_kept", "reopen", "saved", "unsaved"]
+from uqmbd.errors import StudyError
+from uqmbd.files import no_link, replacing, sweep
+from uqmbd.results.storage.manifest import start_manifest
+
+__all__ = [
+    "FOLDER",
+    "begin",
+    "check_unfinished",
+    "computed",
+    "how_to_go_on",
+    "is_kept",
+    "make",
+    "reopen",
+    "saved",
+    "unsaved",
+]
 
 FOLDER = "unfinished"
 
 _ENDED = "unsaved"
 _MARK = "results"
+_OWNER = ".uqmbd"
+_ASKED = "asked.json"
+_OWNER_TEXT = "uqmbd made this folder, and removes it when the results are saved.\n"
+
+_METHOD, _KEY = "[0-9a-f]{16}", "[0-9a-f]{32}"
+_CHUNKS = rf"{_METHOD}/{_KEY}(\.task)?\.npz"
+_STORE = rf"{_METHOD}/({_KEY}|old)\.zarr"
+_SCRATCH = rf"({_METHOD}/)?\.uqmbd-[a-z0-9_]{{8}}\.part(/(uqmbd|new|old)(/.+)?)?"
+_FOLDERS = re.compile(rf"{_METHOD}|{_STORE}(/[^/]+)?|{_METHOD}/{_KEY}\.rest|{_CHUNKS}|{_SCRATCH}")
+_CHUNK = r"\d+(\.\d+)*|\.[0-9a-f]{16}\.part"
+_FILES = re.compile(
+    rf"\{_OWNER}|asked\.json|budget\.json|{_MARK}|{_CHUNKS}|{_METHOD}/{_KEY}\.(journal|token)|"
+    rf"{_STORE}(/[^/]+)?/({_CHUNK}|\.z[a-z]+)|{_METHOD}/{_KEY}\.rest/({_CHUNK})|{_SCRATCH}"
+)
+"""What uqmbd writes into these folders; nothing else is removed there."""
 
 
-def clear(folder: Path) -> None:
-    """Forget the chunks of a run that starts over."""
+def begin(folder: Path, *, resume: bool) -> None:
+    """Make the folder of the chunks of a run; those of an earlier one are gone on with, or removed.
+
+    Raises
+    ------
+    StudyError
+        If something that uqmbd did not write has the name of the folder, or is in it: which, and the way out.
+    """
+    check_unfinished(folder)
+    place = folder / FOLDER
+    try:
+        start_manifest(folder)
+        if resume:
+            reopen(folder)
+        else:
+            for name in (FOLDER, _ENDED):
+                _remove(folder / name)
+        make(folder)
+        if not (place / _OWNER).exists():
+            with replacing(place / _OWNER, lasting=False) as part:
+                part.write_text(_OWNER_TEXT)
+    except OSError as error:
+        where = error.filename or place
+        raise StudyError(f"{where} cannot be written: {error.strerror or error}.") from error
+
+
+def make(folder: Path) -> None:
+    """Make the folder of the chunks of a run where there is none, at once with what says whose it is."""
+    place = folder / FOLDER
+    if not place.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(place, lasting=False) as part:
+            part.mkdir()
+            (part / _OWNER).write_text(_OWNER_TEXT)
+
+
+def check_unfinished(folder: Path) -> None:
+    """Raise a `StudyError` if something that uqmbd did not write is in the way of the chunks of a run."""
     for name in (FOLDER, _ENDED):
-        with contextlib.suppress(FileNotFoundError):
-            shutil.rmtree(folder / name)
+        _check(folder / name)
+
+
+def _check(place: Path) -> None:
+    if not os.path.lexists(place):
+        return
+    found = [place] if place.is_symlink() or not place.is_dir() else _foreign(place)
+    if not found and not (place / _OWNER).is_file() and not _is_of_earlier_version(place):
+        found = [place]
+    if found:
+        raise StudyError(
+            f"{found[0]} is in the way: uqmbd keeps what it has computed so far in {place}, and did not write this. It "
+            "is left as it is, and nothing was computed. Move or rename it, or give another folder (--out DIR; in "
+            "Python: folder=)."
+        )
+
+
+def _is_of_earlier_version(place: Path) -> bool:
+    """Tell whether a folder was made by a version that left no mark: by what a run notes there before all else."""
+    try:
+        with open(place / _ASKED, "rb", opener=no_link) as file:
+            found = json.load(file)
+        return re.fullmatch(_KEY, found["study"]) is not None and isinstance(found["methods"], dict)
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return False
+
+
+def _foreign(place: Path) -> list[Path]:
+    """Return what is in a folder of chunks, and is not what uqmbd writes there."""
+    found = []
+    _sweep_all(place)
+    for at, folders, files in os.walk(place):
+        here = Path(at)
+        found += [here / n for n in folders if not _is_own(here / n, place, _FOLDERS) or (here / n).is_symlink()]
+        found += [here / n for n in files if not _is_own(here / n, place, _FILES) or not _is_plain(here / n)]
+    return found
+
+
+def _is_plain(path: Path) -> bool:
+    return stat.S_ISREG(path.lstat().st_mode)
+
+
+def _is_own(path: Path, place: Path, names: re.Pattern[str]) -> bool:
+    return names.fullmatch(path.relative_to(place).as_posix()) is not None
+
+
+def _remove(place: Path) -> None:
+    """Remove what uqmbd writes into a folder of chunks; where others are in it they stay, and so does the folder."""
+    if place.is_symlink() or not place.is_dir():
+        return
+    _sweep_all(place)
+    for at, folders, files in os.walk(place, topdown=False):
+        here = Path(at)
+        for name in files:
+            if _is_own(here / name, place, _FILES) and name != _OWNER:
+                (here / name).unlink(missing_ok=True)
+        for name in folders:
+            if _is_own(here / name, place, _FOLDERS):
+                with contextlib.suppress(OSError):
+                    (here / name).rmdir()
+    if set(os.listdir(place)) <= {_OWNER}:
+        (place / _OWNER).unlink(missing_ok=True)
+        place.rmdir()
+
+
+def _sweep_all(place: Path) -> None:
+    """Remove what is half written in a folder of chunks, and in those of its methods."""
+    for folder in (place, *place.glob("*")):
+        if folder.is_dir() and not folder.is_symlink():
+            sweep(folder)
 
 
 def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
@@ -38,15 +175,18 @@ def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
         return
     # where that cannot be noted, as on a full disk, the run is unfinished, and the results are not lost
     with contextlib.suppress(OSError):
-        (place / _MARK).write_text(_identity(attrs))
-        shutil.rmtree(folder / _ENDED, ignore_errors=True)
-        place.rename(folder / _ENDED)
+        with replacing(place / _MARK, lasting=False) as part:
+            part.write_text(_identity(attrs))
+        _remove(folder / _ENDED)
+        if not _foreign(place):
+            place.rename(folder / _ENDED)
 
 
 def saved(folder: Path, attrs: Mapping[Any, Any]) -> None:
     """Forget the chunks of these results, which are in the folder now; those of others are left."""
     if _is_of(folder, attrs):
-        shutil.rmtree(folder / _ENDED, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            _remove(folder / _ENDED)
 
 
 def unsaved(folder: Path, attrs: Mapping[Any, Any]) -> None:

@@ -8,6 +8,7 @@ which is resumed goes on in place.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import shutil
@@ -24,8 +25,9 @@ from uqmbd.files import flush, replacing
 from uqmbd.results.schema import Labels
 from uqmbd.results.storage.chunk_file import checksum_of, encoded, read_checked, write_file
 from uqmbd.results.storage.journal import Journal, Record
+from uqmbd.results.storage.manifest import foreign_in_store, is_ours, make_way, record
 from uqmbd.results.storage.sample_store import MESSAGE, SampleStore
-from uqmbd.results.storage.unfinished import how_to_go_on
+from uqmbd.results.storage.unfinished import how_to_go_on, make
 from uqmbd.typing import Array, Index
 
 __all__ = ["Shelf", "UnfinishedStore"]
@@ -113,8 +115,10 @@ class UnfinishedStore:
         self._held: list[tuple[Array, Index, Sequence[str]]] = []
         self._filled = 0
         try:
-            place.mkdir(parents=True, exist_ok=True)
-            self._token[0].write_text(self._token[1])
+            make(folder)
+            place.mkdir(exist_ok=True)
+            with replacing(self._token[0], lasting=False) as part:
+                part.write_text(self._token[1])
             for at, about in self._journal.places():
                 number = about.get("number")
                 if isinstance(number, int) and 0 <= number < len(self._records) and not about.get("lost"):
@@ -147,6 +151,11 @@ class UnfinishedStore:
                     os.replace(file, rest / file.name)
         for old in there:
             if old != own:
+                foreign = foreign_in_store(old)
+                if foreign:
+                    raise FileExistsError(
+                        errno.EEXIST, "there is something in it that uqmbd did not write", str(foreign[0])
+                    )
                 shutil.rmtree(old)
         return store
 
@@ -216,10 +225,17 @@ class UnfinishedStore:
                 flush(store.folder)
                 old = self._place / "old.zarr"
                 shutil.rmtree(old, ignore_errors=True)
-                if self._target.exists():
-                    os.replace(self._target, old)
+                if os.path.lexists(self._target):
+                    if is_ours(self._folder, self._target.name):
+                        os.replace(self._target, old)
+                    else:
+                        make_way(self._folder, [self._target.name])
+                # before it takes its name: what a killed run leaves is noted
+                record(self._folder, [self._target.name], [store.folder])
                 os.replace(store.folder, self._target)
                 shutil.rmtree(old, ignore_errors=True)
+            elif self._target is not None:
+                record(self._folder, [self._target.name])
         except OSError as error:
             raise self._failed(error) from error
         if self._target is not None:
