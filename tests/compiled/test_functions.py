@@ -223,6 +223,18 @@ def test_what_depends_on_a_comparison_of_no_real_numbers_is_none(conditions: lis
         np.testing.assert_allclose(values, expected, rtol=1e-14, err_msg=str((row, pieces)))
 
 
+def test_powers_of_negative_numbers_are_real_for_whole_exponents_only() -> None:
+    """A comparison of one that is not real decides nothing; those of zero and positive numbers do."""
+    bases = [sympy.Integer(-2), sympy.Rational(-1, 3), sympy.Float(-0.5), -sympy.pi, sympy.Integer(3), sympy.Float(0.5)]
+    pieces = [sympy.Piecewise((1, b**X > sympy.Rational(1, 2)), (2, True)) for b in bases]
+    points = np.array([[x, 0.0] for x in (-3.0, -1.5, 0.0, 0.3, 0.5, 2.0, 2.5, 5.0)])
+    for (x, _), values in zip(points, compiled(pieces, points), strict=True):
+        for b, value in zip(bases, values, strict=True):
+            real = b > 0 or x.is_integer()
+            expected = (1 if float(b) ** x > 0.5 else 2) if real else math.nan
+            np.testing.assert_equal(value, expected, err_msg=str((b, x)))
+
+
 SPECIAL = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 1.0, -1.0, 0.5])
 NUMPY = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan,

@@ -309,7 +309,8 @@ def _may_be_unreal(e: Any) -> bool:
     if e.is_Pow:
         base, exponent = e.args
         whole = exponent.is_Number and _real(exponent).is_integer()
-        return not (whole or base.is_Number or type(base).__name__ == "Exp1")
+        never_negative = (base.is_Number and _real(base) >= 0) or type(base).__name__ == "Exp1"
+        return not (whole or never_negative)
     return type(e).__name__ in _PARTIAL
 
 

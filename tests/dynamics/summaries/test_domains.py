@@ -6,14 +6,21 @@ of a position, and of an acceleration.
 
 from __future__ import annotations
 
+import re
+from importlib import resources
+
 import chaospy
 import mpmath
 import numpy as np
 import pytest
+import scipy.integrate
 import sympy
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, integrate, margins_of, scalars_of
+from uqmbd.dynamics.summaries.domain import DEEPEST
+from uqmbd.dynamics.summaries.resolved import ROUGH
+from uqmbd.mechanism import domain_of
 from uqmbd.propagation.observed_model import observed_model
 from uqmbd.status import Status
 from uqmbd_montecarlo import MonteCarlo
@@ -157,11 +164,100 @@ def test_last_values_and_margins_are_right_or_fail(family):
             assert last.values[k, 0] == pytest.approx(float(mpmath.re(end)), rel=1e-5)
         assert (margins.status[k] == Status.NOT_FINITE) == (left < END), a
         if left < END:
-            assert "margin of requirement 'small' is not finite: it is not a finite" in margins.messages[k]
+            assert "the margin of requirement 'small' is not a finite real number at t = " in margins.messages[k]
             assert np.isnan(margins.running[k]).all()
         else:
             size = max(map(abs, ends))
             assert margins.values[k, 0] == pytest.approx(1 - max(ends), rel=2e-6, abs=2e-6 * size)
+
+
+def test_constants_that_the_driver_has_too_are_the_same():
+    source = resources.files("uqmbd.compiled").joinpath("source/parts.c").read_text()
+    stated = dict(re.findall(r"\b(DEEPEST|ROUGH) = (\d+)", source))
+    assert {name: int(number) for name, number in stated.items()} == {"DEEPEST": DEEPEST, "ROUGH": ROUGH}
+
+
+POWERS = {
+    "power": lambda x, p: x**p,
+    "power of a square": lambda x, p: (x**2) ** p,
+    "root of a power": lambda x, p: sympy.sqrt(x**p + 1e-4),
+    "logarithm of a power": lambda x, p: sympy.log(1 + x**p),
+    "product": lambda x, p: x**p * (1 + x) ** p,
+    "ratio": lambda x, p: (1 + x) / (2 + x**p),
+}
+"""Of what moves from -0.3 to 0.2, and an exponent."""
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_floats_and_rational_numbers_give_the_same_domain(power):
+    x = sympy.Symbol("x", real=True)
+    for p in map(sympy.Rational, ("1", "2", "3", "4", "1/2", "3/2", "-1", "-2", "-3/2")):
+        inside = []
+        for exponent in (p, sympy.Float(p), sympy.Float(p, 30)):
+            conditions = domain_of(POWERS[power](x, exponent))
+            inside.append([all(holds_at(one, x, y) for one in conditions) for y in (-0.3, -0.01, 0.0, 0.2)])
+        assert inside[0] == inside[1] == inside[2], (p, inside)
+
+
+def holds_at(condition, x, y):
+    value = condition.part.subs(x, y)
+    return bool(value.is_real) and bool(sympy.Ne(value, 0) if condition.nonzero else value >= 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("power", POWERS)
+def test_floats_and_rational_numbers_are_the_same_exponents(power):
+    """Powers with an exponent of each type have the same summaries and margins, or none, also if it is random."""
+    k = uqmbd.RandomVariable("k", chaospy.Uniform(0, 5))
+    exponents = [sympy.Integer(1), sympy.Integer(2), sympy.Integer(3), sympy.Integer(4), sympy.Rational(1, 2)]
+    exponents += [sympy.Rational(3, 2), sympy.Rational(5, 2), sympy.Integer(-1), sympy.Integer(-2)]
+    mechanism, x = moving(position=-0.3)
+    inputs = np.array([[float(p)] for p in exponents])
+    function = POWERS[power]
+    mechanism.output("m", uqmbd.maximum(function(x, k)))
+    mechanism.output("q", uqmbd.root_mean_square(function(x, k)))
+    mechanism.require("below", function(x, k) <= 0.05)
+    of_inputs = verdicts(mechanism, inputs)
+    places = np.linspace(-0.3, 0.2, 2001)
+    for p, *random in zip(exponents, *of_inputs, strict=True):
+        for exponent in dict.fromkeys([p, sympy.Float(p), sympy.Float(p, 30)]):
+            mechanism, x = moving(position=-0.3)
+            mechanism.output("m", uqmbd.maximum(function(x, exponent)))
+            mechanism.output("q", uqmbd.root_mean_square(function(x, exponent)))
+            mechanism.require("below", function(x, exponent) <= 0.05)
+            found = [each[0] for each in verdicts(mechanism, np.zeros((1, 0)))]
+            np.testing.assert_allclose(
+                np.hstack(found), np.hstack(random), rtol=1e-9, atol=1e-12, err_msg=str(exponent)
+            )
+        with np.errstate(all="ignore"):
+            values = np.array([complex(function(sympy.Float(y), p)) for y in places[::200] if abs(y) > 1e-9])
+        if (np.abs(values.imag) > 1e-12).any():
+            assert np.isnan(np.hstack(random)).all(), p
+        elif p > 0:
+            with np.errstate(all="ignore"):
+                curve = sympy.lambdify(s := sympy.Symbol("s", real=True), function(s, p))(places) + 0 * places
+            expected = [curve.max(), np.sqrt(scipy.integrate.simpson(curve**2, places) / 0.5), 0.05 - curve.max()]
+            np.testing.assert_allclose(np.hstack(random), expected, rtol=1e-5, atol=1e-7, err_msg=str(p))
+
+
+def verdicts(mechanism, inputs):
+    """Summaries and margins of a motion over 0.5 s, NaN where there is none."""
+    times = np.array([0, END])
+    ensemble = Ensemble(observed_model(mechanism, 0.0), inputs)
+    trajectories = integrate(ensemble, times, 1e-9, "auto", between=True)
+    return scalars_of(ensemble, trajectories).values, margins_of(ensemble, times, trajectories).values
+
+
+def test_powers_of_negative_numbers_with_random_exponents_have_values():
+    k = uqmbd.RandomVariable("k", chaospy.DiscreteUniform(1, 3))
+    mechanism, x = moving(position=-0.3)
+    mechanism.output("low", uqmbd.minimum(x**k))
+    mechanism.output("root", uqmbd.root_mean_square(x**k))
+    whole = computed(mechanism, np.array([1.0, 2.0, 3.0])).values
+    np.testing.assert_allclose(whole[:, 0], [-0.3, 0.0, -0.027], atol=1e-9)
+    squares = [(0.2 ** (2 * n + 1) + 0.3 ** (2 * n + 1)) / (2 * n + 1) / END for n in (1, 2, 3)]
+    np.testing.assert_allclose(whole[:, 1], np.sqrt(squares), rtol=1e-6)
+    assert np.isnan(computed(mechanism, np.array([0.5, 1.5])).values).all()  # though squares of the values are real
 
 
 def moving(*, position=0.0, velocity=1.0):

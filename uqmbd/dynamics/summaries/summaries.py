@@ -194,15 +194,15 @@ def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, r
             lost,
             Status.NOT_FINITE,
             "is not finite",
-            "is not a finite real number at t = {:.6g} s; look in it for divisions by zero, and for roots and "
-            "logarithms outside of their range",
+            "is not a finite real number at t = {:.6g} s; check the expression for divisions by zero, and "
+            "for roots and logarithms outside their domain",
         ),
         (
             rough,
             Status.OTHER,
             "is not resolved",
-            "changes too fast to be resolved at t = {:.6g} s; look in it for oscillations and poles, or give a "
-            "smaller max_step",
+            "changes too fast to be resolved at t = {:.6g} s; check the expression for oscillations and poles, "
+            "or give a smaller max_step",
         ),
     ):
         times = np.full(len(rows), np.inf) if since is None else since

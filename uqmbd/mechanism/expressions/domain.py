@@ -79,9 +79,11 @@ def _conditions(expression: sympy.Basic, seen: set[sympy.Basic]) -> Iterator[Dom
 def _of(part: sympy.Basic) -> Iterator[DomainCondition]:
     """Yield the conditions of one operation."""
     if isinstance(part, sympy.Pow):
-        base, exponent = part.args
+        base, exponent = part.args[0], _exponent(part)
         if not exponent.is_integer and not nonnegative(base):
-            yield DomainCondition(base, nonzero=False)
+            real = DomainCondition(base, nonzero=False)
+            # a power of a negative number is real where the exponent is whole, as a discrete random variable may be
+            yield real if exponent.is_number else real.within(sympy.Ne(exponent, sympy.floor(exponent)))
         falls = exponent.is_negative if exponent.is_number else not nonnegative(exponent)
         if falls:
             yield from _other_than_zero(base)
@@ -111,9 +113,15 @@ def _of(part: sympy.Basic) -> Iterator[DomainCondition]:
         yield from _other_than_zero(sympy.Piecewise((sympy.sin(sympy.pi * x), x < sympy.Rational(1, 2)), (1, True)))
 
 
+def _exponent(power: sympy.Pow) -> sympy.Expr:
+    """Return the exponent of a power; of a float the rational number that it is: SymPy does not call 2.0 whole."""
+    exponent = power.args[1]
+    return sympy.Rational(exponent) if exponent.is_Float and exponent.is_finite else exponent
+
+
 def _other_than_zero(part: sympy.Expr) -> Iterator[DomainCondition]:
     """Yield the conditions that a part is not zero, if it changes along a motion and may be: of its factors."""
-    if isinstance(part, sympy.Abs | sympy.Mul) or (isinstance(part, sympy.Pow) and part.args[1].is_positive):
+    if isinstance(part, sympy.Abs | sympy.Mul) or (isinstance(part, sympy.Pow) and _exponent(part).is_positive):
         for factor in part.args[:1] if isinstance(part, sympy.Pow) else part.args:
             yield from _other_than_zero(factor)
         return
@@ -129,7 +137,7 @@ def nonnegative(e: sympy.Basic) -> bool:
     if isinstance(e, sympy.Add | sympy.Mul):
         return all(nonnegative(x) for x in e.args)
     if isinstance(e, sympy.Pow):
-        return bool(e.args[1].is_even) or nonnegative(e.args[0])
+        return bool(_exponent(e).is_even) or nonnegative(e.args[0])
     if isinstance(e, sympy.Max):
         return any(nonnegative(x) for x in e.args)
     return isinstance(e, sympy.Abs | sympy.Heaviside | sympy.acos | sympy.acosh) or positive(e)
