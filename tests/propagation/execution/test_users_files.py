@@ -7,6 +7,7 @@ import os
 import random
 import stat
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,8 @@ def torture(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple
     """Fill a folder, then run, interrupt, resume, run again and report in it; return runs that went through, and not."""
     dice = random.Random(seed)
     out, elsewhere = tmp_path / f"out{seed}", tmp_path / f"elsewhere{seed}"
-    out.mkdir(), elsewhere.mkdir()
+    out.mkdir()
+    elsewhere.mkdir()
     (elsewhere / "victim.txt").write_text("precious")
     places, script = (out, elsewhere), tmp_path / "s.py"
     script.write_text(STUDY)
@@ -152,15 +154,13 @@ def torture(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple
                 patch.setattr("uqmbd.results.save", interrupt)
                 done = attempt(lambda: run_study(script, out=out, report=False), before, *places)
         elif what == "python":
-            done = attempt(lambda r=resume: build().run(folder=out, resume=r), before, *places)
+            done = attempt(partial(build().run, folder=out, resume=resume), before, *places)
         elif what == "report":
             if not (out / "results.nc").is_file() or not is_ours(out, "results.nc"):
                 continue
             done = attempt(lambda: rewrite_report(out), before, *places)
         else:
-            done = attempt(
-                lambda w=what: run_study(script, out=out, report=False, resume=w == "resume"), before, *places
-            )
+            done = attempt(partial(run_study, script, out=out, report=False, resume=what == "resume"), before, *places)
         counts[not done] += 1
         resume = dice.random() < 0.5
         if dice.random() < 0.3:
@@ -311,7 +311,7 @@ def test_a_folder_of_an_earlier_version_is_gone_on_with(tmp_path: Path, monkeypa
     (tmp_path / "unfinished" / ".uqmbd").unlink()
     found = build().run(folder=tmp_path, resume=True)
     for name in ("mean", "std"):
-        one, other = (tree[f"monte-carlo/statistics/{name}"].values for tree in (found, expected))
+        one, other = (np.asarray(tree[f"monte-carlo/statistics/{name}"]) for tree in (found, expected))
         assert one.tobytes() == other.tobytes()
     save(found, tmp_path / "results.nc")
     assert not (tmp_path / "unfinished").exists() and not (tmp_path / "unsaved").exists()
