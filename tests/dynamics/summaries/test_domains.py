@@ -317,6 +317,25 @@ def test_what_is_real_and_finite_is_no_failure():
         assert float(found[name]) == pytest.approx(value, rel=3e-6, abs=1e-6), name
 
 
+@pytest.mark.parametrize("p", [0.1, *(pytest.param(p, marks=pytest.mark.thorough) for p in (0.02, 0.05, 0.15, 0.3, 1))])
+def test_slow_limits_are_finite(p):
+    """Powers with small exponents, alone and of a damper, whose divisor is zero on the way: against closed forms."""
+    for function, sign in ((lambda y: sympy.Abs(y) ** p, 1), (lambda y: y * sympy.Abs(y) ** (p - 1), -1)):
+        mechanism, x = moving(position=-0.3)
+        mechanism.output("most", uqmbd.maximum(function(x)))
+        mechanism.output("area", uqmbd.integral(function(x)))
+        found = uqmbd.simulate(mechanism, [0, END])
+        assert float(found["most"]) == pytest.approx(max(sign * 0.3**p, 0.2**p), rel=1e-6)
+        assert float(found["area"]) == pytest.approx((0.2 ** (p + 1) + sign * 0.3 ** (p + 1)) / (p + 1), rel=1e-6)
+
+
+@pytest.mark.thorough
+def test_a_limit_that_is_as_slow_as_a_logarithm_is_finite():
+    mechanism, x = moving()
+    mechanism.output("most", uqmbd.maximum(1 / (1 - sympy.log(sympy.Abs(x - 0.3)))))
+    assert float(uqmbd.simulate(mechanism, [0, END])["most"]) == pytest.approx(1 / (1 - np.log(0.3)), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "place",
     [0.01234, pytest.param(0.2543, marks=pytest.mark.thorough), pytest.param(0.4711, marks=pytest.mark.thorough)],

@@ -31,14 +31,17 @@ INTEGRAL = 3
 ROUNDS = 20
 """How often the place of a zero is enclosed more narrowly: to rounding."""
 
-OCTAVES = 30
+OCTAVES = 36
 """Halvings of the distance at which an expression is followed towards the zero of a part."""
 
 GROWING = 10
 """Halvings one after the other in which it changes as much as before, from which on it has no limit there."""
 
-STEADY = 0.9
-"""Part of the change in a halving that the next one has at least there: 1 of a logarithm, more of a pole."""
+STEADY = 0.99
+"""Part of the change in a halving that the next one has at least there: 1 of a logarithm, more of a pole.
+
+Less of a finite limit: ``2**-p`` of a power with the exponent p.  Those below 0.015 are taken for infinite.
+"""
 
 CHANGE = 1e-12
 """Change, as a part of the values, that is none: rounding."""
