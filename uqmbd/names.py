@@ -114,6 +114,8 @@ def check_name(name: object, what: str) -> str:
     if not name.strip():
         raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
     mark = "'/', which separates groups in result files" if "/" in name else unwritable(name)
+    if not mark and len(name.splitlines()) > 1 or set(name) & {*"\t\n\r\u2028\u2029"}:
+        mark = "tabs or ends of lines, which break tables and messages"
     if mark:
         raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
     if name in (".", ".."):

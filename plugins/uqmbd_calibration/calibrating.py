@@ -153,6 +153,10 @@ def _method(surrogate: object) -> uqmbd.Propagator | Found | None:
     )
 
 
+MANY = 10**8
+"""Realisations, draws and chains, at most."""
+
+
 def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str, Any]) -> None:
     """Refuse options that cannot be used."""
     if noise not in ("normal", "student"):
@@ -161,6 +165,8 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least[name]:
             raise uqmbd.StudyError(f"calibrate: {name} is {value!r}; expected a whole number, {least[name]} or more.")
+        if name != "seed" and value > MANY:
+            raise uqmbd.StudyError(f"calibrate: {name} is more than {MANY}; expected a whole number up to that.")
     if bias is None:
         return
     outputs = [*study.mechanism.outputs, *study.mechanism.scalars]

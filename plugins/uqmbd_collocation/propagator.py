@@ -171,17 +171,17 @@ class Collocation(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "collocation"
-    order: Annotated[int, uqmbd.Bounds(0)] | None = None
+    order: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
     index_set: Terms = "total"
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | Array | None = None
     method: Method = "projection"
     rule: str | None = None
-    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | Array | None = None
-    level: Annotated[int, uqmbd.Bounds(0)] | None = None
-    samples: Annotated[int, uqmbd.Bounds(2)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1, 10**6)] | Array | None = None
+    level: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
+    samples: Annotated[int, uqmbd.Bounds(2, 10**9)] | None = None
     adaptive: Adaptive = "no"
     tolerance: Annotated[float, uqmbd.Bounds(0, above=True)] = 1e-3
-    max_realisations: Annotated[int, uqmbd.Bounds(1)] = 5000
+    max_realisations: Annotated[int, uqmbd.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
@@ -189,7 +189,7 @@ class Collocation(uqmbd.Propagator):
     clock: str | None = None
     expansion: Any = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
-    verify: Annotated[int, uqmbd.Bounds(0)] = 16
+    verify: Annotated[int, uqmbd.Bounds(0, 10**9)] = 16
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
     def __post_init__(self) -> None:

@@ -99,13 +99,13 @@ class Galerkin(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "galerkin"
-    order: Annotated[int, uqmbd.Bounds(0)] = 3
+    order: Annotated[int, uqmbd.Bounds(0, 1000)] = 3
     index_set: Terms | None = None
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
-    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1, 10**6)] | None = None
     rule: str = "gauss"
-    samples: Annotated[int, uqmbd.Bounds(0)] | None = None
-    level: Annotated[int, uqmbd.Bounds(0)] | None = None
+    samples: Annotated[int, uqmbd.Bounds(0, 10**9)] | None = None
+    level: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
@@ -114,7 +114,7 @@ class Galerkin(uqmbd.Propagator):
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
-    verify: Annotated[int, uqmbd.Bounds(0)] = 16
+    verify: Annotated[int, uqmbd.Bounds(0, 10**9)] = 16
     stop_at: Annotated[float, uqmbd.Bounds(0, above=True)] | None = None
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
 

@@ -104,12 +104,12 @@ class MonteCarlo(uqmbd.Propagator):
 
     name: ClassVar[str] = "monte-carlo"
     requirements: ClassVar[bool] = True
-    samples: Annotated[int, uqmbd.Bounds(2)] = 500
+    samples: Annotated[int, uqmbd.Bounds(2, 10**9)] = 500
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
     sampling: str = "random"
-    replicates: Annotated[int, uqmbd.Bounds(2)] = 16
+    replicates: Annotated[int, uqmbd.Bounds(2, 10**9)] = 16
     max_failures: Annotated[float, uqmbd.Bounds(0, 1)] = 0.5
-    keep: Annotated[int, uqmbd.Bounds(2)] = 20_000
+    keep: Annotated[int, uqmbd.Bounds(2, 10**9)] = 20_000
     control: uqmbd.Propagator | PolynomialChaos | LowFidelity | uqmbd.Study | None = None
     sobol_indices: bool = False
 

@@ -84,7 +84,7 @@ class Reliability(uqmbd.Propagator):
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
     target_cov: Annotated[float, uqmbd.Bounds(FINEST, 1)] = 0.05
-    max_realisations: Annotated[int, uqmbd.Bounds(LEAST)] = 3000
+    max_realisations: Annotated[int, uqmbd.Bounds(LEAST, 10**9)] = 3000
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
     surrogate: uqmbd.Propagator | None = None
 

@@ -13,6 +13,7 @@ import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_reliability import Reliability
 
 
 def test_numbers_of_any_kind_and_size_are_taken():
@@ -28,6 +29,32 @@ def test_numbers_of_any_kind_and_size_are_taken():
 def test_numbers_out_of_bounds_are_refused(wrong):
     with pytest.raises(uqmbd.StudyError, match="tolerance is .*; expected a number above 0"):
         Collocation(tolerance=wrong)
+
+
+HUGE = [10**12, 10**18, 10**400, np.int64(2**62), Fraction(10**400), 10**5000]
+
+
+@pytest.mark.parametrize("wrong", HUGE, ids=["1e12", "1e18", "1e400", "2^62", "a fraction", "1e5000"])
+def test_counts_and_orders_that_nothing_holds_are_refused(wrong):
+    counts = [
+        (MonteCarlo, "samples"), (MonteCarlo, "replicates"), (MonteCarlo, "keep"), (Collocation, "order"), (Collocation, "level"),
+        (Collocation, "samples"), (Collocation, "nodes"), (Collocation, "verify"), (Collocation, "max_realisations"),
+        (Collocation, "elements"), (Collocation, "max_elements"), (Galerkin, "order"), (Galerkin, "level"), (Galerkin, "nodes"),
+        (Galerkin, "samples"), (Galerkin, "verify"), (Galerkin, "elements"), (Reliability, "max_realisations"),
+    ]  # fmt: skip
+    for method, name in counts:
+        with pytest.raises(uqmbd.StudyError, match=name) as caught:
+            method(**{name: wrong})
+        assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("wrong", [10**400, Fraction(10**400), 10**5000], ids=["1e400", "a fraction", "1e5000"])
+def test_numbers_beyond_those_of_64_bits_are_refused(wrong):
+    for options in ({"tolerance": wrong}, {"weights": wrong}, {"weights": (1.0, wrong)}):
+        with pytest.raises(uqmbd.StudyError, match=next(iter(options))) as caught:
+            Collocation(**options)
+        assert "at most 1.79769e+308" in str(caught.value)
+    assert MonteCarlo(seed=10**400).seed == 10**400
 
 
 def test_level_by_the_deprecated_name():

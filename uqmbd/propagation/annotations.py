@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import sys
 import types
 import typing
 from functools import lru_cache
-from numbers import Integral, Real
+from numbers import Integral, Rational, Real
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Union
 
 import numpy as np
@@ -17,6 +18,10 @@ from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 
 __all__ = ["Bounds", "Method", "check_options", "option_types", "plain"]
+
+
+LARGE = 1000
+"""An upper bound from here on is named to those alone who pass it."""
 
 
 class Method(Protocol):
@@ -52,7 +57,7 @@ class Bounds:
     @property
     def words(self) -> str:
         """What follows the kind of number in a message."""
-        if self.most < math.inf:
+        if self.most < LARGE:
             return f" between {self.least:g} and {self.most:g}"
         return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
 
@@ -96,6 +101,8 @@ def check_options(kind: type, options: dict[str, Any]) -> None:
         words = [x for x in _literals(declared[name]) if isinstance(x, str)]
         near = did_you_mean(value, words) if isinstance(value, str) else ""
         expected = _expected(declared[name], [repr(x) for x in words])
+        if most := _passed(value, declared[name]):
+            expected += f"; at most {most:g}"
         told = f"{near} Expected {expected}." if near else f"; expected {expected}."
         raise StudyError(f"{kind.__name__}: {name} is {_shown(value)}{told}")
 
@@ -188,12 +195,30 @@ def _is_one(value: Any, member: Any) -> bool:
         return truth
     if base in (int, float):
         number = isinstance(value, Integral if base is int else Real) and not truth and value == value
+        if base is float and isinstance(value, Rational) and _beyond(value):
+            return False  # no number of 64 bits holds it
         return number and (bounds is None or bounds.hold(value))
     if base is str:
         return isinstance(value, str)
     if typing.get_origin(base) is np.ndarray:
         return isinstance(value, np.ndarray)
     return True
+
+
+def _beyond(number: Any, most: float = sys.float_info.max) -> bool:
+    """Tell whether a number of any kind is larger than another, which is that of 64 bits."""
+    return bool(abs(number) > most)
+
+
+def _passed(value: Any, annotation: Any) -> float:
+    """Return the upper bound that a number, or one of a row, passes; 0: it is not for that that it does not fit."""
+    for base, bounds in map(_bounded, _members(annotation)):
+        kind = Integral if base is int or (typing.get_origin(base) is tuple and int in typing.get_args(base)) else Real
+        if bounds is not None and any(isinstance(x, kind) and _beyond(x, bounds.most) for x in _each(value)):
+            return bounds.most if bounds.most >= LARGE else 0
+        if bounds is not None and kind is Real and any(isinstance(x, Rational) and _beyond(x) for x in _each(value)):
+            return sys.float_info.max
+    return 0
 
 
 def _expected(annotation: Any, words: list[str]) -> str:
@@ -213,5 +238,8 @@ def _expected(annotation: Any, words: list[str]) -> str:
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return f"a {type(value).__name__} of more than 4300 digits"
     return text if len(text) <= 80 else text[:77] + "..."

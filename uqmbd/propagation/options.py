@@ -49,6 +49,8 @@ def check_times(times: ArrayLike, where: str) -> Array:
     times = without_quantities(f"{where}: times", times, "s")
     try:
         grid = np.array(times, dtype=float)
+        if any(isinstance(x, (str, bytes)) for x in np.asarray(times, dtype=object).ravel().tolist()):
+            raise TypeError  # NumPy reads texts as numbers
     except (TypeError, ValueError):
         raise StudyError(
             f"{where}: times are {times!r}; expected numbers in s, e.g. numpy.linspace(0, 2, 401)."
@@ -158,6 +160,8 @@ def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple
     """Return the times at which a report shows distributions, each within those of the study."""
     times = without_quantities(f"{where}: report_times", times, "s")
     try:
+        if any(isinstance(x, (str, bytes)) for x in (times, *times)):
+            raise TypeError  # Python reads texts as numbers
         wanted = tuple(float(t) for t in times)
     except (TypeError, ValueError):
         raise StudyError(f"{where}: report_times are {times!r}; expected numbers in s, e.g. [0.4].") from None

@@ -312,3 +312,5 @@ def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
         if not whole or int(value) < least:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a whole number of at least {least}.")
+        if name == "verify" and int(value) > 10**9:
+            raise uqmbd.StudyError(f"{where}: verify is more than 1e9; expected a whole number up to that.")

@@ -35,7 +35,7 @@ def mass_number(where: str, mass: Any) -> sympy.Expr:
     """
     if mass is None:
         raise StudyError(f"{where}: its mass is missing; give mass= in kg.")
-    value = numbers(where, "mass", mass, 1, "kg")[0]
+    value = numbers(where, "mass", mass, 1, "kg", scalar=True)[0]
     at_means = _nominal(where, "mass", value)
     if at_means < 0:
         raise StudyError(f"{where}: its mass is {at_means:g} kg{_at_means(value)}; a mass cannot be negative.")
@@ -63,7 +63,7 @@ def inertia_entries(where: str, space: Space, inertia: Any) -> tuple[sympy.Expr,
             "(0 for a point mass)."
         )
     if space.dimension == 2:
-        value = numbers(where, "inertia", inertia, 1, "about the centre of mass, kg m^2")[0]
+        value = numbers(where, "inertia", inertia, 1, "about the centre of mass, kg m^2", scalar=True)[0]
         at_means = _nominal(where, "inertia", value)
         if at_means < 0:
             raise StudyError(f"{where}: its inertia is {at_means:g} kg m^2{_at_means(value)}; it cannot be negative.")
@@ -144,7 +144,7 @@ def orientation(
     if not space.turns:
         return ()
     if space.dimension == 2:
-        turn = numbers(where, "angle", 0 if angle is None else angle, 1, "rad")[0]
+        turn = numbers(where, "angle", 0 if angle is None else angle, 1, "rad", scalar=True)[0]
         check_dimensions(f"{where}: angle", turn, "rad")
         half = turn / 2
         if half.is_number:

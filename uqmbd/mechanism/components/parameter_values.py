@@ -124,7 +124,8 @@ def _value(
         return None
     if parameter.kind == "rotation":
         return _rotation(where, key, value, space, hint)
-    entries = numbers(where, key, value, size if parameter.kind != "numbers" else len(flatten(value)), hint)
+    count = size if parameter.kind != "numbers" else len(flatten(value))
+    entries = numbers(where, key, value, count, hint, scalar=parameter.kind == "scalar")
     if parameter.kind not in ("axis", "turning_axis"):
         for entry in entries:
             check_dimensions(f"{where}: {key}", entry, parameter.units, unseen)

@@ -23,8 +23,9 @@ from uqmbd.mechanism.expressions import (
     is_scalar,
     random_variables,
     shown,
+    t,
 )
-from uqmbd.names import ANY, check_name
+from uqmbd.names import ANY, check_name, unwritable
 
 __all__ = ["Requirement", "requirement_of"]
 
@@ -86,10 +87,17 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
         raise StudyError(f"{where}: there is a requirement of that name already; every requirement needs its own.")
     if not isinstance(description, str):
         raise StudyError(f"{where}: the description is {shown(description)}; expected a text.")
+    if mark := unwritable(description):
+        raise StudyError(f"{where}: the description is {shown(description)}; it cannot contain {mark}.")
     margin = _over_time(_margin(where, relation))
     value = recorded(where, margin)
     if not value.free_symbols:
         raise StudyError(f"{where}: the relation {relation} holds no quantity of the mechanism, nor a random variable.")
+    if value.free_symbols == {t}:
+        raise StudyError(
+            f"{where}: the relation {relation} holds time alone, so that the mechanism has no effect on it; expected "
+            "one of a quantity of the mechanism, or of a random variable."
+        )
     require_known(mechanism, where, value, "output")
     timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
     if is_scalar(value):

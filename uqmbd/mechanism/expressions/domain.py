@@ -13,6 +13,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.expressions.time import step
+from uqmbd.mechanism.expressions.user_values import as_symbolic
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["DomainCondition", "domain_of"]
@@ -52,7 +53,7 @@ def domain_of(expression: Any) -> tuple[DomainCondition, ...]:
     >>> [(one.part, one.nonzero) for one in domain_of(sympy.sqrt(x - 1) / sympy.cos(x) + sympy.sqrt(1 + x**2))]
     [(x - 1, False), (cos(x), True)]
     """
-    return tuple(dict.fromkeys(_conditions(sympy.sympify(expression), set())))
+    return tuple(dict.fromkeys(_conditions(as_symbolic(expression), set())))
 
 
 def _conditions(expression: sympy.Basic, seen: set[sympy.Basic]) -> Iterator[DomainCondition]:

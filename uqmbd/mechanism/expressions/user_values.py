@@ -65,7 +65,7 @@ def flatten(value: Any) -> list[Any]:
     return [value] if parts is None else [leaf for part in parts for leaf in flatten(part)]
 
 
-def numbers(where: str, key: str, value: Any, size: int, hint: str = "") -> list[sympy.Expr]:
+def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scalar: bool = False) -> list[sympy.Expr]:
     """Return real numbers, or expressions that may be such, or say what is wrong with them.
 
     Parameters
@@ -78,6 +78,8 @@ def numbers(where: str, key: str, value: Any, size: int, hint: str = "") -> list
         How many there must be.
     hint : str
         What they mean, for the message.
+    scalar : bool
+        Whether it is a scalar, and no vector of a space of one dimension: a sequence of one number is none.
 
     Raises
     ------
@@ -98,6 +100,8 @@ def numbers(where: str, key: str, value: Any, size: int, hint: str = "") -> list
     if len(parts) != size and not any(isinstance(x, (str, bytes)) for x in parts):
         count = f"{len(parts)} number{'s' * (len(parts) != 1)}"
         raise StudyError(f"{where}: {key} has {count}, expected {size}{f' ({hint})' if hint else ''}; it is {value!r}.")
+    if scalar and (isinstance(value, (list, tuple, range)) or (isinstance(value, np.ndarray) and value.ndim)):
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is a sequence; {wanted} by itself.")
     return [_number(f"{where}: {key}", x, value, wanted) for x in parts]
 
 

@@ -39,6 +39,10 @@ LOST = 0.1
 """Error, over the local standard deviation, from which the guilty input is told by the local variance."""
 
 
+MANY = 10**6
+"""Elements, at most."""
+
+
 @dataclass(frozen=True)
 class ElementLimits:
     """How many elements, and when to end.
@@ -74,6 +78,9 @@ class ElementLimits:
     def __post_init__(self) -> None:
         """Check."""
         whole = _whole(self.elements)
+        for name, count in (("elements", whole), ("max_elements", _whole(self.most))):
+            if count is not None and count > MANY:
+                raise StudyError(f"{name} is more than {MANY}; expected a whole number up to that.")
         if self.elements not in ("adaptive", None) and (whole is None or whole < 1):
             raise StudyError(f"elements is {self.elements!r}; expected a number, 1 or more, or 'adaptive'.")
         if (_whole(self.most) or 0) < 1:
