@@ -38,6 +38,14 @@ MODULES = [module for module in (*CORE, *PLUGINS) if module not in ("uqmbd.testi
 METHODS = (types.FunctionType, classmethod, staticmethod, property)
 
 
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    """Calls that take a path write below the working folder."""
+    folder = tmp_path / "working"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+
+
 def _line():
     mechanism = uqmbd.Mechanism("m", uqmbd.Line())
     return mechanism, mechanism.body("b", mass=1)

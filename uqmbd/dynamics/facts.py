@@ -60,7 +60,9 @@ LIBRARIES = (
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
-OF_OBJECTS = frozenset({"name", "world_pose", "attached", "given", "values", "read", "settled", "stating", "_told"})
+OF_OBJECTS = frozenset(
+    {"name", "world_pose", "attached", "given", "values", "read", "prepared_from", "settled", "stating", "_told"}
+)
 """What a component has of its own: its equations follow from its name, what it is attached to, and its values."""
 
 ALIKE = 2.0

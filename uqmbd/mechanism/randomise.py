@@ -40,8 +40,8 @@ class Quantity:
     minimum: float = -math.inf
     maximum: float = math.inf
     stated: bool = True
-    unused: str = ""
-    """Why nothing depends on it; empty: something does."""
+    unused: bool = False
+    """Whether nothing depends on it, with the options of its component."""
 
     @property
     def name(self) -> str:
@@ -152,7 +152,8 @@ def randomise(
     found: list[RandomVariable] = []
     for quantity, indices in chosen:
         if quantity.unused:
-            law.unused.append(f"{quantity.name} has {quantity.unused}")
+            parameter = quantity.holder.parameters()[quantity.key]
+            law.unused.append(f"{quantity.name} has {no_effect(quantity.holder, mechanism.space, parameter)}")
             continue
         new, variables = (_tensor if quantity.tensor else _numbers)(quantity, indices, law)
         for variable in variables:
@@ -210,8 +211,7 @@ def _quantities(mechanism: Described) -> Iterator[Quantity]:
         effective = known_effects(component, mechanism.space, mechanism.effective)
         for key, p in component.parameters().items():
             if p.kind in KINDS and component.values.get(key) not in (None, ()) and p.fits(mechanism.space):
-                stated, idle = key in component.given, not p.required and key not in effective
-                unused = no_effect(component, mechanism.space, p) if idle else ""
+                stated, unused = key in component.given, not p.required and key not in effective
                 yield Quantity(component.name, key, component, p.units, p.minimum, p.maximum, stated, unused)
 
 

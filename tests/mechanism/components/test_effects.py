@@ -11,6 +11,7 @@ import sympy
 
 import uqmbd
 from uqmbd import plugins
+from uqmbd.testing import check_component
 from uqmbd.testing.components.bench import Bench
 from uqmbd.testing.components.cases import Case
 from uqmbd_contact import ContactLaw, PlaneContact, depth, stiffness
@@ -81,13 +82,13 @@ def test_what_prepare_makes_of_a_number_is_an_effect_if_it_is_used():
         bodies, spaces = ("body",), (uqmbd.Planar,)
         kind = uqmbd.Parameter("", "kind", kind="option", default="one", choices=("one", "two"))
         half = uqmbd.Parameter("N", "half of the force", default=0)
-        note = uqmbd.Parameter("", "remark", kind="option", default="")
+        second = uqmbd.Parameter("N", "force of the other kind", default=None)
 
         def prepare(self):
             return {"size": 2 * self.half}
 
         def terms(self, p):
-            yield uqmbd.VirtualWork(p.size if p.kind == "one" else 5, p.body.velocity[0])
+            yield uqmbd.VirtualWork(p.size if p.kind == "one" else p.second or 5, p.body.velocity[0])
 
     mechanism, body = ball()
     mechanism.add(Push("fine", body, half=3))
@@ -95,8 +96,29 @@ def test_what_prepare_makes_of_a_number_is_an_effect_if_it_is_used():
         uqmbd.StudyError, match="half is 3; it has no effect with kind='two', so leave it out, or choose"
     ):
         mechanism.add(Push("idle", body, half=3, kind="two"))
-    with pytest.raises(uqmbd.StudyError, match="note is the text 'x'; it has no effect with kind='one'"):
-        mechanism.add(Push("noted", body, half=3, note="x"))
+    with pytest.raises(uqmbd.StudyError, match="second is 4; it has no effect with kind='one', so leave it out, or"):
+        mechanism.add(Push("other", body, half=3, second=4))
+    mechanism.add(Push("second", body, kind="two", second=4))
+    check_component(Push, propagators=(), internal=False, conservative=False)
+
+
+def test_what_only_a_property_uses_is_welcome():
+    class Bolt(uqmbd.Component):
+        """A force beside a strength that no term uses, but a property does."""
+
+        bodies, spaces = ("body",), (uqmbd.Planar,)
+        force = uqmbd.Parameter("N", "force")
+        strength = uqmbd.Parameter("N", "strength", default=1)
+
+        def terms(self, p):
+            yield uqmbd.VirtualWork(p.force, p.body.velocity[0])
+
+        @property
+        def utilisation(self):
+            return self.force / self.strength
+
+    mechanism, body = ball()
+    assert mechanism.add(Bolt("bolt", body, force=3, strength=6)).utilisation == sympy.Rational(1, 2)
 
 
 def number(parameter, space, rng, random):

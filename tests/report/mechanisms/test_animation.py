@@ -56,7 +56,7 @@ def expected(data):
 
 def test_poses_are_those_of_the_closed_form(data):
     assert data["inputs"].sel(input="speed")[0] == pytest.approx(2) and len(set(data["inputs"][:, 0].values)) == 6
-    np.testing.assert_allclose(rim(data), expected(data), atol=3e-6)  # stored in single precision
+    np.testing.assert_allclose(rim(data), expected(data), atol=1e-5)  # ten tolerances; single precision
     assert data["time"].values[[0, -1]].tolist() == [0.5, 2.0] and data["time"].attrs["units"] == "s"
 
 

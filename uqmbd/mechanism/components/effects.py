@@ -1,4 +1,4 @@
-"""Parameters without an effect: a value that enters nothing, with the chosen options, is refused."""
+"""Parameters without an effect: a value that only matters with other options than those chosen is refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ __all__ = ["effective_parameters", "known_effects", "no_effect", "require_effect
 
 
 def require_effects(where: str, component: Component, space: Space, known: dict[Hashable, frozenset[str]]) -> None:
-    """Raise where a parameter that may be left out has a value on which nothing depends.
+    """Raise where a parameter that may be left out has a value that has an effect with other options only.
+
+    Components without a choice of options are left to `uqmbd.testing.check_component`.
 
     Parameters
     ----------
@@ -36,12 +38,13 @@ def require_effects(where: str, component: Component, space: Space, known: dict[
     uqmbd.StudyError
         Naming the parameter, and the options with which it has an effect.
     """
-    stated = [parameter for parameter in component.parameters().values() if _is_stated(component, parameter)]
-    if not stated:
+    declared = component.parameters()
+    stated = [parameter for parameter in declared.values() if _is_stated(component, parameter)]
+    if not stated or not any(parameter.words for parameter in declared.values()):
         return
     effective = known_effects(component, space, known)
     for parameter in stated:
-        if parameter.name not in effective:
+        if parameter.name not in effective and _options_with(component, space, parameter):
             given = f"{parameter.name} is {shown(component.given[parameter.name])}"
             raise StudyError(f"{where}: {given}; it has {no_effect(component, space, parameter)}.")
 
@@ -57,16 +60,17 @@ def known_effects(component: Component, space: Space, known: dict[Hashable, froz
 
 
 def effective_parameters(
-    component: Component, space: Space, options: Mapping[str, Any] | None = None, *, drawn: bool = True
+    component: Component, space: Space, options: Mapping[str, Any] | None = None
 ) -> frozenset[str]:
-    """Return the names of the parameters that enter a term, a reaction, the motion it tells, or (`drawn`) a drawing.
+    """Return the names of the parameters that enter a term, a reaction, the motion that it returns, or a drawing.
 
     All numbers are symbols here: none is without effect only because another one is zero.  `options` replace those
     that the component has.  Where its terms raise an error, all are returned: that error is reported elsewhere.
     """
     declared = component.parameters()
-    points = {name for name, parameter in declared.items() if parameter.kind == "point" and drawn}
+    points = {name for name, parameter in declared.items() if parameter.kind == "point"}
     found = points | {component.radius_of(name) for name in points} | {component.prescribed_angle}
+    found |= {name for name, parameter in declared.items() if parameter.about}
     values, symbols_of = _symbolic(component, options or {})
     local = _Watched(space, _frames(component, space), values, t)
     read, component.read = component.read, set()
@@ -74,6 +78,7 @@ def effective_parameters(
         terms, point = component.stated(local)
         component.motion()
         asked = component.read | local.asked
+        read_alone = component.read & set(declared)
     except Exception:  # of the author of the component, who learns of it when the equations are made
         return frozenset(declared)
     finally:
@@ -81,14 +86,14 @@ def effective_parameters(
     used = {s for e in (*_expressions(terms), *flatten(point)) for s in as_symbolic(e).free_symbols}
     entered = {name for name, own in symbols_of.items() if used & own}
     is_option = {name for name, parameter in declared.items() if parameter.kind == "option"}
-    found |= entered | (component.read & set(declared)) | (is_option & (asked | component.prepared_from))
+    found |= entered | read_alone | (is_option & (asked | component.prepared_from))
     if entered - set(declared):  # a value that prepare() made of them
         found |= component.prepared_from
     return frozenset(found)
 
 
 class _Watched(Local):
-    """A `Local` that records what is asked of it."""
+    """A `Local` that records the names that are read."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -106,11 +111,17 @@ def _is_stated(component: Component, parameter: Parameter) -> bool:
         return False
     value = component.values.get(parameter.name)
     if parameter.kind == "option":
-        return value is not None and not (type(value) is type(parameter.default) and value == parameter.default)
+        return value is not None and _identity(value) != _identity(parameter.default)
     entries = flatten(() if value is None else value)
     usual = flatten(() if parameter.default is None else parameter.default)
     zero = [0] * len(entries)
     return not any(len(x) == len(entries) and all(map(_is_equal, entries, x)) for x in (zero, usual))
+
+
+def _identity(option: Any) -> Hashable:
+    """Return what tells an option from others: plain words and numbers by value, all else by the object."""
+    plain = isinstance(option, (str, bool, int, float))
+    return (type(option), option) if plain else id(option)
 
 
 def _is_equal(one: Any, other: Any) -> bool:
@@ -170,18 +181,28 @@ def _expressions(part: Any) -> Iterator[Any]:
 
 def no_effect(component: Component, space: Space, parameter: Parameter) -> str:
     """Return the end of a sentence on a parameter without an effect: with which options that is so, and what to do."""
-    declared, name = component.parameters(), parameter.name
-    chosen = {key: p for key, p in declared.items() if p.words and key in component.values and key != name}
-    others = [
-        f"{key}={word!r}"
-        for key, p in chosen.items()
-        for word in p.words
-        if component.values[key] != word and name in effective_parameters(component, space, {key: word})
-    ]
-    having = " and ".join(f"{key}={_word(component.values[key])}" for key in chosen)
+    others = _options_with(component, space, parameter)
+    having = " and ".join(f"{key}={_word(component.values[key])}" for key in _chosen(component, parameter))
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     where = f"with {having}" if having else f"in {type(space).__name__} space"
     return f"no effect {where}, so leave it out{f', or choose {_choice(others)}' if others else ''} ({hint})"
+
+
+def _chosen(component: Component, parameter: Parameter) -> dict[str, Parameter]:
+    """Return the other parameters that are one of some words."""
+    declared = component.parameters()
+    return {key: p for key, p in declared.items() if p.words and key in component.values and key != parameter.name}
+
+
+def _options_with(component: Component, space: Space, parameter: Parameter) -> list[str]:
+    """Return the options, as ``law='linear'``, with which a parameter has an effect."""
+    return [
+        f"{key}={word!r}"
+        for key, p in _chosen(component, parameter).items()
+        for word in p.words
+        if _identity(component.values[key]) != _identity(word)
+        and parameter.name in effective_parameters(component, space, {key: word})
+    ]
 
 
 def _word(option: Any) -> str:

@@ -63,11 +63,12 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     component.read = set()
     try:
         prepared = dict(component.prepare())
+        component.prepared_from = frozenset(component.read)
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
-    component.prepared_from = frozenset(component.read)
-    for holder, read in known:  # what `prepare` reads is computed again whenever it changes
-        holder.read = read
+    finally:
+        for holder, read in known:  # what `prepare` reads is computed again whenever it changes
+            holder.read = read
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
     component.settled += 1

@@ -284,7 +284,7 @@ def decoded_copula(data: Any) -> Copula:
     Examples
     --------
     >>> decoded_copula(["archimedean", "clayton", 2.0, 2]).inverse(np.array([[0.5], [0.5]])).round(6).ravel().tolist()
-    [0.5, 0.546398]
+    [0.5, 0.546391]
     """
     kind, *parts = data
     if kind == "archimedean":

@@ -47,7 +47,7 @@ def rewritten(distribution: Any) -> Any:
     >>> odd, odd.inv(np.array([0.1, 0.5, 0.9])).round().tolist()
     (Add(Multiply(2, Binomial(2, 0.5)), 1), [1.0, 3.0, 5.0])
     >>> rewritten(chaospy.Iid(chaospy.Uniform(), 2) + 1)
-    J(Add(Uniform(), 1), Add(Uniform(), 1))
+    J(Add(Uniform(), 1.0), Add(Uniform(), 1.0))
     """
     import chaospy
 

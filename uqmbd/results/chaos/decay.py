@@ -158,7 +158,7 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
     Examples
     --------
     >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
-    '3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
+    'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
     """
     if times is None:
         return f"{format_percent(float(error[0]))} of the standard deviation"

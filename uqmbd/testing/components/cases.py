@@ -144,17 +144,14 @@ def _case(
 def _with_effect(
     component: type[Component], space: type[Space], declared: Mapping[str, Parameter], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Leave out values that may be left out and enter nothing with the options among them: they would be refused."""
+    """Leave out values that may be left out and enter nothing with the options among them: they might be refused."""
     if all(declared[key].required for key in values):
         return dict(values)
     mechanism, rng = Mechanism("trial", space()), np.random.default_rng(0)
     bodies = [_body(mechanism, role, rng) for role in component.bodies]
-    kept = {
-        key: x
-        for key, x in values.items()
-        if declared[key].required or declared[key].words or declared[key].default is None
-    }
-    probe = mechanism.add(component("trial", **_arguments(component, bodies, kept)))
+    kept = {key for key in values if declared[key].required or declared[key].words}
+    probe = mechanism.add(component("trial", **_arguments(component, bodies, {key: values[key] for key in kept})))
+    probe.values.update({key: values[key] for key in set(values) - kept if declared[key].default is None})
     effective = effective_parameters(probe, mechanism.space)
     return {key: x for key, x in values.items() if key in kept or key in effective}
 

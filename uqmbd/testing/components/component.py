@@ -11,6 +11,7 @@ import numpy as np
 
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, derive
+from uqmbd.errors import StudyError
 from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
@@ -95,7 +96,7 @@ def check_component(
     unknown = sorted(set(given or ()) - set(component.parameters()))
     usage = f"{component.__name__}{component.signature()}"
     assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {usage}."
-    _check_some_effect(component, given or {})
+    _check_some_effect(component, component.spaces if spaces is None else spaces, given or {})
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
         for number, case in enumerate(cases(component, space, given or {}, rng)):
@@ -126,18 +127,22 @@ def _check_declaration(component: type[Component]) -> None:
         assert not told, told
 
 
-def _check_some_effect(component: type[Component], given: Mapping[str, Any]) -> None:
-    """Require each parameter to enter a term in one of the spaces, with one of the options at least."""
-    idle = set(component.parameters())
-    for space in component.spaces:
+def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]], given: Mapping[str, Any]) -> None:
+    """Require each parameter to enter a term in one of its spaces, with one of the options at least."""
+    unused = set(component.parameters())
+    for space in (*spaces, *(other for other in component.spaces if other not in spaces)):
         rng = np.random.default_rng(0)
-        for case in cases(component, space, given, rng):
-            idle -= effective_parameters(case.component, case.mechanism.space, drawn=False)
-            if not idle:
-                return
+        try:
+            for case in cases(component, space, given if space in spaces else {}, rng):
+                unused -= effective_parameters(case.component, case.mechanism.space)
+                if not unused:
+                    return
+        except (AssertionError, StudyError):
+            if space in spaces:
+                raise
     raise AssertionError(
-        f"{component.__name__}: parameter {min(idle)!r} is declared, and enters no term in any space with any option; "
-        "use it in terms(), or leave it out."
+        f"{component.__name__}: parameter {min(unused)!r} is declared, and enters no term in any space with any "
+        "option; use it in terms(), or leave it out."
     )
 
 
