@@ -361,6 +361,19 @@ def test_a_record_of_the_outputs_of_a_study_is_one_of_it(study):
     assert checked_records([record, tap], study) == (record, tap)
 
 
+def test_a_known_input_is_in_any_part_of_its_mixture():
+    """A third of the probability of the stiffness is near 110, given a mass that is not at its median."""
+    centres, covariances = [[1, 90], [2, 110], [3, 90]], np.stack([np.diag([0.01, 1.0])] * 3)
+    names, units = ("inertia", "stiffness"), ("kg", "N/m")
+    inertia, stiffness = uqmbd.random_vector(names, chaospy.GaussianMixture(centres, covariances), units)
+    mechanism = uqmbd.Mechanism("mass", uqmbd.Translational())
+    mass = mechanism.body("mass", mass=inertia, position=(1, 0))
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness=stiffness))
+    mechanism.output("way", mass.position[0], units="m")
+    mixed = uqmbd.Study("mass", mechanism, np.linspace(1, 2, 3), [])
+    assert one("way", [1], [1], "m", {"stiffness": 110.0}).checked_against(mixed)
+
+
 UNLIKE_THE_STUDY = {
     "the record is in 'mm', the study in 'm'": one("way", [1], [1], "mm"),
     "did you mean 'way'?": one("wya", [1], [1], "m"),

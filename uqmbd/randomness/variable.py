@@ -13,16 +13,12 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
-from uqmbd.randomness.rosenblatt import NotUnderstood, Transform, means_of, rewritten
+from uqmbd.randomness.rosenblatt import NotUnderstood, Transform, means_of, rewritten, supports_of
 from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import stated_tolerance
 from uqmbd.typing import Distribution
 
 __all__ = ["Joint", "RandomVariable", "random_vector", "uniform_variable"]
-
-
-RARE = 1e-15
-"""Probability at which the support of dependent variables ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +47,45 @@ class Joint:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """Ends of the supports, shape ``(dimension, 2)``; infinite ones, and those of general joints, end far out."""
+        """Intervals that hold all values, shape ``(dimension, 2)``; infinite ones may end far out."""
         from uqmbd.randomness.distributions import is_dependent
 
         if not is_dependent(self.distribution) or self.transform.gaussian:
             ends = [(v.distribution.lower, v.distribution.upper) for v in self.members()]
             return np.array([[float(np.ravel(end)[0]) for end in pair] for pair in ends])
-        count = len(self.names)
-        corners = np.full((2 * count + 2, count), 0.5)
-        corners[0], corners[1] = RARE, 1 - RARE
-        for k in range(count):
-            corners[2 * k + 2 : 2 * k + 4] = [[RARE], [1 - RARE]]
-            corners[2 * k + 2 : 2 * k + 4, np.arange(count) != k] = [[1 - RARE], [RARE]]
-        found = self.transform.inverse(corners)
-        return np.stack([found.min(axis=0), found.max(axis=0)], axis=1)
+        return supports_of(self.transform.law)
+
+    @cached_property
+    def separated(self) -> tuple[Joint, ...]:
+        """Itself, or whole numbers that depend on no other, each alone, and what is left; by their names.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If such a variable takes values that are no whole numbers.
+        """
+        import chaospy
+
+        from uqmbd.randomness.distributions import is_dependent
+
+        if not isinstance(self.distribution, chaospy.J) or not is_dependent(self.distribution):
+            return (self,)
+        law, owners = self.transform.law, self.distribution._owners
+        alone = {k for k in owners if len(owners[k][1]) == 1 and law.discrete[k] and self.transform.alone(k)}
+        if not alone:
+            return (self,)
+        rest = sorted(set(owners) - alone)
+        others = list({id(owners[k][1]): owners[k][1] for k in rest}.values())
+        parts = [Joint(others[0] if len(others) == 1 else chaospy.J(*others), *self._labels(rest))]
+        for k in sorted(alone):
+            try:
+                parts.append(Joint(rewritten(owners[k][1]), *self._labels([k])))
+            except StudyError as error:
+                raise StudyError(f"Input {self.names[k]!r}: {error}.") from None
+        return tuple(parts)
+
+    def _labels(self, rows: Sequence[int]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return tuple(self.names[k] for k in rows), tuple(self.units[k] for k in rows)
 
     def members(self) -> tuple[RandomVariable, ...]:
         """All variables of the group."""

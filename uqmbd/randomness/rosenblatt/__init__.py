@@ -10,6 +10,7 @@ from __future__ import annotations
 from uqmbd.randomness.rosenblatt.expressions import NotUnderstood
 from uqmbd.randomness.rosenblatt.independent import rewritten
 from uqmbd.randomness.rosenblatt.moments import means_of
+from uqmbd.randomness.rosenblatt.supports import supports_of
 from uqmbd.randomness.rosenblatt.transform import Transform, in_blocks
 
-__all__ = ["NotUnderstood", "Transform", "in_blocks", "means_of", "rewritten"]
+__all__ = ["NotUnderstood", "Transform", "in_blocks", "means_of", "rewritten", "supports_of"]

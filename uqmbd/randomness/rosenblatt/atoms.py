@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.randomness.rosenblatt.conditionals import Conditional, Core, Cut, Moved
+from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditional, Core, Cut
 from uqmbd.randomness.rosenblatt.expressions import evaluated
 from uqmbd.typing import Array
 
@@ -25,7 +25,7 @@ def atoms(law: Conditional, values: Array) -> tuple[Array, Array] | None:
         x = low + np.arange(count)[:, None]
         steps = np.stack([law.upto(row, values) for row in x])
         return x, np.diff(steps, axis=0, prepend=0.0)
-    if isinstance(law, Moved):
+    if isinstance(law, AffineConditional):
         inner = atoms(law.inner, values)
         return (
             None

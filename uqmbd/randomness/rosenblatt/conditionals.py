@@ -22,7 +22,7 @@ from uqmbd.randomness.rosenblatt.bisection import bisected
 from uqmbd.randomness.rosenblatt.expressions import Expression, NotUnderstood, decoded, encoded, evaluated, used
 from uqmbd.typing import Array
 
-__all__ = ["Conditional", "Core", "Cut", "Mapped", "Moved", "Spanned", "decoded_conditional"]
+__all__ = ["Conditional", "Core", "Cut", "Mapped", "AffineConditional", "Spanned", "decoded_conditional"]
 
 
 COLLECTION = "chaospy.distributions.collection."
@@ -143,7 +143,7 @@ class Core:
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class AffineConditional:
     """The distribution of ``shift + scale * y``.
 
     Parameters
@@ -427,7 +427,7 @@ def decoded_conditional(data: Any) -> Conditional:
         return Core(made, parameters)
     inner = decoded_conditional(parts[0])
     if kind == "moved":
-        return Moved(inner, decoded(parts[1]), decoded(parts[2]), bool(parts[3]))
+        return AffineConditional(inner, decoded(parts[1]), decoded(parts[2]), bool(parts[3]))
     if kind == "spanned":
         return Spanned(inner, decoded(parts[1]), decoded(parts[2]))
     if kind == "cut":

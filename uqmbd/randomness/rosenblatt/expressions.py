@@ -10,7 +10,18 @@ import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["Column", "Expression", "NotUnderstood", "Operation", "decoded", "encoded", "evaluated", "read", "used"]
+__all__ = [
+    "Column",
+    "Expression",
+    "NotUnderstood",
+    "Operation",
+    "decoded",
+    "encoded",
+    "evaluated",
+    "owners_of",
+    "read",
+    "used",
+]
 
 
 class NotUnderstood(Exception):
@@ -129,7 +140,7 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
     if isinstance(value, chaospy.ItemDistribution):
         return read(given["parent"], places, int(given["index"]))
     if isinstance(value, chaospy.J):
-        owned, owner = value._owners[component]
+        owned, owner = owners_of(value)[component]
         return read(owner, places, owned)
     if isinstance(value, chaospy.Negative):
         return Operation("product", -1.0, read(given["left"], places, component))
@@ -138,3 +149,41 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
         if isinstance(value, kind):
             return Operation(name, read(given["left"], places, component), read(given["right"], places, component))
     raise NotUnderstood(str(value))
+
+
+def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
+    """Return the distribution of each component of a ``chaospy.J``, and the place in it.
+
+    chaospy loses components of vectors, and what comes after them.  Its arguments and the entries that are left still
+    hold the members, and which one comes where follows from what each component depends on, which chaospy keeps.
+
+    Raises
+    ------
+    NotUnderstood
+        If a member is lost.
+    """
+    import chaospy
+
+    found: Mapping[int, tuple[int, Any]] = distribution._owners
+    count = len(distribution)
+    if set(found) == set(range(count)):
+        return found
+    arguments = [x for name, x in sorted(distribution._parameters.items()) if name.startswith("_")]
+    # arguments may be those of a binomial variable in its place, which depend on the same as another member
+    kinds = [{id(x): x for x in part} for part in ([owner for _, owner in found.values()], arguments)]
+    rows: list[tuple[int, Any]] = []
+    while len(rows) < count:
+        rest = distribution._dependencies[len(rows) :]
+        fitting: list[Any] = []
+        for candidates in kinds:
+            fitting = fitting or [
+                x
+                for x in candidates.values()
+                if isinstance(x, chaospy.Distribution) and x._dependencies == rest[: len(x)]
+            ]
+        if len(fitting) != 1:
+            raise NotUnderstood(
+                f"{distribution}, of which chaospy loses members that are given with vectors (put the vectors last),"
+            )
+        rows += [(place, fitting[0]) for place in range(len(fitting[0]))]
+    return dict(enumerate(rows))

@@ -6,7 +6,6 @@ variables has no components, and quantiles of mixtures are searched for with ran
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import math
 from dataclasses import dataclass
@@ -19,9 +18,9 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import distribution_of, is_dependent
 from uqmbd.randomness.rosenblatt.atoms import atoms
 from uqmbd.randomness.rosenblatt.conditionals import Core
-from uqmbd.randomness.rosenblatt.expressions import NotUnderstood
+from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of
 from uqmbd.randomness.rosenblatt.members import conditional
-from uqmbd.randomness.rosenblatt.reading import mixture_of, owners_of
+from uqmbd.randomness.rosenblatt.reading import mixture_of
 from uqmbd.randomness.rosenblatt.vectors import Mixture
 from uqmbd.typing import Array
 
@@ -38,7 +37,7 @@ def rewritten(distribution: Any) -> Any:
     Raises
     ------
     uqmbd.StudyError
-        If whole numbers become others; the message is a part of a sentence.
+        If whole numbers become others, or chaospy loses members; the message is a part of a sentence.
 
     Examples
     --------
@@ -53,8 +52,12 @@ def rewritten(distribution: Any) -> Any:
 
     if isinstance(distribution, chaospy.J) and set(distribution._owners) != set(range(len(distribution))):
         distribution = copy.copy(distribution)  # chaospy loses members after a vector
-        with contextlib.suppress(NotUnderstood):
+        try:
             distribution._owners = dict(owners_of(distribution))
+        except NotUnderstood:
+            raise StudyError(
+                f"chaospy loses members of {distribution} that are given together with vectors; give the vectors last"
+            ) from None
     if is_dependent(distribution) and not _cut(distribution):
         return distribution
     if len(distribution) == 1:

@@ -13,7 +13,7 @@ from uqmbd.randomness.rosenblatt.expressions import Expression, decoded, encoded
 from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
 from uqmbd.typing import Array
 
-__all__ = ["Chain", "Copulated", "JointLaw", "Moved", "Single", "Step", "decoded_law"]
+__all__ = ["Chain", "Copulated", "JointLaw", "AffineJoint", "Single", "Step", "decoded_law"]
 
 
 class JointLaw(Protocol):
@@ -37,6 +37,10 @@ class JointLaw(Protocol):
     @property
     def discrete(self) -> tuple[bool, ...]:
         """Which components take single values only."""
+
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
 
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
@@ -85,6 +89,11 @@ class Single:
         """Whether it takes single values only."""
         return (self.law.discrete,)
 
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        return True
+
     def inverse(self, u: Array, values: Array) -> Array:
         """Return quantiles."""
         return self.law.quantile(u[0], values)[None, :]
@@ -124,9 +133,13 @@ class Chain:
     Parameters
     ----------
     steps : tuple of Step
+        Whose parameters name places among the first variables of a larger distribution, followed by the own ones.
+    outside : int
+        How many variables of the larger distribution these are; 0 for a chain that is a whole.
     """
 
     steps: tuple[Step, ...]
+    outside: int = 0
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -138,15 +151,16 @@ class Chain:
         """Of each component, the others that its distribution depends on."""
         found: dict[int, frozenset[int]] = {}
         for step in self.steps:
-            outer = step.law.outer.union(*(found[k] for k in step.law.outer))
+            own = frozenset(k - self.outside for k in step.law.outer if k >= self.outside)
+            outer = own.union(*(found[k] for k in own))
             for k in step.law.order:
                 found[step.columns[k]] = outer | {step.columns[j] for j in step.law.given[k]}
         return tuple(found[k] for k in range(len(found)))
 
     @property
     def outer(self) -> frozenset[int]:
-        """None: it is a whole."""
-        return frozenset()
+        """Places in the larger distribution that its parameters depend on."""
+        return frozenset(k for step in self.steps for k in step.law.outer if k < self.outside)
 
     @property
     def discrete(self) -> tuple[bool, ...]:
@@ -154,25 +168,30 @@ class Chain:
         found = {column: step.law.discrete[k] for step in self.steps for k, column in enumerate(step.columns)}
         return tuple(found[k] for k in range(len(found)))
 
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        return all(step.law.invertible for step in self.steps)
+
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
-        x = np.zeros_like(u)
+        x = np.concatenate([values[: self.outside], np.zeros_like(u)])
         for step in self.steps:
-            rows = list(step.columns)
-            x[rows] = step.law.inverse(u[rows], x)
-        return x
+            x[[self.outside + k for k in step.columns]] = step.law.inverse(u[list(step.columns)], x)
+        return x[self.outside :]
 
     def forward(self, x: Array, values: Array) -> Array:
         """Map components to independent uniform variables."""
-        u = np.zeros_like(x)
+        u, known = np.zeros_like(x), np.concatenate([values[: self.outside], x])
         for step in self.steps:
             rows = list(step.columns)
-            u[rows] = step.law.forward(x[rows], x)
+            u[rows] = step.law.forward(x[rows], known)
         return u
 
     def encoded(self) -> Any:
         """Return it as data."""
-        return ["chain", [[list(step.columns), step.law.encoded()] for step in self.steps]]
+        steps = [[list(step.columns), step.law.encoded()] for step in self.steps]
+        return ["chain", steps, self.outside] if self.outside else ["chain", steps]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +230,11 @@ class Copulated:
         """Which components take single values only."""
         return self.margins.discrete
 
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        return self.margins.invertible and not any(self.margins.discrete)
+
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
         return self.margins.inverse(self.copula.inverse(u), values)
@@ -225,7 +249,7 @@ class Copulated:
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class AffineJoint:
     """Components that are shifted and scaled.
 
     Parameters
@@ -258,6 +282,11 @@ class Moved:
     def discrete(self) -> tuple[bool, ...]:
         """Which components take single values only."""
         return self.inner.discrete
+
+    @property
+    def invertible(self) -> bool:
+        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        return self.inner.invertible
 
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
@@ -295,7 +324,8 @@ def decoded_law(data: Any) -> JointLaw:
     if kind == "single":
         return Single(decoded_conditional(parts[0]))
     if kind == "chain":
-        return Chain(tuple(Step(tuple(map(int, columns)), decoded_law(law)) for columns, law in parts[0]))
+        steps = tuple(Step(tuple(map(int, columns)), decoded_law(law)) for columns, law in parts[0])
+        return Chain(steps, *map(int, parts[1:2]))
     if kind == "copulated":
         return Copulated(decoded_copula(parts[0]), decoded_law(parts[1]))
     if kind == "vector":
@@ -306,5 +336,5 @@ def decoded_law(data: Any) -> JointLaw:
         weights, centres, factors = (np.array(part, dtype=float) for part in parts[:3])
         return Mixture(weights, centres, factors, tuple(map(int, parts[3])))
     if kind == "moved":
-        return Moved(decoded_law(parts[0]), tuple(map(decoded, parts[1])), tuple(map(decoded, parts[2])))
+        return AffineJoint(decoded_law(parts[0]), tuple(map(decoded, parts[1])), tuple(map(decoded, parts[2])))
     raise ValueError(f"unknown kind of joint distribution {kind!r}")

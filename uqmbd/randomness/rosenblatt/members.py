@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.randomness.rosenblatt.conditionals import Conditional, Core, Cut, Mapped, Moved, Spanned
-from uqmbd.randomness.rosenblatt.expressions import Expression, NotUnderstood, read
+from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditional, Core, Cut, Mapped, Spanned
+from uqmbd.randomness.rosenblatt.expressions import Expression, NotUnderstood, owners_of, read
 
 __all__ = ["conditional"]
 
@@ -40,7 +40,7 @@ def conditional(distribution: Any, places: Mapping[tuple[int, int], int], compon
         return conditional(other, places, component)
 
     if isinstance(distribution, chaospy.J):
-        owned, owner = distribution._owners[component]
+        owned, owner = owners_of(distribution)[component]
         return conditional(owner, places, owned)
     if isinstance(distribution, chaospy.ItemDistribution):
         return conditional(given["parent"], places, int(given["index"]))
@@ -49,7 +49,7 @@ def conditional(distribution: Any, places: Mapping[tuple[int, int], int], compon
         cut = [None if _is_end(distribution, side) else number(side) for side in ("lower", "upper")]
         return Cut(inside(distribution._dist), *cut)
     if isinstance(distribution, chaospy.ShiftScaleDistribution):
-        return Moved(inside(distribution._dist), number("shift"), number("scale"))
+        return AffineConditional(inside(distribution._dist), number("shift"), number("scale"))
     if isinstance(distribution, chaospy.LowerUpperDistribution):
         return Spanned(inside(distribution._dist), number("lower"), number("upper"))
     if isinstance(distribution, chaospy.OperatorDistribution):
@@ -71,7 +71,7 @@ def _operated(distribution: Any, places: Mapping[tuple[int, int], int], componen
 
     left, right = distribution._parameters["left"], distribution._parameters["right"]
     if isinstance(distribution, chaospy.Negative):
-        return Moved(conditional(left, places, component), 0.0, -1.0, True)
+        return AffineConditional(conditional(left, places, component), 0.0, -1.0, True)
     try:
         inner, other, swapped = left, read(right, places, component), False
     except NotUnderstood:
@@ -80,9 +80,9 @@ def _operated(distribution: Any, places: Mapping[tuple[int, int], int], componen
         inner, other, swapped = right, read(left, places, component), True
     core = conditional(inner, places, component)
     if isinstance(distribution, chaospy.Add):
-        return Moved(core, other, 1.0, True)
+        return AffineConditional(core, other, 1.0, True)
     if isinstance(distribution, chaospy.Multiply):
-        return Moved(core, 0.0, other, True)
+        return AffineConditional(core, 0.0, other, True)
     if not isinstance(other, float) or core.discrete:
         raise NotUnderstood(str(distribution))
     if isinstance(distribution, chaospy.Logn):

@@ -12,10 +12,9 @@ from uqmbd import logs
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import tail_of
 from uqmbd.randomness.rosenblatt.atoms import atoms
-from uqmbd.randomness.rosenblatt.conditionals import Conditional, Core, Spanned
-from uqmbd.randomness.rosenblatt.conditionals import Moved as MovedVariable
+from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditional, Core, Spanned
 from uqmbd.randomness.rosenblatt.expressions import Column, Expression, evaluated, used
-from uqmbd.randomness.rosenblatt.laws import Chain, Copulated, JointLaw, Moved, Single
+from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single
 from uqmbd.randomness.rosenblatt.transform import Transform
 from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
 from uqmbd.typing import Array
@@ -71,8 +70,8 @@ def means_of(names: tuple[str, ...], transform: Transform, mean_of: MeanOf) -> A
 class _Means:
     """Means that follow from those of single variables: sums of expectations are expectations of sums."""
 
-    def __init__(self, law: JointLaw, mean_of: MeanOf) -> None:
-        self._law, self._mean_of = law, mean_of
+    def __init__(self, law: JointLaw, mean_of: MeanOf, larger: _Means | None = None) -> None:
+        self._law, self._mean_of, self._larger = law, mean_of, larger
         self.found: dict[int, float | None] = {}
 
     def of(self, k: int) -> float | None:
@@ -82,6 +81,8 @@ class _Means:
         return self.found[k]
 
     def _within(self, law: JointLaw, k: int) -> float | None:
+        if isinstance(law, Chain) and law is not self._law:  # its expressions name its own members
+            return _Means(law, self._mean_of, self).of(k)
         if isinstance(law, Chain):
             step = next(step for step in law.steps if k in step.columns)
             return self._within(step.law, step.columns.index(k))
@@ -89,7 +90,7 @@ class _Means:
             return self._of_one(law.law)
         if isinstance(law, Mixture):
             return float(law.weights @ law.centres[:, k])
-        if isinstance(law, Moved):
+        if isinstance(law, AffineJoint):
             inner, shift = self._within(law.inner, k), self._expected(law.shift[k])
             scale = self._expected(law.scale[k]) if not used(law.scale[k]) else None
             return None if inner is None or shift is None or scale is None else shift + scale * inner
@@ -104,7 +105,7 @@ class _Means:
     def _of_one(self, law: Conditional) -> float | None:
         if isinstance(law, Core) and not law.given:
             return self._mean_of(law.family)
-        if isinstance(law, MovedVariable) and not law.inner.given:
+        if isinstance(law, AffineConditional) and not law.inner.given:
             parts = (self._expected(law.shift), self._expected(law.scale), self._of_one(law.inner))
             shift, scale, inner = parts
             return None if shift is None or scale is None or inner is None else shift + scale * inner
@@ -121,7 +122,10 @@ class _Means:
         if isinstance(expression, float):
             return expression
         if isinstance(expression, Column):
-            return self.of(expression.place)
+            outside = self._law.outside if isinstance(self._law, Chain) else 0
+            if expression.place < outside:
+                return None if self._larger is None else self._larger.of(expression.place)
+            return self.of(expression.place - outside)
         if not used(expression):
             return float(evaluated(expression, np.empty((0, 1))))
         left, right = self._expected(expression.left), self._expected(expression.right)

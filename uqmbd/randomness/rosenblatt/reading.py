@@ -10,12 +10,12 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import is_dependent
 from uqmbd.randomness.rosenblatt.copulas import FAMILIES, Archimedean, Copula, Elliptical, triangular
-from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, read
-from uqmbd.randomness.rosenblatt.laws import Chain, Copulated, JointLaw, Moved, Single, Step
+from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of, read
+from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single, Step
 from uqmbd.randomness.rosenblatt.members import conditional
 from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
 
-__all__ = ["joint_law", "mixture_of", "owners_of"]
+__all__ = ["joint_law", "mixture_of"]
 
 
 Places = Mapping[tuple[int, int], int]
@@ -65,52 +65,49 @@ def _law(distribution: Any, places: Places) -> JointLaw:
                 f"chaospy does not truncate dependent variables correctly ({distribution}); truncate the marginal "
                 "distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)"
             )
-        return Chain(tuple(Step((k,), Single(conditional(distribution, places, k))) for k in range(len(distribution))))
+        singles = [Single(conditional(distribution, places, k)) for k in range(len(distribution))]
+        return Chain(tuple(Step((k,), law) for k, law in enumerate(singles)), _count(places))
     if isinstance(distribution, (chaospy.Add, chaospy.Multiply, chaospy.Negative)):
         return _operated(distribution, places)
     raise NotUnderstood(str(distribution))
 
 
 def _chain(distribution: Any, places: Places) -> Chain:
+    """Return a joint distribution; members of a larger one, at these places, come before its own."""
     owners = owners_of(distribution)
     groups: dict[int, tuple[Any, list[int]]] = {}
-    for column in range(len(distribution)):
+    for column in map(int, distribution._rotation):
         owner = owners[column][1]
         groups.setdefault(id(owner), (owner, []))[1].append(column)
-    if places:
-        raise NotUnderstood(str(distribution))
-    known: dict[tuple[int, int], int] = {}
+    outside = _count(places)
+    known = dict(places)
     steps: list[Step] = []
-    done: set[int] = set()
-    for column in map(int, distribution._rotation):
-        if column in done:
-            continue
-        owner, columns = groups[id(owners[column][1])]
-        if len(columns) != len(owner):
-            raise NotUnderstood(str(owner))
-        columns = sorted(columns, key=lambda k: int(owners[k][0]))
-        steps.append(Step(tuple(columns), _law(owner, known)))
-        known |= {(id(owner), place): k for place, k in enumerate(columns)}
-        done |= set(columns)
-    return Chain(tuple(steps))
+    waiting = list(groups.values())
+    while waiting:
+        unknown: NotUnderstood | None = None
+        # the order of chaospy is one of components: a vector may come before what another of its components depends on
+        for one in waiting:
+            owner, columns = one[0], sorted(one[1], key=lambda k: int(owners[k][0]))
+            if len(columns) != len(owner):
+                raise NotUnderstood(str(owner))
+            try:
+                law = _law(owner, known)
+            except NotUnderstood as part:
+                unknown = unknown or part
+                continue
+            steps.append(Step(tuple(columns), law))
+            known |= {(id(owner), place): outside + k for place, k in enumerate(columns)}
+            waiting = [other for other in waiting if other is not one]
+            break
+        else:
+            assert unknown is not None
+            raise unknown
+    return Chain(tuple(steps), outside)
 
 
-def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
-    """Return the distribution of each component, and the place in it.
-
-    chaospy loses members that come after a vector.  Its arguments still hold them, unless one of them is an `Iid`.
-    """
-    import chaospy
-
-    found: Mapping[int, tuple[int, Any]] = distribution._owners
-    if set(found) == set(range(len(distribution))):
-        return found
-    arguments = [x for name, x in sorted(distribution._parameters.items()) if name.startswith("_")]
-    members = [x for x in arguments if isinstance(x, chaospy.Distribution)]
-    rows = [(place, member) for member in members for place in range(len(member))]
-    if len(rows) != len(distribution) or len(members) != len(arguments):
-        raise NotUnderstood(f"{distribution}, of which chaospy loses members after a vector: put the vector last")
-    return dict(enumerate(rows))
+def _count(places: Places) -> int:
+    """Return how many variables of a larger distribution these places are among."""
+    return 1 + max(places.values(), default=-1)
 
 
 def _copula(trans: Any) -> Copula:
@@ -156,17 +153,17 @@ def mixture_of(distribution: Any) -> Mixture:
     return Mixture(weights, centres, factors, order)
 
 
-def _operated(distribution: Any, places: Places) -> Moved:
+def _operated(distribution: Any, places: Places) -> AffineJoint:
     import chaospy
 
     left, right = distribution._parameters["left"], distribution._parameters["right"]
     places_of = range(len(distribution))
     if isinstance(distribution, chaospy.Negative):
-        return Moved(_law(left, places), (0.0,) * len(left), (-1.0,) * len(left))
+        return AffineJoint(_law(left, places), (0.0,) * len(left), (-1.0,) * len(left))
     inner, other = (left, right) if isinstance(left, chaospy.Distribution) else (right, left)
     if isinstance(other, chaospy.Distribution):
         raise NotUnderstood(str(distribution))
     values = tuple(read(other, places, k) for k in places_of)
     if isinstance(distribution, chaospy.Add):
-        return Moved(_law(inner, places), values, (1.0,) * len(values))
-    return Moved(_law(inner, places), (0.0,) * len(values), values)
+        return AffineJoint(_law(inner, places), values, (1.0,) * len(values))
+    return AffineJoint(_law(inner, places), (0.0,) * len(values), values)

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.randomness.rosenblatt.expressions import NotUnderstood
-from uqmbd.randomness.rosenblatt.laws import Copulated, JointLaw, decoded_law
+from uqmbd.randomness.distributions import is_dependent
+from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of
+from uqmbd.randomness.rosenblatt.laws import JointLaw, decoded_law
 from uqmbd.randomness.rosenblatt.members import conditional
 from uqmbd.randomness.rosenblatt.reading import joint_law
 from uqmbd.typing import Array
@@ -60,6 +61,10 @@ class _Native:
     def discrete(self) -> tuple[bool, ...]:
         return (False,) * len(self.distribution)
 
+    @property
+    def invertible(self) -> bool:
+        return True
+
     def inverse(self, u: Array, values: Array) -> Array:
         return np.asarray(self.distribution.inv(u), dtype=float)
 
@@ -101,6 +106,8 @@ class Transform:
         try:
             law = joint_law(distribution)
         except NotUnderstood:
+            if mistaken := _mistaken(distribution):
+                raise NotUnderstood(mistaken) from None
             law = native
         if not _repeatable(law):
             raise NotUnderstood(str(distribution))
@@ -114,7 +121,11 @@ class Transform:
     @property
     def invertible(self) -> bool:
         """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
-        return not (isinstance(self.law, Copulated) and any(self.law.discrete))
+        return self.law.invertible
+
+    def alone(self, k: int) -> bool:
+        """Whether a component depends on no other, and no other on it."""
+        return not self.law.given[k] and not any(k in given for given in self.law.given)
 
     def inverse(self, uniform: Array) -> Array:
         """Map uniform variables, shape (K, n), to components: row by row, with the same bits in any number of rows."""
@@ -269,7 +280,7 @@ def _gaussian(distribution: Any) -> bool:
     """Whether it is a normal vector, or normal variables behind distributions that chaospy evaluates correctly."""
     import chaospy
 
-    from uqmbd.randomness.distributions import Law, is_dependent
+    from uqmbd.randomness.distributions import Law
 
     if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)):
         mean = distribution._parameters["mean" if isinstance(distribution, chaospy.MvNormal) else "mu"]
@@ -280,6 +291,35 @@ def _gaussian(distribution: Any) -> bool:
     if is_dependent(margins):
         return False
     return not any(Law.of(margins[k]).mends or _whole(margins, k) for k in range(len(margins)))
+
+
+def _mistaken(distribution: Any) -> str:
+    """Name a part of a distribution that chaospy evaluates wrongly, or not at all; empty where there is none."""
+    import chaospy
+
+    seen: dict[int, Any] = {}
+    parts = [distribution]
+    while parts:
+        one = parts.pop()
+        if not isinstance(one, chaospy.Distribution) or id(one) in seen:
+            continue
+        seen[id(one)] = one
+        if isinstance(one, chaospy.J):
+            try:
+                parts += [owner for _, owner in owners_of(one).values()]
+            except NotUnderstood as part:
+                return str(part)
+        # its copulas are right on independent marginals only, and of those the normal one
+        elif isinstance(one, chaospy.CopulaDistribution):
+            margins = one._parameters["dist"]
+            if not isinstance(one, chaospy.Nataf) or is_dependent(margins):
+                return str(one)
+        elif isinstance(one, (chaospy.MvStudentT, chaospy.GaussianKDE)) and len(one) > 1:
+            return str(one)
+        elif (isinstance(one, chaospy.Trunc) and len(one) > 1) or getattr(one, "interpret_as_integer", False):
+            return str(one)
+        parts += [*one._parameters.values(), getattr(one, "_dist", None)]
+    return ""
 
 
 def _whole(distribution: Any, k: int) -> bool:

@@ -57,6 +57,11 @@ class Vector:
         """No component takes single values only."""
         return (False,) * len(self.centre)
 
+    @property
+    def invertible(self) -> bool:
+        """Uniform variables follow from values."""
+        return True
+
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
         x = combined(self.factor, self.order, scores(u, self.order, self.freedom)) + self._centres(values)
@@ -115,6 +120,11 @@ class Mixture:
     def discrete(self) -> tuple[bool, ...]:
         """No component takes single values only."""
         return (False,) * len(self.order)
+
+    @property
+    def invertible(self) -> bool:
+        """Uniform variables follow from values."""
+        return True
 
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""

@@ -55,13 +55,17 @@ def dependent_part(joint: Joint, columns: tuple[int, ...], transform: str) -> tu
     names, distribution = joint.names, joint.distribution
     transform_, described = joint.transform, str(distribution)
     order = tuple(int(k) for k in transform_.law.order)
-    for name, whole in zip(names, transform_.law.discrete, strict=True):
-        if whole:
+    for k, name in enumerate(names):
+        if transform_.law.discrete[k]:
+            why = (
+                "is a part of arithmetic of several variables"
+                if transform_.alone(k)
+                else "depends on other inputs or they on it"
+            )
             raise StudyError(
-                f"Input {name!r}, of {described}, takes single values only, and depends on other inputs or they on it: "
-                "no smooth function of independent germs is distributed so, which surrogates need. Use Monte Carlo, or "
-                "declare it as a random variable of its own, and write what depends on it as an expression of the "
-                "mechanism."
+                f"Input {name!r}, of {described}, takes single values only, and {why}: no smooth function of "
+                "independent germs is distributed so, which surrogates need. Use Monte Carlo, or declare it as a "
+                "random variable of its own, and write what depends on it as an expression of the mechanism."
             )
     if isinstance(distribution, chaospy.MvStudentT):
         freedom = float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])

@@ -16,7 +16,8 @@ def space_parts(inputs: JointInput, transform: str) -> tuple[tuple[Germ, ...], t
     """Return the germs of all inputs, in order, and the maps of their groups."""
     germs: dict[int, Germ] = {}
     groups: list[Group] = []
-    for joint in {id(v.joint): v.joint for v in inputs.variables}.values():
+    given = {id(v.joint): v.joint for v in inputs.variables}.values()
+    for joint in (part for one in given for part in one.separated):
         columns = tuple(inputs.names.index(name) for name in joint.names)
         if len(columns) > 1 and is_dependent(joint.distribution):
             found, group = dependent_part(joint, columns, transform)

@@ -182,8 +182,8 @@ def _not_stored(direction: str) -> StudyError:
     return StudyError(
         f"The map {direction} of dependent inputs (Rosenblatt's transform of a general joint distribution) is not "
         "stored with this polynomial chaos: the distribution holds functions of a user, as chaospy.UserDistribution "
-        "does, or the results are of an earlier version. Evaluate it at germs, or build the GermSpace from the study "
-        "again."
+        "does, or arithmetic that only chaospy evaluates, or the results are of an earlier version. Evaluate it at "
+        "germs, or build the GermSpace from the study again."
     )
 
 
