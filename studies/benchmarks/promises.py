@@ -1,4 +1,4 @@
-"""Times that users notice and no test measures: the command's help, statistics of a chaos, handing out chunks.
+"""Times that users notice and no test measures: the command's help, statistics of a chaos, tables of random values.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/promises.py [--repeat 5]``; processor time, median of the runs.
 """
@@ -18,7 +18,6 @@ import numpy as np
 
 import uqmbd
 from uqmbd import results
-from uqmbd.propagation.execution import Crew, Packed, in_order
 from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -72,27 +71,7 @@ def of_table() -> float:
     """Return the processor time of a table of a thousand random values over time, and of its derivative, s."""
     f, g = (uqmbd.RandomVariable(name, chaospy.Normal(0, 1)) for name in ("f", "g"))
     values = [a * f + b * g for a, b in np.random.default_rng(0).normal(size=(1000, 2))]
-    return spent(lambda: uqmbd.spline(np.arange(1000), values).diff(uqmbd.t))
-
-
-def response(packed: Packed, piece: int) -> np.ndarray:
-    """Return what a chunk of 512 realisations returns with all responses, and computes nothing."""
-    return np.full((512, 1, 31), float(piece))
-
-
-def of_handing_out() -> float:
-    """Return the processor time of the coordinator that hands out a million realisations to two processes, s."""
-    packed, count = Packed.of(bytes(50_000)), 1_000_000 // 512 + 1
-    with Crew(2) as crew, crew.at_work() as staff:
-
-        def work(pieces: int) -> None:
-            for _ in in_order(
-                range(pieces), staff.processes, lambda k: None, lambda k: (response, (packed, k)), lambda p, r, s: r
-            ):
-                pass
-
-        work(20)
-        return spent(lambda: work(count))
+    return spent(lambda: uqmbd.spline(list(range(1000)), values).diff(uqmbd.t))
 
 
 PROMISES = (
@@ -100,7 +79,6 @@ PROMISES = (
     ("variance and indices of 10,000 outputs", of_indices, 0.2),
     ("skewness and kurtosis of 10,000 outputs", of_shape, 4.0),
     ("a table of 1,000 random values, differentiated", of_table, 3.0),
-    ("handing out a million realisations", of_handing_out, 4.0),
 )
 
 

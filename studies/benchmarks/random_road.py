@@ -20,6 +20,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import numpy as np
 import quarter_car
+from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.typing import Array
@@ -28,7 +29,7 @@ from uqmbd_collocation import Collocation
 OUTPUTS = ("body_height", "body_acceleration", "suspension_travel", "tyre_force")
 
 
-def transfer(angular_frequency: Array) -> Array:
+def transfer(angular_frequency: Array) -> NDArray[np.complex128]:
     """Return transfer functions (N, 4) from the height of the road to the outputs, at rad/s (N,)."""
     ms, mu, ks, cs, kt, ct = 300.0, 40.0, 20_000.0, 1_200.0, 180_000.0, 100.0
     s = 1j * angular_frequency
