@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 import uqmbd
@@ -54,8 +55,17 @@ class Expanded:
         return {stored_as(self.chaos): self.chaos.to_dataset()}
 
     def node(self, propagator: uqmbd.Propagator, problem: uqmbd.Problem, wall_time: float) -> xr.DataTree:
-        """Make the node of the method, which took so many seconds."""
+        """Make the node of the method, which took so many seconds; where samples of it end early, it ends with them."""
+        if isinstance(self.chaos, AlignedChaos) and (reached := self.chaos.reached()) is not self.chaos:
+            last = float(np.asarray(reached.labels.times)[-1])
+            return replace(self, chaos=reached, attrs={**self.attrs, "ends_at": last}).node(
+                propagator, problem, wall_time
+            )
         statistics = self.chaos.statistics()
+        if statistics.sizes["time"] < len(problem.times):
+            about = statistics["time"].attrs
+            statistics = statistics.reindex(time=problem.times)
+            statistics["time"].attrs.update(about)
         if self.leave_one_out is not None:
             note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}
             statistics = statistics.assign(leave_one_out=(problem.labels.dims, self.leave_one_out, note))

@@ -139,7 +139,8 @@ def galerkin_in_phase(
         terms,
         problem.labels,
         **verification.known,
-    )
+    ).reached()
+    last = float(np.asarray(chaos.labels.times)[-1])
     problem.progress.finish(label)
     return problem.node(
         propagator,
@@ -167,6 +168,7 @@ def galerkin_in_phase(
             "interpolation_error": error,
             "segments": response.shape[1],
             "turns": path.phase / TURN,
+            **({"ends_at": last} if last < end else {}),
         },
     )
 

@@ -19,6 +19,7 @@ from uqmbd.results import (
     sample_dataset,
     statistics_dataset,
     statistics_of_samples,
+    with_reasons,
 )
 from uqmbd_montecarlo.all_samples import AllSamples, Passing, Stored, together
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
@@ -140,11 +141,10 @@ class MonteCarlo(uqmbd.Propagator):
             base = max(uqmbd.sampling_design(self.sampling).base, 1)
             above = below * base if base > 1 else below + 2 * self.replicates
             power = f" and a power of {'two' if base == 2 else base}" if base > 1 else ""
-            first = min(below, above) if below > self.samples else below
             raise uqmbd.StudyError(
                 f"MonteCarlo: samples is {self.samples}; sobol_indices takes them as pairs, and {self.replicates} "
                 f"replicates of the design {self.sampling!r} need a number that is {2 * self.replicates} times a whole "
-                f"number{power}. Take {first}{'' if below > self.samples else f' or {above}'}."
+                f"number{power}. Take {below}{'' if below > self.samples else f' or {above}'}."
             )
 
     def _check_control(self) -> None:
@@ -321,6 +321,11 @@ class MonteCarlo(uqmbd.Propagator):
                 errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
+                # samples fail as a whole, but an output may be without an error alone
+                outputs = zip(problem.labels.outputs, error, strict=True)
+                lacking = [output.name for output, own in outputs if np.isnan(own).any()]
+                why = "too few replicates have successful samples"
+                statistics[name] = with_reasons(statistics[name], dict.fromkeys(lacking, why))
         return statistics
 
     def _node(

@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.results import AlignedChaos, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
-from uqmbd_galerkin import Galerkin
+from uqmbd_galerkin import Galerkin, aligned
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import PointForce, Torque
 
@@ -288,3 +288,25 @@ def test_the_estimate_counts_the_realisations_for_the_clock(verify):
     node = study.propagate(method)
     assert node.attrs["realisations"] == method.estimate(study).realisations == 9 + verify + max(verify, 8)
     assert Galerkin(order=2, verify=verify).estimate(study).realisations == 9 + verify
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.SurrogateWarning")
+def test_samples_that_end_early_end_the_results(monkeypatch):
+    """Without further phases some samples do not reach the last time; a whole run ends with them, and is valid."""
+    monkeypatch.setattr(aligned, "EXTENSIONS", 0)
+    times = np.linspace(0, 2, 41)
+    study = uqmbd.Study(
+        "study", pendulum(spread=0.2), times, [Galerkin(order=1, alignment="phase", verify=2)], rtol=1e-6
+    )
+    with pytest.warns(UserWarning, match="do not reach the last output time"):
+        tree = study.run()
+    uqmbd.results.validate(tree)
+    node = tree["galerkin"]
+    end = node.attrs["ends_at"]
+    assert 1 < end < 2 and np.array_equal(node["statistics"]["time"], times)
+    statistics = node["statistics"].to_dataset()
+    for name in ("mean", "std", "quantile", "sobol_total", "verification_error"):
+        before, after = statistics[name].sel(time=slice(0, end)), statistics[name].sel(time=slice(end + 1e-9, None))
+        assert np.isfinite(before).all() and np.isnan(after).all(), name
+    assert surrogate(node).labels.times[-1] == end

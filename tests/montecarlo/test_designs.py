@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
+
 import chaospy
 import numpy as np
 import pytest
+import sympy
 from scipy import stats
 from scipy.stats import norm
 
 import uqmbd
-from uqmbd.results import Moments, replicate_errors, sample_statistics
+from uqmbd.results import Moments, replicate_errors, sample_statistics, validate
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
 
@@ -191,3 +194,25 @@ def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
         MonteCarlo(**options)
     for word in words:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_too_few_replicates_are_the_reason_of_a_missing_error(seed: int) -> None:
+    """A run with failed samples that is allowed is valid: its standard errors are numbers, or NaN with the reason."""
+    a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 1))
+    mechanism = uqmbd.Mechanism("root", uqmbd.Line())
+    point = mechanism.body("point", mass=1, position=0)
+    mechanism.output("root", sympy.sqrt(a - 0.3) + 0 * point.position[0])
+    method = MonteCarlo(samples=4, replicates=2, sampling="latin-hypercube", max_failures=0.6, seed=seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        node = uqmbd.Study("root", mechanism, [0.0, 1.0]).propagate(method)
+    validate(node)
+    good = (node["samples/status"].values == 0).reshape(2, 2).sum(axis=1)
+    assert 2 <= good.sum()
+    # without a replicate one sample or none is left
+    known = {"std_error_mean": bool((good > 0).all()), "std_error_std": bool((good > 1).all())}
+    for name, expected in known.items():
+        data = node["statistics"][name]
+        assert np.isfinite(data.values).all() == expected
+        assert ("too few replicates" in data.attrs.get("unknown", "")) != expected

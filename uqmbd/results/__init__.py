@@ -65,6 +65,7 @@ from uqmbd.results.schema import (
     sample_dataset,
     statistics_dataset,
     validate,
+    with_reasons,
 )
 from uqmbd.results.selection import by_output, output
 from uqmbd.results.statistics import (
@@ -174,6 +175,7 @@ __all__ = [
     "validate",
     "varies",
     "varying",
+    "with_reasons",
     "with_requirements",
     "with_scalars",
     "worst_integration_share",

@@ -5,14 +5,20 @@ Closed forms: of a fall with and without viscous drag until the ground, and of a
 
 from __future__ import annotations
 
+import json
+import re
+
 import chaospy
 import numpy as np
 import pytest
 from scipy.stats import qmc
 
 import uqmbd
+from uqmbd import results
+from uqmbd.report import write_report
 from uqmbd.results import surrogate
 from uqmbd_collocation import Collocation
+from uqmbd_collocation.alignment import aligned_elements
 from uqmbd_contact import PlaneImpact
 from uqmbd_springs import PointForce
 
@@ -158,3 +164,56 @@ def test_the_stated_error_of_events_has_no_units(factor):
         np.testing.assert_allclose(other, one, rtol=1e-4, atol=1e-6, err_msg=name)
     one, other = (words.split(": ", 1)[1] for words in surrogate(node).verdicts())
     assert one == other
+
+
+def in_full(study, method, folder):
+    """Run a study with one method, validate its result, and write its report; return the node."""
+    study = uqmbd.Study(study.name, study.mechanism, study.times, [method])
+    tree = study.run()
+    results.validate(tree)
+    said = write_report(tree, folder / "report.html").read_text(encoding="utf-8")
+    node = tree[method.node_name]
+    assert ("Results of collocation end at t = " in said) == ("ends_at" in node.attrs)
+    return node
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.SurrogateWarning")
+def test_samples_that_end_early_end_the_results(tmp_path):
+    """At 2.5 s some samples of a surrogate of first order have no landmarks left; before, there are results."""
+    height = uqmbd.RandomVariable("h", chaospy.Normal(1.0, 0.2), units="m")
+    study = fall(height, np.linspace(0, 2.5, 26), restitution=0.8)
+    with pytest.warns(UserWarning, match="do not reach the last output time") as seen:
+        node = in_full(study, Collocation(order=1, alignment="events"), tmp_path)
+    (since,) = [float(m[1]) for w in seen if (m := re.search(r"NaN from t = ([0-9.]+) s on", str(w.message)))]
+    end = node.attrs["ends_at"]
+    assert end == study.times[study.times <= since].max()
+    statistics = node["statistics"].to_dataset()
+    for name in ("mean", "std", "skewness", "quantile", "sobol_first", "verification_error", "integration_error"):
+        before, after = statistics[name].sel(time=slice(0, end)), statistics[name].sel(time=slice(end + 1e-9, None))
+        assert np.isfinite(before).all() and after.size and np.isnan(after).all(), name
+    assert np.array_equal(statistics["time"], study.times)
+    values = np.linspace(0.4, 1.6, 50)[:, None]
+    assert np.isfinite(surrogate(node).evaluate(values)).all()
+    assert surrogate(node).labels.times[-1] == end
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.SurrogateWarning")
+def test_outputs_of_other_families_go_on(monkeypatch, tmp_path):
+    """Landmarks are not extended: the ball has no results at the end, with the reason; what stands still has."""
+    monkeypatch.setattr(aligned_elements, "EXTENSIONS", 1)
+    height = uqmbd.RandomVariable("h", chaospy.Normal(1.0, 0.2), units="m")
+    study = fall(height, np.linspace(0, 1.5, 16), restitution=0.8)
+    body = study.mechanism.body("free", mass=1, position=0)
+    study.mechanism.output("free", height + 0 * body.position[0], units="m")
+    with pytest.warns(UserWarning, match="do not reach the last output time"):
+        node = in_full(study, Collocation(order=2, alignment=("events", "plain"), verify=2), tmp_path)
+    assert json.loads(node.attrs["alignment"]) == {"height": "events", "free": "plain"}
+    assert "ends_at" not in node.attrs
+    statistics = node["statistics"].to_dataset()
+    for name in ("mean", "std", "sobol_total"):
+        late = np.isnan(statistics[name].sel(output="height", time=1.5))
+        assert late.all() and np.isfinite(statistics[name].sel(output="free")).all(), name
+        reasons = json.loads(statistics[name].attrs["unknown"])
+        assert list(reasons) == ["height"] and "do not reach this time" in reasons["height"]

@@ -37,7 +37,7 @@ from uqmbd.results import (
     with_scalars,
 )
 from uqmbd.results.chaos import verified_std, verified_trials
-from uqmbd.results.schema import check_probabilities, check_values, with_units
+from uqmbd.results.schema import check_probabilities, check_values, with_default_reasons, with_units
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 from uqmbd.wording import format_count
@@ -249,6 +249,7 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
     parts = node_parts(node)
     own = parts.pop("requirements")
     if {"violation_probability", "std_error", "interval"} <= set(own.data_vars):
+        own = _stated(own, "requirements", propagator, label)
         _usable(lambda: check_probabilities(own, "requirements"), propagator, label)
     return own, xr.DataTree.from_dict(parts, name=node.name)
 
@@ -289,7 +290,12 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
     ------
     StudyError
         If it is no node with mean and standard deviation of the outputs at the times of the problem, or a statistic has
-        a value that it cannot have, as a negative standard deviation, or NaN without a reason.
+        a value that it cannot have, as a negative standard deviation, or a mean that is NaN without a reason.
+
+    Warns
+    -----
+    StudyWarning
+        If shape statistics or standard errors are NaN without a reason: they get the default one.
     """
     kind = type(propagator)
     who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"
@@ -314,8 +320,26 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
                 raise StudyError(f"{who} a node whose {name!r} is not at the {axis}s of the problem; {expected}.")
     end = node.attrs.get("ends_at", np.inf)
     last = float(end) if isinstance(end, (int, float, np.number)) else np.inf
-    _usable(lambda: check_values(statistics, "statistics", end=last), propagator, problem.label)
+    stated = _stated(statistics, "statistics", propagator, problem.label, end=last)
+    if stated is not statistics:
+        node.children["statistics"].dataset = stated
+    _usable(lambda: check_values(stated, "statistics", end=last), propagator, problem.label)
     return node
+
+
+def _stated(data: xr.Dataset, path: str, propagator: Propagator, label: str, *, end: float = np.inf) -> xr.Dataset:
+    """Give NaN without a reason the default one where a method need not state it, and warn."""
+    found, lacking = with_default_reasons(data, end=end)
+    if lacking:
+        kind = type(propagator)
+        words = "; ".join(f"{path}/{name} of {', '.join(map(repr, names))}" for name, names in lacking.items())
+        warnings.warn(
+            f"{label}: propagate of {kind.__module__}.{kind.__qualname__} returned NaN without a reason: {words}. The "
+            "reason is recorded as 'not stated'. State it by uqmbd.results.with_reasons.",
+            StudyWarning,
+            stacklevel=5,
+        )
+    return found
 
 
 def _usable(check: Callable[[], None], propagator: Propagator, label: str) -> None:

@@ -1,4 +1,7 @@
-"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately."""
+"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately.
+
+Length: it is one class, whose public methods have examples.
+"""
 
 from __future__ import annotations
 
@@ -401,3 +404,33 @@ class AlignedChaos(SampledSurrogate):
         germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed, verified])
         last = [sampled.edges[:, -1] for sampled in self._sampled(germs)]
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
+
+    def reached(self) -> AlignedChaos:
+        """Return the surrogate at the times that all samples reach, see :meth:`late`; itself where these are all.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> values = np.full((1, 1, 1, 3), 2.0)
+        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("",), np.array([[0.0, 1.0]]), values, "time")
+        >>> chaos = AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.0, 0.5, 1.5]))
+        >>> chaos.reached().labels.times.tolist()  # the last landmark is at 1 s
+        [0.0, 0.5]
+        """
+        late = float(self.late().max())
+        if late <= ROUNDING * float(np.ptp(self._times)):
+            return self
+        # all begin at the first time
+        count = max(int(np.count_nonzero(self._times <= self._times[-1] - late)), 1)
+        return type(self).from_dataset(self.to_dataset().isel(time=slice(count)))
+
+    def _why_unknown(self) -> dict[str, str]:
+        why = "some samples of the surrogate do not reach this time within the landmarks that were followed"
+        return {output.name: why for output in self.labels.outputs}

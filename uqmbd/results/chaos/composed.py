@@ -286,6 +286,9 @@ class ComposedChaos(Surrogate):
     def _rows(self) -> list[list[int]]:
         return [[self.outputs.index(o.name) for o in part.labels.outputs] for part in self.parts.values()]
 
+    def _why_unknown(self) -> dict[str, str]:
+        return {name: why for part in self.parts.values() for name, why in part._why_unknown().items()}
+
     def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
         """Put values of the parts together along the axis of the outputs."""
         found = np.concatenate([read(part) for part in self.parts.values()], axis=axis)

@@ -30,7 +30,7 @@ from uqmbd.results.chaos.labelled import (
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import Verified
 from uqmbd.results.chaos.terms import constant_columns
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, output_index, time_index, united
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, output_index, reasons_where_missing, time_index, united
 from uqmbd.results.statistics import circular_of_blocks
 from uqmbd.typing import Array, Index, Mask
 
@@ -515,7 +515,7 @@ class Surrogate(Verified, ABC):
         if independent:
             values |= {"sobol_first": self.sobol_first, "sobol_total": self.sobol_total}
         known = self.verification_germs is not None
-        return surrogate_statistics(
+        found = surrogate_statistics(
             self.labels,
             values,
             shape_samples=self.shape_samples,
@@ -525,6 +525,12 @@ class Surrogate(Verified, ABC):
             of_germs=None if independent else (self.germ_names, self.sobol_first_germ, self.sobol_total_germ),
             stated=StatedErrors(self.verification_error(), self.verification_factor()) if known else None,
         )
+        reasons = self._why_unknown()
+        return reasons_where_missing(found, reasons) if reasons else found
+
+    def _why_unknown(self) -> dict[str, str]:
+        """Say why statistics may be NaN at some times, by output; of most surrogates they are not."""
+        return {}
 
     def to_xarray(
         self, *, samples: int = 0, seed: int = 0, probabilities: Sequence[float] = DEFAULT_PROBABILITIES

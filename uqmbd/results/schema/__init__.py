@@ -31,7 +31,16 @@ from uqmbd.results.schema.nodes import (
 )
 from uqmbd.results.schema.units import CF, as_text, product_of_units, united, units_of, with_units
 from uqmbd.results.schema.validation import validate
-from uqmbd.results.schema.values import EVERY, check_probabilities, check_values, real_numbers, reasons_of, with_reasons
+from uqmbd.results.schema.values import (
+    EVERY,
+    check_probabilities,
+    check_values,
+    real_numbers,
+    reasons_of,
+    reasons_where_missing,
+    with_default_reasons,
+    with_reasons,
+)
 
 __all__ = [
     "CF",
@@ -60,12 +69,14 @@ __all__ = [
     "propagator_nodes",
     "real_numbers",
     "reasons_of",
+    "reasons_where_missing",
     "sample_dataset",
     "statistics_dataset",
     "time_index",
     "united",
     "units_of",
     "validate",
+    "with_default_reasons",
     "with_reasons",
     "with_units",
 ]

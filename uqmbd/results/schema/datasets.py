@@ -44,11 +44,11 @@ __all__ = [
     "statistics_dataset",
 ]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Of the schema, as results state it (root attribute ``schema_version``; before there was one it was 0).
 
 It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
-earlier versions are read.
+earlier versions are read.  Version 2: each NaN among statistics has a reason.
 """
 
 STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
@@ -107,7 +107,7 @@ def check_version(attrs: Mapping[Any, Any], where: str) -> None:
     >>> check_version({"schema_version": 999}, "new.nc")
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this uqmbd reads those up to 1. Read it with ...
+    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this uqmbd reads those up to 2. Read it with ...
     """
     version = attrs.get("schema_version", 0)
     if isinstance(version, (bool, np.bool_)) or not isinstance(version, (int, np.integer)) or version < 0:

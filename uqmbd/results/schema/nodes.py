@@ -17,6 +17,7 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
 from uqmbd.results.schema.units import with_units
+from uqmbd.results.schema.values import with_default_reasons
 from uqmbd.status import Status
 
 __all__ = ["comparable", "failed_methods", "join_nodes", "node_parts", "propagator_node", "propagator_nodes"]
@@ -159,7 +160,12 @@ def join_nodes(
         label = str(node.name)
         if label in datasets:
             raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
-        datasets |= {f"{label}/{path}".rstrip("/"): data for path, data in node_parts(node).items()}
+        end = node.attrs.get("ends_at", np.inf)
+        for path, data in node_parts(node).items():
+            if path.split("/")[-1] in ("statistics", "requirements"):
+                # nodes of earlier versions, or that no run has made, may lack reasons
+                data, _ = with_default_reasons(data, end=end)
+            datasets[f"{label}/{path}".rstrip("/")] = data
     return with_units(xr.DataTree.from_dict(datasets))
 
 

@@ -24,6 +24,8 @@ _EXTREMES = ("smallest", "largest")
 _CIRCULAR = ("circular_mean", "circular_std")
 _BY_INPUT = ("sobol_first", "sobol_total")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval")
+_REASONS = 2
+"""The version of the schema since which each NaN has a reason."""
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
 _TIMELESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "statistics": {name: ("output",) for name in (*_PLAIN, "integration_error")}
@@ -76,15 +78,16 @@ def validate(tree: xr.DataTree) -> None:
     uqmbd.errors.StudyError: /: attribute 'study' is missing; expected a text.
     """
     if "statistics" in tree.children:
-        _validate_node(tree, tree.attrs.get("label"))
+        _validate_node(tree, tree.attrs.get("label"), before=tree.root.attrs.get("schema_version", _REASONS) < _REASONS)
         return
     check_version(tree.attrs, tree.path)
+    before = tree.attrs.get("schema_version", 0) < _REASONS
     _text_attrs(tree, ("study", "mechanism"))
     nodes = propagator_nodes(tree)
     _require(bool(nodes), tree.path, "no propagator's node", "at least one")
     for label, node in nodes.items():
         _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
-        _validate_node(node, label)
+        _validate_node(node, label, before=before)
     _require("comparison" in tree.children, tree.path, "no child 'comparison'", "one")
     if "failed" in tree.attrs:
         _require(
@@ -114,7 +117,8 @@ def _is_object(text: object) -> bool:
         return False
 
 
-def _validate_node(node: xr.DataTree, label: object) -> None:
+def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
+    """Check the node of a propagator; `before`: it was written when no NaN had a reason."""
     _text_attrs(node, _TEXT_ATTRS)
     _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
     for name in _JSON_ATTRS:
@@ -129,7 +133,7 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
 
     statistics = node.children["statistics"]
     end = _end(node, statistics)
-    _validate_statistics(statistics, end)
+    _validate_statistics(statistics, end, before)
     if "samples" in node.children:
         _validate_samples(node.children["samples"], statistics, node)
     names = statistics.coords["output"].values
@@ -138,7 +142,7 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
         _validate_composed(node.children["composed"], statistics, end, names)
     for name, check in (("scalars", _validate_timeless), ("requirements", _validate_requirements)):
         if name in node.children:
-            check(node.children[name])
+            check(node.children[name], before)
 
 
 def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
@@ -195,7 +199,7 @@ def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expecte
         raise StudyError(f"{node.path}/{name}: found {found} at {place_of(bad)}; expected {expected}.")
 
 
-def _validate_statistics(node: xr.DataTree, end: float) -> None:
+def _validate_statistics(node: xr.DataTree, end: float, before: bool) -> None:
     for name in _PLAIN:
         _dims(node, name, _OVER_TIME)
     for name in (n for n in ("quantile", "quantile_error") if n == "quantile" or n in node.data_vars):
@@ -221,7 +225,7 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
     later = whole.sel(time=whole["time"] > end)
     for name in (*_PLAIN, *(n for n in (*_OPTIONAL, "integration_error") if n in later)):
         _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
-    check_values(whole, node.path, end=end)
+    check_values(whole, node.path, end=end, before=before)
 
 
 def _validate_interval(node: xr.DataTree, name: str) -> None:
@@ -340,7 +344,7 @@ def _validate_chaos(node: xr.DataTree, names: Array, times: Array, end: float) -
         _values(node, "verification_error", ~(data["verification_error"] >= 0), "no error", "a number, not negative")
 
 
-def _validate_timeless(node: xr.DataTree) -> None:
+def _validate_timeless(node: xr.DataTree, before: bool) -> None:
     _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
     for child, variables in _TIMELESS.items():
         if child not in node.children:
@@ -361,13 +365,14 @@ def _validate_timeless(node: xr.DataTree) -> None:
             same = data["output"].values.tolist() == expected
             _require(same, f"{node.path}/{child}/output", "other outputs than have statistics", ", ".join(expected))
     if names:
-        check_values(statistics, f"{node.path}/statistics", refused=json.loads(refused).keys())
+        given_up = json.loads(refused).keys()
+        check_values(statistics, f"{node.path}/statistics", refused=given_up, before=before)
 
 
-def _validate_requirements(node: xr.DataTree) -> None:
+def _validate_requirements(node: xr.DataTree, before: bool) -> None:
     for name, dims in {"violation_probability": (), "std_error": (), "interval": ("bound",)}.items():
         _dims(node, name, ("requirement", *dims))
-    check_probabilities(node.to_dataset(), node.path)
+    check_probabilities(node.to_dataset(), node.path, before=before)
 
 
 def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 The reason is the attribute ``unknown`` of a variable: a JSON object from names of outputs (``*``: every one) to a
 sentence.  None is needed after the time ``ends_at`` of a node, or for outputs that its attribute ``refused`` names.
+Results of schemas before version 2 state no reasons: there each NaN is valid.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ __all__ = [
     "place_of",
     "real_numbers",
     "reasons_of",
+    "reasons_where_missing",
+    "with_default_reasons",
     "with_reasons",
 ]
 
@@ -39,6 +42,12 @@ _KNOWN = (
     "mean", *_NOT_NEGATIVE, *_SHARES, "skewness", "kurtosis", "quantile", "smallest", "largest", "circular_mean",
     "sobol_first", "sobol_total", *_INTERVALS,
 )  # fmt: skip
+_NOT_STATED = "not stated"
+_MAY_LACK_REASONS = ("skewness", "kurtosis", "quantile", "std_error_mean", "std_error_std")
+"""A NaN of these without a reason gets the default reason in runs."""
+_FINITE_BEFORE = ("mean", "std", "variance", "std_error_mean", "std_error_std", "variance_reduction",
+                  "variance_reduction_std")  # fmt: skip
+"""What had to be finite before schema version 2."""
 _MAY_BE_INFINITE = ("circular_std", "verification_factor")
 """Where directions cancel; where nothing tells how far an error may be off."""
 
@@ -70,7 +79,7 @@ def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
     try:
         return np.array(value, dtype=float, copy=copy or None)
     except (TypeError, ValueError):
-        raise StudyError(f"{name!r} is {type(value).__name__}, which holds other things than numbers.") from None
+        raise StudyError(f"{name!r} is {type(value).__name__}, which contains non-numeric values.") from None
 
 
 def reasons_of(data: xr.DataArray) -> dict[str, str]:
@@ -83,12 +92,81 @@ def reasons_of(data: xr.DataArray) -> dict[str, str]:
 
 
 def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray:
-    """Return a statistic with reasons why it is not known, by output, besides those that it has."""
+    """Return a statistic with reasons why its values are NaN, in addition to those that it has.
+
+    Parameters
+    ----------
+    data : xarray.DataArray
+        A statistic, or the standard error of a requirement.
+    reasons : mapping of str to str
+        Sentences by the name of the output or requirement; ``*`` stands for every one.
+
+    Returns
+    -------
+    xarray.DataArray
+        With the attribute ``unknown``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> found = statistics_dataset(labels(["x"], [], [0.0]), mean=[[0.0]], std=[[0.0]], skewness=[[np.nan]])
+    >>> with_reasons(found["skewness"], {"x": "all samples are equal"}).attrs["unknown"]
+    '{"x": "all samples are equal"}'
+    """
     whole = {**reasons_of(data), **reasons}
     return data.assign_attrs(unknown=json.dumps(whole)) if whole else data
 
 
-def check_values(statistics: xr.Dataset, path: str, *, end: float = np.inf, refused: Collection[str] = ()) -> None:
+def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) -> xr.Dataset:
+    """Return statistics in which variables that are NaN at some places of an output have its reason."""
+    found = {}
+    for name, data in statistics.data_vars.items():
+        if "output" not in data.dims or data.dtype.kind != "f" or not np.isnan(data.values).any():
+            continue
+        missing, others = data.isnull(), [dim for dim in data.dims if dim != "output"]
+        # what is NaN everywhere has another reason, as the circular mean of no angle
+        partly = (missing.any(others) & ~missing.all(others)).values
+        own = [str(x) for x, which in zip(data["output"].values, partly, strict=True) if which]
+        found[name] = with_reasons(data, {x: reasons[x] for x in own if x in reasons})
+    return statistics.assign(found) if found else statistics
+
+
+def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.Dataset, dict[str, list[str]]]:
+    """Give the default reason to shape statistics and standard errors that are NaN without a reason.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Statistics of outputs, or probabilities of requirements.
+    end : float
+        Time, s, after which there are no results.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same one where all reasons are stated.
+    dict
+        Outputs or requirements without a reason, by the name of the variable.
+    """
+    found: dict[str, list[str]] = {}
+    for name, dim in (*((name, "output") for name in _MAY_LACK_REASONS), ("std_error", "requirement")):
+        if name not in data or dim not in data[name].dims or data[name].dtype.kind != "f":
+            continue
+        missing = data[name].copy(data=np.isnan(data[name].values))
+        if not missing.any():
+            continue
+        missing &= ~_explained(data, name, end, (), dim)
+        which = missing.any([d for d in missing.dims if d != dim]).values
+        if which.any():
+            found[name] = [x for x, one in zip(_names(data, dim, len(which)), which, strict=True) if one]
+    stated = {name: with_reasons(data[name], dict.fromkeys(own, _NOT_STATED)) for name, own in found.items()}
+    return (data.assign(stated) if stated else data), found
+
+
+def check_values(
+    statistics: xr.Dataset, path: str, *, end: float = np.inf, refused: Collection[str] = (), before: bool = False
+) -> None:
     """Refuse values that no statistic has.
 
     Parameters
@@ -101,6 +179,8 @@ def check_values(statistics: xr.Dataset, path: str, *, end: float = np.inf, refu
         Time, s, after which there are no results.
     refused : collection of str
         Outputs without statistics.
+    before : bool
+        Whether they are of a schema before version 2, in which no NaN had a reason.
 
     Raises
     ------
@@ -110,29 +190,30 @@ def check_values(statistics: xr.Dataset, path: str, *, end: float = np.inf, refu
     held = [name for name in _KNOWN if name in statistics.data_vars and "output" in statistics[name].dims]
     for name in held:
         _check_real(statistics[name], f"{path}/{name}")
-    explained = {name: _explained(statistics, name, end, refused) for name in held}
+    explained = {name: _explained(statistics, name, end, refused) | before for name in held}
     if {"integration_error", "mean"} <= explained.keys():
         # of what has no mean the error is not known either
         explained["integration_error"] |= explained["mean"] & np.isnan(statistics["mean"].values)
     for name in held:
         data, where = statistics[name], f"{path}/{name}"
         if name in _INTERVALS:
-            lower, upper = data
-            bad = ~(lower <= upper) & ~(explained[name][0] & np.isnan(lower.values) & np.isnan(upper.values))
-            _refuse(where, bad, "a lower end that is not below the upper one", "numbers in order")
+            _check_order(data, where, data.copy(data=explained[name]))
         values = data.values
         missing, infinite = np.isnan(values), np.isinf(values)
         if name in _MAY_BE_INFINITE:
             infinite = infinite & (values < 0)
+        if before and name not in _FINITE_BEFORE:
+            infinite = np.zeros_like(infinite)
         bad = data.copy(data=infinite | (missing & ~explained[name]))
         if name == "quantile_error":
-            _refuse(where, bad, "a bound that is not a number from 0 on", "one")
+            _refuse(where, bad, data, "a finite bound, 0 or more")
         reason = "a number, or the reason of a NaN in the attribute 'unknown' of the variable: {output: reason}"
         _refuse(where, bad, "a value that is not finite", f"{reason}; failures must not enter")
         if name in _NOT_NEGATIVE or name in _SHARES:
-            _refuse(where, data < 0, "a negative value", "none")
+            expected = "a share from 0 to 1" if name in _SHARES else "a number that is 0 or more"
+            _refuse(where, data < 0, "a negative value", expected)
         if name in _SHARES:
-            _refuse(where, data > 1, "a share above 1", "none")
+            _refuse(where, data > 1, data, "a share from 0 to 1")
         if name == "kurtosis":
             expected = "the fourth standardised moment (3 for a normal), not the excess"
             _refuse(where, data < 1 - 1e-9, "a value below 1", expected)
@@ -145,7 +226,7 @@ def check_values(statistics: xr.Dataset, path: str, *, end: float = np.inf, refu
         _check_quantiles(statistics, path)
 
 
-def check_probabilities(data: xr.Dataset, path: str) -> None:
+def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) -> None:
     """Refuse values that probabilities of violation, their standard errors and intervals do not have.
 
     Parameters
@@ -154,6 +235,8 @@ def check_probabilities(data: xr.Dataset, path: str) -> None:
         As of `uqmbd.results.requirements_dataset`.
     path : str
         Where it is, for messages.
+    before : bool
+        Whether they are of a schema before version 2, in which no NaN had a reason.
 
     Raises
     ------
@@ -163,22 +246,41 @@ def check_probabilities(data: xr.Dataset, path: str) -> None:
     for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in data):
         _check_real(data[name], f"{path}/{name}")
     ends, probability, error = data["interval"], data["violation_probability"], data["std_error"]
-    lower, upper = ends.isel(bound=0, drop=True), ends.isel(bound=1, drop=True)
-    _refuse(f"{path}/interval", ~((ends >= 0) & (ends <= 1)), "no probability", "one, from 0 to 1")
-    _refuse(f"{path}/interval", lower > upper, "a lower end that is not below the upper one", "numbers in order")
+    lower, upper = _ends(ends, f"{path}/interval")
+    _refuse(f"{path}/interval", ~((ends >= 0) & (ends <= 1)), ends, "a probability from 0 to 1")
+    _check_order(ends, f"{path}/interval", ends.isnull())
     where = f"{path}/violation_probability"
     known = (lower > 0) | (upper < 1)
-    _refuse(where, probability.isnull() & known, "NaN", "a probability, or the interval from 0 to 1")
+    if not before:
+        _refuse(where, probability.isnull() & known, probability, "a probability, or the interval from 0 to 1")
     off = (probability < lower - 1e-9) | (probability > upper + 1e-9)
     _refuse(where, off, "a value outside of its interval", "a probability within it")
-    names, reasons = error["requirement"].values.tolist(), reasons_of(error)
-    told = np.array([name in reasons or EVERY in reasons for name in names], dtype=bool)
-    bad = error.copy(data=~(np.isfinite(error.values) & (error.values >= 0)) & ~(np.isnan(error.values) & told))
-    _refuse(f"{path}/std_error", bad, "no standard error", "a number from 0 on, or the reason of a NaN")
+    unknown = np.isnan(error.values) & (_explained(data, "std_error", np.inf, (), "requirement") | before)
+    bad = error.copy(data=~(np.isfinite(error.values) & (error.values >= 0)) & ~unknown)
+    expected = "a standard error that is finite and 0 or more, or the reason of a NaN in the attribute 'unknown'"
+    _refuse(f"{path}/std_error", bad, error, expected)
     if "violated_by" in data:
         by = data["violated_by"]
-        bad = ~((by >= 0) & (by <= 1)) & ~(by.isnull() & probability.isnull())
-        _refuse(f"{path}/violated_by", bad, "no probability", "one, from 0 to 1")
+        bad = ~((by >= 0) & (by <= 1)) & ~(by.isnull() & (probability.isnull() | before))
+        _refuse(f"{path}/violated_by", bad.transpose(*by.dims), by, "a probability from 0 to 1")
+
+
+def _ends(data: xr.DataArray, where: str) -> tuple[xr.DataArray, xr.DataArray]:
+    """Return the lower and the upper ends of intervals."""
+    if data.sizes.get("bound") != 2:
+        given = ", ".join(f"{dim}: {size}" for dim, size in data.sizes.items())
+        raise StudyError(f"{where}: found the dimensions ({given}); expected one that is called 'bound', of size 2.")
+    return data.isel(bound=0, drop=True), data.isel(bound=1, drop=True)
+
+
+def _check_order(data: xr.DataArray, where: str, explained: xr.DataArray) -> None:
+    """Refuse intervals whose ends are not in order; both may be NaN where that is explained."""
+    lower, upper = _ends(data, where)
+    bad = ~(lower <= upper) & ~(explained.isel(bound=0, drop=True) & lower.isnull() & upper.isnull())
+    if bool(bad.any()):
+        at = tuple(np.argwhere(bad.values)[0])
+        expected = f"numbers in order; the ends are {lower.values[at]:.6g} and {upper.values[at]:.6g}"
+        _refuse(where, bad, "a lower end that is not below the upper one", expected)
 
 
 def _check_real(data: xr.DataArray, where: str) -> None:
@@ -195,25 +297,29 @@ def _check_quantiles(statistics: xr.Dataset, path: str) -> None:
     quantile = statistics["quantile"]
     if "probability" in quantile.dims:
         falls = quantile.diff("probability") < -1e-9 * abs(quantile).max("probability")
-        _refuse(f"{path}/quantile", falls, "a quantile that falls with the probability", "none")
+        _refuse(f"{path}/quantile", falls, "a quantile that falls with the probability", "rising ones")
     if {"smallest", "largest"} <= set(statistics.data_vars):
         off = ~((statistics["smallest"] <= quantile) & (quantile <= statistics["largest"]))
         known = quantile.notnull() & statistics["smallest"].notnull() & statistics["largest"].notnull()
-        _refuse(f"{path}/quantile", off & known, "a quantile that is beyond the samples", "none")
+        _refuse(f"{path}/quantile", off & known, "a quantile that is beyond the samples", "one between them")
 
 
-def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str]) -> Mask:
+def _names(data: xr.Dataset, dim: str, count: int) -> list[str]:
+    """Return the names of outputs or requirements; their numbers where they have none."""
+    return [str(x) for x in data[dim].values] if dim in data.coords else [str(k) for k in range(count)]
+
+
+def _explained(statistics: xr.Dataset, name: str, end: float, refused: Collection[str], dim: str = "output") -> Mask:
     """Return where a NaN has a reason, in the shape of the variable."""
     data = statistics[name]
     reasons = reasons_of(data)
-    outputs = [str(x) for x in statistics["output"].values] if "output" in statistics.coords else []
-    outputs = outputs or [str(k) for k in range(data.sizes["output"])]
+    outputs = _names(statistics, dim, data.sizes[dim])
     told = np.array([x in refused or x in reasons or EVERY in reasons for x in outputs], dtype=bool)
     if data.attrs.get("reason") and not data.notnull().any():
         told[:] = True
     if name in ("circular_mean", "circular_std") and "output_angle" in statistics.coords:
         told |= statistics["output_angle"].values == 0
-    found: Mask = _along(told, "output", data)
+    found: Mask = _along(told, dim, data)
     if "time" in data.dims and "time" in statistics.coords:
         found = found | _along(statistics["time"].values > end, "time", data)
     if name == "circular_mean" and "circular_std" in statistics:
@@ -237,6 +343,9 @@ def place_of(bad: xr.DataArray) -> str:
     return ", ".join(parts)
 
 
-def _refuse(where: str, bad: xr.DataArray, found: str, expected: str) -> None:
+def _refuse(where: str, bad: xr.DataArray, found: str | xr.DataArray, expected: str) -> None:
+    """Raise at the first bad value; `found` is what it is, or the values themselves, with the dimensions of `bad`."""
     if bool(bad.any()):
+        if isinstance(found, xr.DataArray):
+            found = f"{found.values[tuple(np.argwhere(bad.values)[0])]:.6g}"
         raise StudyError(f"{where}: found {found} at {place_of(bad)}; expected {expected}.")

@@ -148,7 +148,8 @@ def load_with(source: Path, read: Callable[[Path, Mapping[str, Any]], xr.DataTre
     except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
         raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {error}") from error
     check_version(tree.attrs, str(source))
-    if tree.attrs.pop(_VERSION_ADDED, None):
+    if tree.attrs.pop(_VERSION_ADDED, None) and tree.attrs[_VERSION] == SCHEMA_VERSION:
+        # of an earlier version it stays, and says what the result need not have
         del tree.attrs[_VERSION]
     found = _decode_tree(tree, ordered=source.suffix == ".nc")
     found.set_close(tree.close)
