@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 import warnings
 
+import chaospy
 import numpy as np
 import pytest
+import sympy
 
 import uqmbd
+from uqmbd.dynamics.assembly import assembly
 from uqmbd.dynamics.build import build
-from uqmbd_drivers import PositionDriver
+from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Distance, Fixed, Prismatic, Revolute, Spherical
 
 TIMES = [0, 0.01]
@@ -29,9 +32,12 @@ def bar(mechanism, name, begin, end, **about):
     )
 
 
-def slider_crank(rng, *, folded, angle=0.0, beyond=None, **speeds):
-    """Crank, rod and slider on a line of any direction; `angle` out of the dead centre; the slider is prescribed."""
-    crank, rod = rng.uniform(0.05, 0.5), rng.uniform(0.6, 2.0)
+def slider_crank(rng, *, folded, angle=0.0, beyond=None, size=1.0, less=0.0, **speeds):
+    """Crank, rod and slider on a line of any direction; `angle` out of the dead centre; the slider is prescribed.
+
+    Its place is `beyond` cranks out of reach, `less` this length.
+    """
+    crank, rod = size * rng.uniform(0.05, 0.5), size * rng.uniform(0.6, 2.0)
     line = rng.uniform(0, 2 * np.pi)
     turn = angle + (np.pi if folded else 0.0)
     pin = crank * along(line + turn)
@@ -50,9 +56,10 @@ def slider_crank(rng, *, folded, angle=0.0, beyond=None, **speeds):
     if beyond is not None:
         reach = rod - crank if folded else rod + crank
         outwards = -1 if folded else 1
-        place = reach + outwards * beyond * crank
+        place = reach + outwards * (beyond * crank - less)
         mechanism.add(PositionDriver("cylinder", mechanism.ground, c, (0, 0), (0, 0), direction, place))
     mechanism.output("x", c.position[0], units="m")
+    mechanism.output("turning", a.angular_velocity, units="rad/s")
     return mechanism
 
 
@@ -121,10 +128,46 @@ def refusal(mechanism, integrator="auto"):
 @pytest.mark.parametrize("seed", QUICK)
 @pytest.mark.parametrize("folded", [False, True])
 def test_what_is_out_of_reach_is_named(seed, folded):
-    rng = np.random.default_rng(seed)
-    text = refusal(slider_crank(rng, folded=folded, beyond=10 ** rng.uniform(-6, -2)))
+    """The remedy is tried: by a little more than what is missing a length is changed, and the pose drawn bent."""
+    beyond = 10 ** np.random.default_rng(seed).uniform(-6, -2)
+    text = refusal(slider_crank(np.random.default_rng(seed), folded=folded, beyond=beyond))
     assert "dead centre" in text and "out of reach" in text, text
     assert "body 'crank'" in text and "body 'rod'" in text and "'pin'" in text and "'wrist'" in text
+    crank = np.random.default_rng(seed).uniform(0.05, 0.5)
+    missing = missing_length(text)
+    assert abs(missing / (beyond * crank) - 1) < 0.06
+    drawn = slider_crank(np.random.default_rng(seed), folded=folded, beyond=beyond, angle=0.05, less=1.1 * missing)
+    uqmbd.simulate(drawn, TIMES, integrator="dop853")
+
+
+def missing_length(text):
+    found = re.search(r"about (\S+) m are missing", text)
+    assert found is not None, text
+    return float(found[1])
+
+
+@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.thorough), 0.3])
+@pytest.mark.parametrize("bent", [pytest.param(0.0, marks=pytest.mark.thorough), 0.3])
+def test_only_small_gaps_may_be_of_rounding(gap, bent):
+    """Two links of 1 m between points that are farther apart than 2 m, held by a distance."""
+
+    def links(length):
+        mechanism = uqmbd.Mechanism("links", uqmbd.Planar())
+        middle = along(bent)
+        first = bar(mechanism, "first", (0, 0), middle)
+        second = bar(mechanism, "second", middle, middle + along(-bent))
+        mechanism.add(Revolute("base", mechanism.ground, first, (0, 0), (-0.5, 0)))
+        mechanism.add(Revolute("elbow", first, second, (0.5, 0), (-0.5, 0)))
+        mechanism.add(Distance("wire", mechanism.ground, second, (0, 0), (0.5, 0), length))
+        mechanism.output("x", second.position[0], units="m")
+        return mechanism
+
+    text = refusal(links(2 + gap))
+    assert "dead centre" in text and ("rounded" in text) == (gap < 1e-3), text
+    missing = missing_length(text)
+    assert abs(missing / gap - 1) < 0.06
+    if bent:
+        uqmbd.simulate(links(2 + gap - 1.1 * missing), TIMES, integrator="dop853")
 
 
 @pytest.mark.parametrize("seed", QUICK)
@@ -133,7 +176,7 @@ def test_a_pose_that_may_go_either_way_is_named_and_how_far_out_of_it_to_draw(se
     """The remedy is tried: drawn by so much out of the pose, to either side, the mechanism is assembled."""
     within = -(10 ** np.random.default_rng(seed).uniform(-6, -2))
     text = refusal(slider_crank(np.random.default_rng(seed), folded=folded, beyond=within))
-    assert "dead centre" in text and "either way" in text and "body 'crank'" in text, text
+    assert "dead centre" in text and "either side" in text and "body 'crank'" in text, text
     found = re.search(r"by about (\S+) m or rad", text)
     assert found is not None
     for side in (-1, 1):
@@ -171,6 +214,75 @@ def test_a_speed_that_is_magnified_beyond_all_digits_is_refused(integrator):
     text = refusal(slider_crank(np.random.default_rng(2), folded=False, angle=3e-7, slider=1.0), integrator)
     assert "next to a dead centre" in text and "body 'crank'" in text and "draw another pose" in text
     uqmbd.simulate(slider_crank(np.random.default_rng(2), folded=False, angle=1e-3, slider=1e-3), TIMES)
+
+
+@pytest.mark.parametrize("seed", QUICK)
+def test_speeds_are_not_refused_for_units_and_sizes(seed):
+    """A regular pose determines speeds, whatever the size of the mechanism, in closed form."""
+    rng = np.random.default_rng(seed)
+    size, angle, speed = 10 ** rng.uniform(-6, 3), rng.uniform(0.5, 2.5), 10 ** rng.uniform(-4, -1)
+    mechanism = slider_crank(np.random.default_rng(seed + 100), folded=False, angle=angle, size=size, slider=speed)
+    again = np.random.default_rng(seed + 100)
+    crank, rod = size * again.uniform(0.05, 0.5), size * again.uniform(0.6, 2.0)
+    sine = crank / rod * np.sin(angle)
+    rate = -speed / (crank * np.sin(angle) * (1 + crank / rod * np.cos(angle) / np.sqrt(1 - sine**2)))
+    found = uqmbd.simulate(mechanism, [0, 0.01 / abs(rate)], check=False)
+    assert abs(float(found["turning"][0]) / rate - 1) < 1e-5
+
+
+@pytest.mark.parametrize("exponent", [-7, *(pytest.param(k, marks=pytest.mark.thorough) for k in (-9, -3, 0, 8))])
+def test_a_start_condition_may_have_any_factor(exponent):
+    mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    body = mechanism.body("rotor", mass=1, inertia=0.03, position=(0.3, 0))
+    joint = mechanism.add(Revolute("hinge", mechanism.ground, body, at=(0, 0)))
+    mechanism.output("speed", joint.speed, units="rad/s")
+    mechanism.start(10.0**exponent * joint.speed, 1000 * 10.0**exponent)
+    found = uqmbd.simulate(mechanism, [0, 1e-6], check=False)
+    assert abs(float(found["speed"][0]) - 1000) < 1e-6
+
+
+def test_fast_speeds_of_many_realisations_are_looked_at_together(monkeypatch):
+    """By numbers of evaluations: a driver's rate of 157 is fast, and regular; what is singular is found among them."""
+    mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    body = mechanism.body("rotor", mass=1, inertia=0.03, position=(0.3, 0))
+    mechanism.add(Revolute("hinge", mechanism.ground, body, at=(0, 0)))
+    mechanism.add(RotationDriver("motor", mechanism.ground, body, 314 * uqmbd.t))
+    mechanism.output("x", body.position[0], units="m")
+    model, counts = build(mechanism), []
+    evaluate = assembly._speed_equations
+
+    def counted(*arguments):
+        counts.append(len(arguments[1]))
+        return evaluate(*arguments)
+
+    monkeypatch.setattr(assembly, "_speed_equations", counted)
+    found = assembly.assemble(model, model.parameters(np.zeros((300, 0))), 0.0)
+    assert not any(found.messages)
+    assert counts == [300]
+
+
+@pytest.mark.thorough
+def test_each_realisation_has_its_own_verdict(monkeypatch):
+    """Of a crank that is drawn at random angles those next to the dead centre are refused, in blocks as at once."""
+    mechanism = uqmbd.Mechanism("engine", uqmbd.Planar())
+    angle = uqmbd.RandomVariable("angle", chaospy.Normal(1.0, 0.1))
+    pin, tilt = (sympy.cos(angle), sympy.sin(angle)), -sympy.asin(sympy.sin(angle) / 3)
+    wrist = pin[0] + 3 * sympy.cos(tilt)
+    crank = mechanism.body("crank", mass=1, inertia=1, position=(pin[0] / 2, pin[1] / 2), angle=angle)
+    rod = mechanism.body("rod", mass=1, inertia=1, position=((pin[0] + wrist) / 2, pin[1] / 2), angle=tilt)
+    piston = mechanism.body("piston", mass=1, inertia=1, position=(wrist, 0), velocity=(1, 0))
+    mechanism.add(Revolute("main", mechanism.ground, crank, (0, 0), (-0.5, 0)))
+    mechanism.add(Revolute("pin", crank, rod, (0.5, 0), (-1.5, 0)))
+    mechanism.add(Revolute("wrist", rod, piston, (1.5, 0), (0, 0)))
+    mechanism.add(Prismatic("guide", mechanism.ground, piston, (0, 0), (0, 0), (1, 0), (1, 0)))
+    mechanism.output("x", piston.position[0], units="m")
+    model = build(mechanism)
+    angles = np.array([0.8, 3e-7, 1.0, 1e-4, 2e-7, -3e-7, 2.0])
+    parameters = model.parameters(angles[:, None])
+    for block in (1 << 20, 1):
+        monkeypatch.setattr(assembly, "BLOCK", block)
+        messages = assembly.assemble(model, parameters, 0.0).messages
+        assert ["next to a dead centre" in m for m in messages] == [abs(x) < 1e-6 for x in angles], messages
 
 
 @pytest.mark.parametrize("count", [2, 3])

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.conditions import met
 from uqmbd.dynamics.assembly.dead_centre import (
-    AMPLIFIED,
     amplified,
     dead_centre_of_pose,
     dead_centre_of_speeds,
@@ -52,6 +51,14 @@ ROUNDED = 2e-7
 They are the ones that give way; the constraints hold to rounding."""
 SLOW = 1e-4
 """Speed, m/s or rad/s, as which slower ones count where a dead centre magnifies them."""
+AMPLIFIED = 1e6
+"""Speed over what is stated of speeds, from which it is looked at how well the pose determines it."""
+DIGITS = 1e-6
+"""Part of a speed by which it may change with the pose, as far as that is closed."""
+BLOCK = 1 << 20
+"""Entries of gradients that are looked at together."""
+SHIFT = 1e-6
+"""How far along a motion gradients are compared, m or rad."""
 REFUSED = "State fewer of them, or consistent ones."
 LEAST_ROUNDED = 1e-8
 """The same, at least, m/s or rad/s."""
@@ -322,11 +329,48 @@ def velocities(
             messages[k] = message
     numbers = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
     stated = np.abs(all_parameters[:, numbers]).max(axis=1, initial=SLOW)
-    for k in np.flatnonzero(np.abs(v).max(axis=1, initial=0.0) > AMPLIFIED * stated).tolist():
-        one = slice(k, k + 1)
-        given = np.abs(_speed_equations(model, q[one], s[one], time, parameters[one], all_parameters[one])[1])
-        messages[k] = messages[k] or amplified(model, v[k], max(SLOW, float(given.max(initial=0.0))))
+    fast = np.flatnonzero(np.abs(v).max(axis=1, initial=0.0) > AMPLIFIED * stated)
+    together = max(1, BLOCK // ((len(model.equations) + v.shape[1]) * v.shape[1]))
+    for first in range(0, len(fast), together):
+        some = fast[first : first + together]
+        which, given = _undetermined(model, q[some], s[some], v[some], time, parameters[some], all_parameters[some])
+        for k, size in zip(some[which].tolist(), given.tolist(), strict=True):
+            messages[k] = messages[k] or amplified(model, v[k], size)
     return v, messages
+
+
+def _undetermined(
+    model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array, all_parameters: Array
+) -> tuple[Index, Array]:
+    """Find the velocities (K, n) of which a pose that is closed as far as it can be does not determine six digits.
+
+    A ratio of speeds does not tell: it changes with units and lengths.  What tells is how velocities change with the
+    pose, along the motion itself.
+
+    Returns
+    -------
+    which : array of int
+    given : array
+        Largest speed that is stated, over the length of its gradient, of each of them.
+    """
+    a, b, _ = _speed_equations(model, q, s, time, parameters, all_parameters)
+    length = np.linalg.norm(a, axis=2)
+    length = np.where(length > 1e-12, length, 1.0)
+    given = np.abs(b / length).max(axis=1, initial=SLOW)
+    largest = np.abs(v).max(axis=1, initial=0.0)
+    which = np.flatnonzero((largest > AMPLIFIED * given) & np.isfinite(v).all(axis=1))
+    if not len(which):
+        return which, given[which]
+    q, s, v, largest, length = q[which], s[which], v[which], largest[which], length[which]
+    left = []
+    for side in (SHIFT, -SHIFT):
+        moved = q + side * v / largest[:, None]
+        rows, right, _ = _speed_equations(model, moved, s, time, parameters[which], all_parameters[which])
+        left.append((right - (rows @ v[:, :, None])[:, :, 0]) / length)
+    change = least_norm(a[which] / length[:, :, None], (left[0] - left[1]) / (2 * SHIFT), truncate=True)
+    off = POSITION_TOLERANCE * np.maximum(1.0, np.abs(q[:, : model.dimension]).max(axis=1, initial=0.0))
+    lost = off * np.abs(change).max(axis=1) > DIGITS * largest
+    return which[lost], given[which][lost]
 
 
 def _stated(

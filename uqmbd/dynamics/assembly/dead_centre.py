@@ -1,9 +1,8 @@
 """Dead centres: poses in which constraints, or what is stated of velocities, depend on each other, and only there.
 
-There a linear combination of the equations, the left singular vector of a singular value that vanishes, is felt by no
-coordinate.  Equations that follow from others have such a combination, too, but in every pose.  What tells a dead
-centre is therefore looked at along the motions that are left: how the combination is curved, or whether it is felt
-next to the pose.
+There a linear combination of the equations, the left singular vector of a singular value that vanishes, is in the left
+null space of the Jacobian.  Equations that follow from others have such a combination, too, but in every pose.  A dead
+centre is recognised by the curvature of the residual along the remaining motions, or by what can be realised near it.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array, Index
 
 __all__ = [
-    "AMPLIFIED",
     "amplified",
     "dead_centre_of_pose",
     "dead_centre_of_speeds",
@@ -51,8 +49,8 @@ NEWTON = 8
 DIRECTIONS = 12
 """Motions along which is looked, at most."""
 
-AMPLIFIED = 1e6
-"""Speed over what is stated of speeds, from which a pose that is closed to 1e-12 tells less than six digits of it."""
+ROUNDED_LENGTH = 1e-3
+"""Part of the size of the mechanism that rounded numbers may leave open."""
 
 Close = Callable[[Array], tuple[Array, list[str]]]
 
@@ -110,14 +108,32 @@ def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, 
     if curvature < 0:
         far = float(np.sqrt(2 * size / -curvature))
         return (
-            f"{found}, and they may go either way. Draw {bodies} out of it to the side that is meant, by about "
-            f"{far:.1g} m or rad{others}."
+            f"{found}, and the mechanism may move to either side. Draw {bodies} out of it to the intended side, "
+            f"by about {far:.1g} m or rad{others}."
         )
+    gap = _missing(model, combined[:, None] * _phi_q(model, q, time, parameters), size)
+    missing = f": about {gap:.2g} m are missing" if np.isfinite(gap) else ""
+    if gap < ROUNDED_LENGTH * model.length:
+        missing += ", as numbers that were rounded may leave"
+    amount = " by a little more than that" if np.isfinite(gap) else ""
     return (
-        f"{found}, and any motion opens them farther: lengths, or what a driver prescribes, are just out of reach, as "
-        f"numbers that were rounded may be. Correct them by about what is left open, or draw {bodies} well out of this "
-        f"pose with lengths that reach{others}."
+        f"{found}, and any motion opens them farther: lengths, or what a driver prescribes, are out of reach{missing}. "
+        f"Change one of them{amount}, and draw {bodies} out of this pose{others}."
     )
+
+
+def _missing(model: Model, pull: Array, size: float) -> float:
+    """Find how far apart the points of the most loaded joint must be moved to close all equations; infinite if none.
+
+    `pull` are the gradients (equation, coordinate) times the null combination, of which `size` is left open: their sums
+    over the equations of a joint are forces on the bodies, whatever the form of the equations.
+    """
+    forces = pull.reshape(len(pull), len(model.bodies), -1)[:, :, : model.dimension]
+    owners = np.unique(np.array(model.owners), return_inverse=True)[1]
+    summed = np.zeros((int(owners.max()) + 1, *forces.shape[1:]))
+    np.add.at(summed, owners, forces)
+    largest = float(np.linalg.norm(summed, axis=2).max())
+    return size / largest if largest > 1e-6 else np.inf
 
 
 def dead_centre_of_speeds(
@@ -163,15 +179,12 @@ def _met(drawn: Array, error: float, contradiction: Callable[[Array], float], cl
 
 
 def amplified(model: Model, v: Array, given: float) -> str:
-    """Say that a pose is so near to a dead centre that what is stated of speeds determines nothing; empty if not."""
-    largest = float(np.abs(v).max(initial=0.0))
-    if not largest > AMPLIFIED * given:
-        return ""
+    """Say that a pose is so near to a dead centre that what is stated of speeds does not determine them."""
     bodies = _moved(model, v)
     return (
-        f"the pose is next to a dead centre: what is stated of velocities, {given:.3g} at most, would need speeds of "
-        f"{largest:.1g} m/s or rad/s of {bodies}, which a pose that is closed to 1e-12 does not determine. State "
-        f"velocities of {bodies} instead, or draw another pose, farther along the motion."
+        f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
+        f"of {float(np.abs(v).max()):.1g} m/s or rad/s of {bodies}, which a pose that is closed to 1e-12 does not "
+        f"determine. State velocities of {bodies} instead, or draw another pose, farther along the motion."
     )
 
 
