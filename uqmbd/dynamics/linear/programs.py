@@ -13,7 +13,7 @@ from uqmbd.compiled import Constraints, Dynamics, Kernel, Part, Program, Writer
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.fronts import FrontalSolver
 from uqmbd.dynamics.linear.residual import RowResiduals
-from uqmbd.typing import Index
+from uqmbd.typing import Index, Mask
 
 __all__ = ["Motion", "Programs", "Solver", "programs_of"]
 
@@ -99,18 +99,32 @@ def _turning(model: Model) -> Index:
     for _, row, column in (x for x in model.evaluators["velocity"].targets if x[0] == "d"):
         if row not in norms:
             joined.setdefault(model.owners[row], set()).add(column // model.size)
-    links = [bodies | ({-1} if len(bodies) == 1 else set()) for bodies in joined.values()]
-    # ends of the tree are taken off until loops are left, and what is between them
-    left, before = set(range(len(model.bodies))), -1
-    while before != len(left):
-        before = len(left)
-        for body in sorted(left):
-            at = [link for link in links if body in link]
-            if not at or (len(at) == 1 and len(at[0]) == 2):
-                left.discard(body)
-                links = [link for link in links if body not in link]
-    tree = np.array([k not in left for k in range(len(model.bodies))])
+    tree = _in_no_loop(len(model.bodies), [b | ({-1} if len(b) == 1 else set()) for b in joined.values()])
     return found[tree & ~np.isin(found, model.layout.frozen).all(axis=1)]
+
+
+def _in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
+    """Tell which bodies, shape (bodies,), are in no loop of links, nor between loops and the ground (-1).
+
+    Ends of the tree are taken off until none is left.  A link of three bodies is never taken off.
+    """
+    at: list[set[int]] = [set() for _ in range(bodies)]
+    for number, link in enumerate(links):
+        for body in link - {-1}:
+            at[body].add(number)
+    tree = np.zeros(bodies, dtype=bool)
+    ends = [k for k in range(bodies) if len(at[k]) < 2]
+    while ends:
+        body = ends.pop()
+        if tree[body] or any(len(links[k]) != 2 for k in at[body]):
+            continue
+        tree[body] = True
+        for number in at[body]:  # one, or none
+            for other in links[number] - {body, -1}:
+                at[other].discard(number)
+                if len(at[other]) < 2:
+                    ends.append(other)
+    return tree
 
 
 def programs_of(
