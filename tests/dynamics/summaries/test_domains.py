@@ -18,7 +18,10 @@ import sympy
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, integrate, margins_of, scalars_of
+from uqmbd.dynamics.summaries import resolved
 from uqmbd.dynamics.summaries.domain import DEEPEST
+from uqmbd.dynamics.summaries.motion import Motion
+from uqmbd.dynamics.summaries.rates import exponential_types
 from uqmbd.dynamics.summaries.resolved import ROUGH
 from uqmbd.mechanism import domain_of
 from uqmbd.propagation.observed_model import observed_model
@@ -353,6 +356,60 @@ def test_narrow_features_of_time_are_found(place):
     assert float(found["area"]) == pytest.approx(np.sqrt(np.pi / 1e9), rel=1e-5)
     assert float(found["pulse"]) == pytest.approx(1e-4, rel=1e-5)
     assert float(found["high"]) == 1
+
+
+W = uqmbd.RandomVariable("w", chaospy.Uniform(1, 5000))
+
+PERIODIC = {
+    "sine": lambda f, t: f.sin(W * t),
+    "product": lambda f, t: f.sin(W * t) * f.cos(3 * t + W) * (t + 1) ** 2,
+    "cube": lambda f, t: (f.cos(W * t / 3) + t / 2) ** 3,
+    "decay": lambda f, t: f.exp(-W * t) + f.sin(2 * t),
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", PERIODIC)
+def test_slow_outputs_of_time_are_not_looked_at(kind, monkeypatch):
+    """Their summaries are the same to the bit as if they were, and those of mpmath; a look is at some at once."""
+    looked, most = [], [0]
+    divided, observed = resolved._divided, Motion.observed
+
+    def noted(motion, outputs, step, *args):
+        looked.extend(np.unique(motion.course.owner[step]).tolist())
+        return divided(motion, outputs, step, *args)
+
+    def counted(motion, outputs, steps, *args):
+        most[0] = max(most[0], len(steps))
+        return observed(motion, outputs, steps, *args)
+
+    monkeypatch.setattr(resolved, "_divided", noted)
+    monkeypatch.setattr(Motion, "observed", counted)
+    mechanism, _ = moving()
+    expression = PERIODIC[kind](sympy, uqmbd.t)
+    mechanism.output("top", uqmbd.maximum(expression))
+    mechanism.output("area", uqmbd.integral(expression))
+    rates = np.array([1.0, 3, 10, 30, 100, 130, 200, 300, 505, 520, 700, 1000, 1500, *np.linspace(2, 400, 51)])
+    found = computed(mechanism, rates)
+    assert 1 not in looked
+    assert 12 in looked
+    assert most[0] < 40_000
+    monkeypatch.setattr(resolved, "SLOW", -1.0)
+    everywhere = computed(mechanism, rates)
+    assert set(looked) == set(range(len(rates)))
+    np.testing.assert_array_equal(found.values, everywhere.values)
+    for rate, values in zip(rates, found.values, strict=True):
+        curve = sympy.lambdify(uqmbd.t, expression.subs(W, rate), "numpy")
+        times = np.linspace(0, END, 40_001)
+        assert values[0] == pytest.approx(curve(times).max(), abs=2e-4)
+        assert values[1] == pytest.approx(scipy.integrate.simpson(curve(times), times), abs=1e-6)
+
+
+def test_types_of_functions_of_time_that_are_not_known():
+    t, s = uqmbd.t, sympy
+    narrow = [s.exp(-(t**2)), s.Heaviside(t - 1), s.floor(t), 1 / (1 + t**2), (t - t**2) ** 4000, s.sin(t**2)]
+    narrow += [s.Abs(t - 1), s.sqrt(t + 1), s.exp(s.sin(t)), t**17, s.Piecewise((1, t < 1), (2, True))]
+    assert [exponential_types(e * W + s.sin(t)) for e in narrow] == [None] * len(narrow)
 
 
 @pytest.mark.parametrize("summary", ["maximum", pytest.param("root_mean_square", marks=pytest.mark.thorough)])

@@ -18,7 +18,8 @@ from uqmbd.compiled import FINE, PLACES, SERIES, Need
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.extremes import SAME
 from uqmbd.dynamics.summaries.motion import Motion
-from uqmbd.dynamics.summaries.resolved import SHARE, Parts, values_at
+from uqmbd.dynamics.summaries.rates import exponential_types
+from uqmbd.dynamics.summaries.resolved import SHARE, Parts, Timed, values_at
 from uqmbd.mechanism import Output, domain_of, random_variables, t
 from uqmbd.typing import Array, Index, Mask
 
@@ -60,15 +61,15 @@ class Domain:
         Of the expressions; None: they are finite real numbers everywhere.
     conditions : tuple of tuple of (int, bool)
         Of each expression: which part, and whether it has to be other than zero; else it has to be zero or above.
-    timed : OutputMap or None
-        Those of the expressions that are of time and inputs alone, so that no state tells how fast they change.
+    timed : Timed or None
+        Those of the expressions that are of time and inputs alone.
     exact : tuple of bool
         Which parts are: they have no error of the integration.
     """
 
     parts: OutputMap | None
     conditions: tuple[tuple[tuple[int, bool], ...], ...]
-    timed: OutputMap | None = None
+    timed: Timed | None = None
     exact: tuple[bool, ...] = ()
 
     @property
@@ -96,10 +97,14 @@ def domain_map(
         found.append([one for one in domain_of(expression) if one.moves or one not in shown_by])
     parts = list(dict.fromkeys(one.part for some in found for one in some))
     timed = [e for e in dict.fromkeys(followed) if e.free_symbols - random_variables(e) == {t}]
-    limits, alone = (compiled([Output(str(e), e, "") for e in some]) if some else None for some in (parts, timed))
+    rates = [exponential_types(e) for e in timed]
+    bounds = None if None in rates else list(dict.fromkeys(one for some in rates for one in some or ()))
+    limits, alone, fastest = (
+        compiled([Output(str(e), e, "") for e in some]) if some else None for some in (parts, timed, bounds)
+    )
     conditions = tuple(tuple((parts.index(one.part), one.nonzero) for one in some) for some in found)
     exact = tuple(part.free_symbols - random_variables(part) <= {t} for part in parts)
-    return Domain(limits, conditions, alone, exact)
+    return Domain(limits, conditions, None if alone is None else Timed(alone, fastest), exact)
 
 
 def not_finite_since(parts: Parts, column: int) -> Array:

@@ -19,7 +19,7 @@ from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.motion import Motion
 from uqmbd.typing import Array, Index
 
-__all__ = ["SHARE", "Parts", "part_table", "resolved", "values_at"]
+__all__ = ["SHARE", "Parts", "Timed", "part_table", "resolved", "values_at"]
 
 
 SHARE = 0.02
@@ -44,6 +44,29 @@ tells how fast it changes."""
 
 LONGEST = 1 / 64
 """Part of the whole time that a part lasts at most: what an output does for a moment shows in some of its points."""
+
+
+SLOW = 4 / LONGEST
+"""Rate times whole time up to which such an output is not looked at: no part is longer than four radians then, and the
+coefficients of its polynomial show all that it does."""
+
+VALUES_AT_ONCE = 1 << 18
+"""Numbers of a look at once, which bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Outputs of time and inputs alone, so that no state tells how fast they change.
+
+    Attributes
+    ----------
+    outputs : OutputMap
+    rates : OutputMap or None
+        Bounds on how fast they change, rad/s, of inputs alone; None: nothing is known.
+    """
+
+    outputs: OutputMap
+    rates: OutputMap | None
 
 
 def values_at(coefficients: Array, places: Array) -> Array:
@@ -140,7 +163,7 @@ def resolved(
     motion: Motion,
     outputs: OutputMap,
     table: PartTable,
-    timed: OutputMap | None = None,
+    timed: Timed | None = None,
     since: Array | None = None,
 ) -> Parts:
     """Resolve outputs along a motion as far as is needed; what was in the table is lost.
@@ -150,7 +173,7 @@ def resolved(
     motion : Motion
     outputs : OutputMap
     table : PartTable
-    timed : OutputMap, optional
+    timed : Timed, optional
         Those of the outputs that are of time and inputs alone.
     since : array, shape (R,), optional
         Time from which on an output is no finite real number, s; infinite: nowhere.  Parts begin there, for what is not
@@ -184,9 +207,35 @@ def _begun(course: Course) -> tuple[Index, Array, Array]:
 
 
 def _looked_through(
-    motion: Motion, timed: OutputMap, step: Index, low: Array, high: Array, share: float
+    motion: Motion, timed: Timed, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
     """Divide parts on which outputs of time alone do what their polynomials do not show: of which step, from, to."""
+    course = motion.course
+    owner = course.owner[step]
+    turns = np.append(np.flatnonzero(np.diff(owner, prepend=-1)), len(owner))
+    fast = np.ones(len(turns) - 1, dtype=bool)
+    if timed.rates is not None:
+        first = turns[:-1]
+        rates = motion.observed(timed.rates, step[first], low[first], high[first])[:, :, 0].max(axis=1)
+        whole = np.add.reduceat((high - low) * (course.last - course.begin)[step], first)
+        fast = ~(rates * whole <= SLOW)
+    at_once = max(1, int(VALUES_AT_ONCE * FINEST) // (len(PLACES) * len(timed.outputs.names)))
+    found, which = [], np.flatnonzero(fast)
+    for k in range(0, len(which), at_once):
+        some = which[k : k + at_once]
+        chosen = np.concatenate([np.arange(turns[r], turns[r + 1]) for r in some])
+        found.append(_divided(motion, timed.outputs, step[chosen], low[chosen], high[chosen], share))
+    left = np.repeat(~fast, np.diff(turns))
+    found.append((step[left], low[left], high[left]))
+    step, low, high = (np.concatenate(each) for each in zip(*found, strict=True))
+    order = np.argsort(course.owner[step], kind="stable")
+    return step[order], low[order], high[order]
+
+
+def _divided(
+    motion: Motion, outputs: OutputMap, step: Index, low: Array, high: Array, share: float
+) -> tuple[Index, Array, Array]:
+    """Divide parts of some realisations where outputs leave their polynomials: of which step, from, to."""
     course = motion.course
     extent = (course.last - course.begin)[step]
     turns = np.flatnonzero(np.diff(course.owner[step], prepend=-1))
@@ -194,19 +243,23 @@ def _looked_through(
     number = np.cumsum(np.diff(course.owner[step], prepend=course.owner[step[:1]]) != 0)
     whole = np.add.reduceat(length, turns)[number]
     count = np.maximum(1, np.ceil(length / np.where(whole > 0, FINEST * whole, 1.0) - 1e-9)).astype(np.int64)
-    part = np.repeat(np.arange(len(step)), count)
-    among = np.arange(len(part)) - np.repeat(np.cumsum(count) - count, count)
+    part, begun = np.repeat(np.arange(len(step)), count), np.cumsum(count) - count
+    among = np.arange(len(part)) - begun[part]
     begin, end = among / count[part], np.where(among + 1 == count[part], 1.0, (among + 1) / count[part])
     span = (high - low)[part]
     left, right = low[part] + begin * span, np.where(end == 1.0, high[part], low[part] + end * span)
-    seen = motion.observed(timed, step[part], left, right)
+    seen = motion.observed(outputs, step[part], left, right)
     with np.errstate(invalid="ignore"):
-        series = motion.observed(timed, step, low, high) @ SERIES
-        places = 2 * (begin[:, None] + (end - begin)[:, None] * PLACES) - 1
-        vander = np.polynomial.chebyshev.chebvander(places, len(PLACES) - 1)
-        expected = np.einsum("epk,eok->eop", vander, series[part])
-        wrong = np.maximum.reduceat(np.abs(seen - expected).max(axis=2), np.flatnonzero(among == 0))
-        size = np.maximum.reduceat(np.abs(seen).max(axis=2), np.flatnonzero(np.diff(number[part], prepend=-1)))
+        series = motion.observed(outputs, step, low, high) @ SERIES
+        highest = np.abs(seen).max(axis=2)
+        size = np.maximum.reduceat(highest, np.flatnonzero(np.diff(number[part], prepend=-1)))
+        wrong = np.empty((len(step), len(outputs.names)))
+        for c in np.unique(count).tolist():  # mostly a few: the parts of a step are alike
+            alike = np.flatnonzero(count == c)
+            places = 2 * (np.arange(c)[:, None] + PLACES) / c - 1
+            vander = np.polynomial.chebyshev.chebvander(places.ravel(), len(PLACES) - 1)
+            values = seen[begun[alike, None] + np.arange(c)].transpose(0, 2, 1, 3).reshape(*wrong[alike].shape, -1)
+            wrong[alike] = np.abs(values - series[alike] @ vander.T).max(axis=2)
         missed = wrong > np.maximum(SURPRISE * np.abs(series[:, :, -4:]).sum(axis=2), share * size[number])
     chosen = (missed | np.isnan(wrong)).any(axis=1)
     kept = chosen[part] | (among == 0)
