@@ -61,7 +61,8 @@ def test_mistakes(cli, words, part):
 
 def test_film_without_ffmpeg(cli, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    status, _, err = cli("animate", "nowhere.py", "--out", "x.mp4")
+    (tmp_path / "fails.py").write_text("raise RuntimeError('it ran')\n")
+    status, _, err = cli("animate", "fails.py", "--out", "x.mp4")
     assert status == 2 and "ffmpeg, which is not on the path" in err
 
 
@@ -74,7 +75,8 @@ def test_check_draws(cli, tmp_path, ending, start):
 
 
 def test_check_refuses_other_pictures_before_the_script_runs(cli, tmp_path):
-    status, _, err = cli("check", "nowhere.py", "--figure", "figure.docx")
+    (tmp_path / "fails.py").write_text("raise RuntimeError('it ran')\n")
+    status, _, err = cli("check", "fails.py", "--figure", "figure.docx")
     assert status == 2 and ".png, .svg or .pdf" in err
     (tmp_path / "file").write_text("")
     status, _, err = cli("check", "falling_stone.py", "--figure", "file/figure.png")

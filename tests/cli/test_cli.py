@@ -502,7 +502,7 @@ def test_without_a_report_none_is_written(cli, study, tmp_path):
     """The results are there, what would be wrong with a report is not looked at, and it is said how to get one."""
     status, out, err = cli("run", study(), "--out", "r", "--no-report")
     assert status == 0 and "writing the report" not in err
-    assert {path.name for path in (tmp_path / "r").iterdir()} == {"results.nc"}
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {"results.nc", ".uqmbd-manifest.json"}
     assert "for one: uqmbd report r" in out
 
 

@@ -172,7 +172,9 @@ def test_interrupted_runs_go_on_in_place_with_the_same_bits(
     assert total == 10
     assert content(tree, tmp_path) == whole[more]
     save(tree, tmp_path / "results.nc")
-    left = {"results.nc", "monte-carlo-samples.zarr"} | ({"monte-carlo-scalars-samples.zarr"} if more else set())
+    left = {".uqmbd-manifest.json", "results.nc", "monte-carlo-samples.zarr"} | (
+        {"monte-carlo-scalars-samples.zarr"} if more else set()
+    )
     assert {p.name for p in tmp_path.iterdir()} == left
 
 
