@@ -139,7 +139,7 @@ def run_sobol(
         halves = [_at(responses, where[part]) for where in (first, second)]
         censored = found.status == Status.CENSORED
         fine = (found.good | censored).reshape(dimension, -1)
-        # of outputs that do not happen nothing will be said
+        # outputs that do not happen get no further message
         given = np.where(censored[:, None, None] & np.isnan(found.response), 0.0, found.response)
         mixed = given.reshape(dimension, -1, *problem.labels.shape)
         usable = np.all([fine.all(axis=0), *(np.isfinite(x).all(axis=(1, 2)) for x in halves)], axis=0)

@@ -17,7 +17,7 @@ FREE, BALL = 0, 1
 """Kinds of joints of MuJoCo."""
 
 POINT = (0.1, 0.2, 0.3)
-"""What is followed of each body, m, in its frame: it tells where the body is and how it has turned."""
+"""Point that is followed on each body, m, in its frame: it depends on the position and the rotation."""
 
 
 def turning(quaternion, rate):

@@ -344,7 +344,7 @@ def test_a_limit_that_is_as_slow_as_a_logarithm_is_finite():
     [0.01234, pytest.param(0.2543, marks=pytest.mark.thorough), pytest.param(0.4711, marks=pytest.mark.thorough)],
 )
 def test_narrow_features_of_time_are_found(place):
-    """Peaks of a ten-thousandth of the time, and pulses, where no state tells of them."""
+    """Peaks of a ten-thousandth of the time, and pulses, which no state follows."""
     t = uqmbd.t
     mechanism, _ = moving()
     mechanism.output("top", uqmbd.maximum(sympy.exp(-sympy.Float("1e9") * (t - place) ** 2)))
