@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import sys
 from pathlib import Path
@@ -9,15 +10,21 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "studies" / "benchmarks"))
-robots = importlib.import_module("robots")
-sys.path.pop(0)
-
 FREE, BALL = 0, 1
 """Kinds of joints of MuJoCo."""
 
 POINT = (0.1, 0.2, 0.3)
 """Point that is followed on each body, m, in its frame: it depends on the position and the rotation."""
+
+
+@functools.cache
+def benchmark():
+    """Benchmark of robots, which has the peers' equations; it needs MuJoCo."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "studies" / "benchmarks"))
+    try:
+        return importlib.import_module("robots")
+    finally:
+        sys.path.pop(0)
 
 
 def turning(quaternion, rate):
@@ -32,6 +39,7 @@ def motion_of_mujoco(path, times, names):
 
     Bodies between several joints of one, which MuJoCo does not have, are NaN.
     """
+    robots = benchmark()
     peer = robots.MuJoCo(str(path))
     m, d = peer.model, peer.data
     kinds = [(int(k), int(a), int(b)) for k, a, b in zip(m.jnt_type, m.jnt_qposadr, m.jnt_dofadr, strict=True)]
@@ -67,6 +75,7 @@ def motion_of_mujoco(path, times, names):
 
 def motion_of_pinocchio(path, times, names):
     """Return where points (time, link, 3) of links are, of a URDF file, from its zero pose, followers where they belong."""
+    robots = benchmark()
     loaded = robots.load(str(path), "urdf")
     robots.read_inertials(loaded)
     tree = robots.extract(loaded, couplings=robots.mimics(loaded)[0])

@@ -90,10 +90,10 @@ def claimed(folder: Path | None) -> Iterator[None]:
 
 def _locked(folder: Path, lock: Path) -> int:
     while True:
-        made = _made(folder, lock)
         try:
+            made = _made(folder, lock)
             handle = no_link(lock, os.O_RDWR) if made is None else made
-        except FileNotFoundError:  # whoever held it has removed it
+        except FileNotFoundError:  # another run removed the lock at its end, or swept our unfinished one when it took the folder
             continue
         except OSError as error:  # a link, or a folder
             raise _not_a_lock(lock) from error
