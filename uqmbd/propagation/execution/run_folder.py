@@ -90,10 +90,10 @@ def claimed(folder: Path | None) -> Iterator[None]:
 
 def _locked(folder: Path, lock: Path) -> int:
     while True:
+        made = _made(folder, lock)
         try:
-            made = _made(folder, lock)
             handle = no_link(lock, os.O_RDWR) if made is None else made
-        except FileNotFoundError:  # another run removed the lock at its end, or swept our unfinished one when it took the folder
+        except FileNotFoundError:  # whoever held it has removed it
             continue
         except OSError as error:  # a link, or a folder
             raise _not_a_lock(lock) from error
@@ -121,12 +121,15 @@ def _made(folder: Path, lock: Path) -> int | None:
         return None
     with scratch(folder) as place:
         part = place / "new"
-        handle = no_link(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+        try:
+            handle = no_link(part, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+        except FileNotFoundError:  # another run has the folder, and swept this
+            return None
         try:
             _write(handle)
             _lock(handle)
             os.link(part, lock)
-        except FileExistsError:
+        except (FileExistsError, FileNotFoundError):  # likewise
             os.close(handle)
             return None
         except OSError as error:
