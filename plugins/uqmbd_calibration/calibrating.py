@@ -22,7 +22,7 @@ def calibrate(
     records: Record | Sequence[Record],
     *,
     surrogate: uqmbd.Propagator | Calibration | None = None,
-    realisations: int = 200,
+    realisations: int | None = None,
     draws: int = 4000,
     chains: int = 4,
     noise: Literal["normal", "student"] = "normal",
@@ -48,8 +48,9 @@ def calibrate(
         order that about half of the realisations suffice for, aligned where that is better.
         An earlier calibration, in this process, with records at the same times: its surrogate is used again, and its
         realisations are counted again.
-    realisations : int
+    realisations : int, optional
         Realisations of the mechanism, at most, for each operating point and machine; those of the surrogate count.
+        By default 200, or 45 for each random input where that is more.
     draws, chains : int
         Draws of the posterior that are kept, all together, and independent ensembles of walkers that they come from.
     noise : {"normal", "student"}
@@ -109,6 +110,8 @@ def calibrate(
     require_sampler()
     if on not in ("surrogate", "mechanism"):
         raise uqmbd.StudyError(f"calibrate: on is {on!r}; expected 'surrogate' or 'mechanism'.")
+    if realisations is None:
+        realisations = max(FEW, EACH * len(study.mechanism.inputs))
     _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
     with uqmbd.pool(workers) as executor:
         found = find(
@@ -152,6 +155,9 @@ def _method(surrogate: object) -> uqmbd.Propagator | Found | None:
         + "; expected a method, as Collocation(order=4), or what calibrate() returned in this process."
     )
 
+
+FEW, EACH = 200, 45
+"""Realisations by default: at least, and for each input, as quadratic corrections about a maximum and checks take."""
 
 MANY = 10**8
 """Realisations, draws and chains, at most."""

@@ -58,11 +58,14 @@ class Calibrate:
             bool, typer.Option("--robust", help="Noise of Student's t distribution, for records with outliers.")
         ] = False,
         realisations: Annotated[
-            int,
+            int | None,
             typer.Option(
-                "--realisations", metavar="N", min=1, help="Realisations, at most, of each operating point and machine."
+                "--realisations",
+                metavar="N",
+                min=1,
+                help="Realisations, at most, of each operating point and machine (200, or 45 for each random input).",
             ),
-        ] = 200,
+        ] = None,
         seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the draws.")] = 0,
         only: Annotated[
             list[str] | None,

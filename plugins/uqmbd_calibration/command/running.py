@@ -29,7 +29,7 @@ class Options:
     units: Sequence[str] = ()
     known: Sequence[str] = ()
     robust: bool = False
-    realisations: int = 200
+    realisations: int | None = None
     seed: int = 0
     only: Sequence[str] = ()
     workers: uqmbd.Workers = field(default_factory=uqmbd.Workers)

@@ -41,7 +41,12 @@ class Peaks:
 
 
 def climb(
-    target: Posterior, starts: Array, steps: int = 30, difference: Array | float = STEP, reach: float = REACH
+    target: Posterior,
+    starts: Array,
+    steps: int = 30,
+    difference: Array | float = STEP,
+    reach: float = REACH,
+    within: float = np.inf,
 ) -> Peaks:
     """Climb from starts (K, N) to maxima of the posterior density.
 
@@ -56,8 +61,13 @@ def climb(
         Steps of central differences.
     reach : float
         Standard deviations of the prior beyond which nothing is looked for.
+    within : float
+        Standard deviations of the prior by which an input may move from its start: a trust region.
     """
     at = target.with_levels(starts).copy()
+    # a start beyond the reach stays admissible
+    lower = np.minimum(np.maximum(starts - within, -reach), starts)
+    upper = np.maximum(np.minimum(starts + within, reach), starts)
     damping = np.full(len(at), 1e-2)
     now = target.linearised(at, difference)
     cost, gradient, hessian = now.cost.copy(), now.gradient.copy(), now.hessian.copy()
@@ -70,7 +80,7 @@ def climb(
         damped = hessian[rows] + damping[rows, None, None] * diagonal[:, :, None] * np.eye(at.shape[1])
         step = -np.linalg.solve(damped, gradient[rows][..., None])[..., 0]
         step[:, target.unknowns.first_level :] = 0.0
-        tried = np.clip(at[rows] + step, -reach, reach)
+        tried = np.clip(at[rows] + step, lower[rows], upper[rows])
         tried = target.with_levels(tried)
         then = target.linearised(tried, difference)
         better = then.cost < cost[rows]

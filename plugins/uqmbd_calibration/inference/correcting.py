@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.posterior import Predictor
 
-__all__ = ["Corrected", "corrected", "enough"]
+__all__ = ["Corrected", "corrected", "enough", "tangent"]
 
 
 OVER = (1.4, 1.4, 1.4, 2.5)
@@ -127,6 +127,39 @@ def corrected(
                 best = score, found
     assert best is not None
     return best[1]
+
+
+def tangent(
+    base: Predictor, point: Array, values: Sequence[Array], free: Index, centre: Array, scale: Array
+) -> Corrected:
+    """Correct a base so that it has given values at a point, and given differences along each free input.
+
+    Parameters
+    ----------
+    base : callable
+        Predictions over the prior.
+    point : array, shape (d,)
+        Standard normal variables.
+    values : sequence of array, shape (1 + f, n)
+        Of each block: at the point, and with each free input moved by one local coordinate.
+    free : array of int, shape (f,)
+        Which inputs are unknown.
+    centre, scale : array, shape (f,) and (f, f)
+        The point's free inputs, and the diagonal scale of local coordinates.
+    """
+    points = np.repeat(point[None], len(free) + 1, axis=0)
+    points[np.arange(1, len(free) + 1), free] += 1.0 / np.diag(scale)
+    real = np.concatenate(list(values), axis=1)
+    predicted = np.concatenate(base(points), axis=1)
+    own = base if bool(np.isfinite(predicted).all()) else None
+    left = real - (predicted if own is not None else 0.0)
+    terms = uqmbd.index_set(len(free), 1, "total")
+    coefficients = np.zeros((len(terms), real.shape[1]))
+    coefficients[terms.sum(axis=1) == 0] = left[:1]
+    for k in range(len(free)):
+        coefficients[terms[:, k] == 1] = left[1 + k] - left[0]
+    splits = np.cumsum([v.shape[1] for v in values])[:-1]
+    return Corrected(own, free, centre, scale, terms, coefficients, splits, np.zeros((0, real.shape[1])))
 
 
 def enough(inputs: int, degree: int = 2) -> int:

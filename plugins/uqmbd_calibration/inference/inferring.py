@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.cases import Case
-from uqmbd_calibration.inference.climbing import Peaks, climb
+from uqmbd_calibration.inference.climbing import Peaks
 from uqmbd_calibration.inference.correcting import Corrected
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
+from uqmbd_calibration.inference.settling import Mode, settle
 from uqmbd_calibration.inference.unknowns import Unknowns
 from uqmbd_calibration.inference.working import CHECKED, Work, peak_of
 
@@ -21,14 +23,9 @@ __all__ = ["Check", "Inferred", "Mode", "infer"]
 EVEN, SHIFT = 0.8, 0.1
 """Share of the weights, and shift of the means over their standard deviations, at which a surrogate is good enough."""
 
-MODES, WORSE = 4, 30.0
-"""Maxima that are computed on the mechanism, and by how much their log-density may be below the best one's."""
 
-AS_LIKELY = 3.0
-"""By how much the log-mass of a maximum of the surrogate that is not followed is below the best one's to be told."""
-
-SETTLED, SETTLING = 0.3, 6
-"""Step of Gauss and Newton, in standard deviations of the posterior, that ends them; and how many there are at most."""
+WITHIN = 4.0
+"""Deviations of the posterior, in addition to three times the root of its dimension, within which it is sampled."""
 
 
 @dataclass(frozen=True)
@@ -67,25 +64,6 @@ class Check:
     def passed(self) -> bool:
         """Whether the surrogate is as good as the mechanism."""
         return self.share >= EVEN and self.shift <= SHIFT
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """A maximum of the posterior density, on the mechanism.
-
-    Attributes
-    ----------
-    vector : array, shape (N,)
-        Of unknowns.
-    log_density : float
-        There.
-    log_mass : float
-        Logarithm of the mass that a normal distribution there has, up to a constant that all share.
-    """
-
-    vector: Array
-    log_density: float
-    log_mass: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,105 +128,27 @@ def infer(
         Whether draws are those of the mechanism itself, not of a surrogate.
     """
     work = Work(unknowns, cases, base, variances)
-    modes, start, unseen = _settled(work, peaks)
+    modes, start, unseen = settle(work, peaks)
     seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
     checks: list[Check] = []
     peak, factor = peak_of(work.target, start)
+    # far out in each direction, and where chance leads in so many dimensions
+    about: dict[str, Any] = {"draws": draws, "chains": chains, "within": WITHIN + 3.0 * np.sqrt(len(peak))}
     if mechanism:
         peak, factor = work.follow(peak, factor, seeds, explored=False)
         found = work.draw(peak, factor, draws=draws, chains=chains, seed=next(seeds))
         return Inferred(work.target, peak, found, (), modes, False, unseen)
     while work.affordable(CHECKED):
         peak, factor = work.follow(peak, factor, seeds, explored=bool(checks))
-        found = sample(work.target.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
+        found = sample(work.target.log_density, peak, factor, seed=next(seeds), **about)
         checks.append(_checked(work, found, next(seeds)))
         if checks[-1].passed:
             return Inferred(work.target, peak, found, tuple(checks), modes, False, unseen)
     peak, factor = work.refit(peak, factor)
     widened = _widened(work)
     peak, factor = peak_of(widened, peak)
-    found = sample(widened.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
+    found = sample(widened.log_density, peak, factor, seed=next(seeds), **about)
     return Inferred(widened, peak, found, tuple(checks), modes, True, unseen)
-
-
-def _settled(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
-    """Follow the best maxima on the mechanism; the predictions are moved to the best of them.
-
-    Returns the maxima, where to start, and how many maxima of the surrogate that are about as likely were not followed.
-    """
-    found: list[_Followed] = []
-    mass = -peaks.cost - 0.5 * np.linalg.slogdet(peaks.hessian)[1]
-    unseen = mass > mass.max() - AS_LIKELY
-    for k in range(min(MODES, len(peaks.cost))):
-        if peaks.cost[k] > peaks.cost[0] + WORSE:
-            break
-        best = max((one.mode.log_density for one in found), default=-np.inf)
-        reserve = CHECKED if found else 0
-        if not work.affordable(1 + reserve):
-            break
-        unseen[k] = False
-        one = _followed(work, peaks.vectors[k], 3 if found else SETTLING, reserve, best)
-        if one is not None and not any(other.same(one) for other in found):
-            found.append(one)
-    if not found:
-        return (), peaks.vectors[0], int(unseen.sum())
-    found.sort(key=lambda one: -one.mode.log_mass)
-    work.shift(found[0].at, found[0].real)
-    return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
-
-
-@dataclass(frozen=True, eq=False)
-class _Followed:
-    """A maximum, and the last realisation on the way to it."""
-
-    mode: Mode
-    at: Array
-    real: list[list[Array]]
-    hessian: Array
-
-    def same(self, other: _Followed) -> bool:
-        """Whether another one ended in the same maximum, within a deviation."""
-        away = other.mode.vector - self.mode.vector
-        return bool(away @ self.hessian @ away < 1.0)
-
-
-def _followed(work: Work, start: Array, steps: int, reserve: int, best: float) -> _Followed | None:
-    """Climb to a maximum by derivatives of the surrogate and misfits of realisations; None where these fail.
-
-    Parameters
-    ----------
-    work : Work
-    start : array, shape (N,)
-    steps : int
-        Realisations, at most.
-    reserve : int
-        Realisations that are left for others.
-    best : float
-        Log-density of the best maximum so far: what stays far below is left.
-    """
-    found, x, last = None, start, np.inf
-    for _ in range(steps):
-        if not work.affordable(1 + reserve):
-            break
-        real = work.run(x[None])
-        if not np.isfinite(_density(work, x, real)):
-            break
-        work.shift(x, real)
-        peak = climb(work.target, x[None])
-        away = peak.vectors[0] - x
-        step = float(np.sqrt(max(away @ peak.hessian[0] @ away, 0.0)))
-        mass = -float(peak.cost[0]) - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
-        found = _Followed(Mode(peak.vectors[0], -float(peak.cost[0]), mass), x, real, peak.hessian[0])
-        x = peak.vectors[0]
-        # steps that do not shrink are those of wrong derivatives
-        if step < SETTLED or step > 0.7 * last or -float(peak.cost[0]) < best - WORSE:
-            break
-        last = step
-    return found
-
-
-def _density(work: Work, vector: Array, real: list[list[Array]]) -> float:
-    return float(work.target.log_likelihood(vector[None], real)[0])
 
 
 def _checked(work: Work, found: Draws, seed: int) -> Check:

@@ -90,6 +90,7 @@ def sample(
     walkers: int = WALKERS,
     burn: int = BURN,
     block: int = BLOCK,
+    within: float = np.inf,
     affordable: Callable[[int], bool] = lambda _: True,
 ) -> Draws:
     """Sample a density that is about normal, with a centre and a factor of its covariance.
@@ -108,6 +109,8 @@ def sample(
         Of each ensemble, at least.
     burn, block : int
         Steps that are left out, and after which convergence is looked at.
+    within : float
+        Deviations from the centre beyond which the density is taken as zero: a surrogate knows nothing there.
     affordable : callable
         Whether the density can be evaluated at so many more vectors: else it ends.
     """
@@ -123,7 +126,8 @@ def sample(
     ]
 
     def density(local: Array) -> Array:
-        return log_density(centre + local @ factor.T)
+        found = log_density(centre + local @ factor.T)
+        return np.where((local**2).sum(axis=1) <= within**2, found, -np.inf)
 
     samplers, states = [], []
     for own in seeds:

@@ -13,7 +13,7 @@ from uqmbd.typing import Array
 from uqmbd_calibration.inference.blocks import FREEDOM
 from uqmbd_calibration.inference.cases import Case
 from uqmbd_calibration.inference.climbing import REACH, climb
-from uqmbd_calibration.inference.correcting import Corrected, corrected, enough
+from uqmbd_calibration.inference.correcting import Corrected, corrected, enough, tangent
 from uqmbd_calibration.inference.points import Exhausted
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
@@ -77,6 +77,18 @@ class Work:
             self.predictors[k] = corrected(
                 self.base[k], at, real[k], free, at[0, free], nothing[1], lambda left: np.zeros(len(left))
             )
+
+    def tangent(self, k: int, vector: Array, scale: Array, values: list[Array]) -> None:
+        """Let predictions of a case be the base, with values and slopes of the mechanism at a vector.
+
+        ``values`` (1 + f, n) of each block are realisations at the vector, and with each unknown input moved by one
+        over its ``scale`` (f,).
+        """
+        case = self.cases[k]
+        centre = case.normals(vector[None])[0, case.free]
+        self.predictors[k] = tangent(
+            self.base[k], case.normals(vector[None])[0], values, case.free, centre, np.diag(scale)
+        )
 
     def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
         """Compute realisations that are spread like the posterior, and a little wider; say whether any were left."""

@@ -99,7 +99,7 @@ def asked(monkeypatch):
     return calls
 
 
-PLAIN = {"noise": "normal", "realisations": 200, "seed": 0, "workers": 1, "progress": True}
+PLAIN = {"noise": "normal", "realisations": None, "seed": 0, "workers": 1, "progress": True}
 
 
 def test_every_option_is_used(folder, command, asked):

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, sample, search
 from uqmbd_calibration.inference.correcting import corrected
 from uqmbd_calibration.inference.inferring import Check
+from uqmbd_calibration.inference.settling import settle
+from uqmbd_calibration.inference.working import Work
 
 from . import forward
 
@@ -71,6 +74,39 @@ def test_realisations_mend_a_crude_surrogate(truth):
         np.array([truth]),
     )
     assert np.abs((alone.vectors[0] - mean) / sd).max() > 3
+
+
+def relaxing(z):
+    """A relaxation with three unknowns: amplitude, rate, and value in the end; its posterior has one maximum."""
+    rate = 0.8 * np.exp(0.4 * z[:, 1:2])
+    return (1 + 0.3 * z[:, :1]) * np.exp(-rate * TIMES) + 0.2 * np.tanh(0.4 * z[:, 2:3])
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_maxima_are_found_on_the_mechanism_whatever_the_slopes_of_the_surrogate(seed):
+    """Slopes of the surrogate are wrong in size and in sign; SciPy climbs on the formula itself, from the truth."""
+    generator = np.random.default_rng(seed)
+    truth, wrong = 1.2 * generator.standard_normal(3), generator.standard_normal((3, 40))
+    noise = 10.0 ** generator.uniform(-3, -1)
+    values = relaxing(truth[None])[0] + noise * generator.standard_normal(40)
+
+    def surrogate(z):
+        return relaxing(np.zeros((1, 3))) + 0.3 * z @ wrong
+
+    made = forward.model(relaxing, 3, [forward.block(values, noise, times=TIMES)], most=400)
+    case = made.posterior.cases[0]
+    base = forward.predictor(surrogate)(case)
+    work = Work(made.posterior.unknowns, (case,), (base,), ([np.zeros(40)],))
+    peaks = search(forward.builder(made, surrogate), (case,), 3, 3, 1)
+    modes, start, _ = settle(work, peaks)
+    known = least_squares(
+        lambda z: np.concatenate([(relaxing(z[None])[0] - values) / noise, z]), truth, xtol=1e-14, ftol=1e-14
+    )
+    away = start - known.x
+    assert np.sqrt(away @ (known.jac.T @ known.jac) @ away) < 0.5
+    assert modes[0].log_density == pytest.approx(-known.cost - 40 * np.log(noise) - 20 * np.log(2 * np.pi), abs=0.2)
+    assert made.point.spent <= 200
 
 
 @pytest.mark.thorough

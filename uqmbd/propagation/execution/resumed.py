@@ -127,4 +127,4 @@ def _text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    return sorted(map(str, value)) if isinstance(value, (set, frozenset)) else str(value)
+    return sorted(map(repr, value)) if isinstance(value, (set, frozenset)) else repr(value)
