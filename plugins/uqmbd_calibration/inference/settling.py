@@ -102,10 +102,10 @@ def settle(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
             break
         unseen[k] = False
         starts = [peaks.vectors[k], *([] if found else [centre])]
-        tried = [one for start in starts if np.isfinite((one := _computed(work, start)).cost)]
+        tried = [begun for start in starts if np.isfinite((begun := _computed(work, start)).cost)]
         if not tried:
             continue
-        one = _followed(work, min(tried, key=lambda one: one.cost), best)
+        one = _followed(work, min(tried, key=lambda begun: begun.cost), best)
         if not any(other.same(one) for other in found):
             found.append(one)
     if not found:
