@@ -90,6 +90,8 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
         start_manifest(run)
         with scratch(run) as place:
             new = place / "new" / FIGURES if figures else None
+            if new is not None:
+                new.parent.mkdir()
             target = write_report(tree, path, sections=installed_sections(), folder=new)
             written = [] if new is None or not new.is_dir() else sorted(new.iterdir())
             record(run, [path.name, *(f"{FIGURES}/{one.name}" for one in written)], [path, *written])
