@@ -5,6 +5,7 @@ from . import report as report
 from . import results as results
 from . import testing as testing
 from .clusters import Workers as Workers
+from .dynamics import Capabilities as Capabilities
 from .dynamics import Counters as Counters
 from .dynamics import Ensemble as Ensemble
 from .dynamics import Integrator as Integrator

@@ -51,7 +51,7 @@ class Projecting(BackwardEuler):
     """The same, that can integrate projected equations, too: it leaves them to the integrator of uqmbd."""
 
     name = "projecting"
-    projected = True
+    capabilities = uqmbd.Capabilities(projected=True)
 
     def integrate_projected(self, projected, times, rtol):
         return projected.integrate(times, rtol, "dop853")
@@ -61,7 +61,7 @@ class Hopeful(BackwardEuler):
     """It claims to follow events."""
 
     name = "hopeful"
-    events = True
+    capabilities = uqmbd.Capabilities(events=True)
 
 
 class Strange(BackwardEuler):
@@ -124,7 +124,7 @@ def test_no_ball_falls_through_the_floor(integrator, tmp_path):
         words = str(error.value)
         assert f"the integrator {integrator!r} cannot follow impacts and other events (floor: impact)" in words
         assert "integrator='auto'" in words and "'hopeful'" in words and "'ida'" not in words.split("Use")[1]
-        assert ("does not declare events = True" in words) == (integrator == "backward-euler")
+        assert ("does not declare events=True" in words) == (integrator == "backward-euler")
     assert crew.chunks == 0 and BackwardEuler.calls == 0
 
 
@@ -152,7 +152,7 @@ def test_galerkin_takes_no_other_integrator_than_that_of_the_study():
     study = uqmbd.Study("s", spring(), TIMES, integrator="backward-euler")
     for propagator in (Galerkin(order=1), Galerkin(order=1, elements=2)):
         assert "'backward-euler' cannot integrate projected equations" in propagator.obstacle(study)
-        with pytest.raises(uqmbd.StudyError, match=r"does not declare projected = True.*Galerkin\(integrator"):
+        with pytest.raises(uqmbd.StudyError, match=r"does not declare projected=True.*Galerkin\(integrator"):
             study.propagate(propagator)
     assert BackwardEuler.calls == 0
     # realisations of so poor an integrator would not verify it

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.dynamics import built_in_names, integrators
+from uqmbd.dynamics import built_in_names, capabilities_of, integrators
 from uqmbd.dynamics.integrators import Auto, Dop853, Ida
 from uqmbd.testing import check_integrator
 
-DECLARED = ("events", "projected", "segments", "paced", "watched")
+DECLARED = ("events", "projected", "segments", "bounded_steps", "stoppable")
 
 
 def made(**own):
@@ -26,6 +26,9 @@ def made(**own):
         def integrate(self, ensemble, times, rtol):
             return Dop853().integrate(ensemble, times, rtol)
 
+    declared = {name: own.pop(name) for name in set(own) & {field.name for field in fields(uqmbd.Capabilities)}}
+    if declared:
+        Made.capabilities = uqmbd.Capabilities(**declared)
     for key, value in own.items():
         setattr(Made, key, value)
     return Made
@@ -63,9 +66,9 @@ def test_what_is_not_declared_is_never_asked_for():
     [
         (made(name=""), "`name` is ''; expected a string"),
         (made(integrate=None), "has no method integrate"),
-        (made(paced="yes"), "`paced` is 'yes'; expected True or False"),
-        (made(projected=True), "declares projected = True, but has no method integrate_projected"),
-        (made(segments=True), "declares segments = True, but has no method integrate_segments"),
+        (made(capabilities={"events": True}), "`capabilities` is {'events': True}; expected uqmbd.Capabilities"),
+        (made(projected=True), "declares projected=True, but has no method integrate_projected"),
+        (made(segments=True), "declares segments=True, but has no method integrate_segments"),
         (made(__init__=lambda self, steps: None), "cannot be made without arguments"),
         (Dop853(), "it is no class"),
     ],
@@ -198,7 +201,7 @@ def test_failures(change, problem):
 @pytest.mark.parametrize(
     ("blind", "case"), [({"timed": None}, "pulse"), ({"max_step": np.inf}, "strip")], ids=["time", "longest step"]
 )
-def test_paced(blind, case):
+def test_bounded_steps(blind, case):
     """One that does not see what ``ensemble.pace`` tells."""
 
     def integrate(self, ensemble, times, rtol):
@@ -206,8 +209,8 @@ def test_paced(blind, case):
         return Dop853().integrate(uqmbd.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
 
     check_integrator(made(integrate=integrate))
-    with pytest.raises(AssertionError, match=f"paced: {case}: .* the speed is"):
-        check_integrator(made(integrate=integrate, paced=True))
+    with pytest.raises(AssertionError, match=f"bounded_steps: {case}: .* the speed is"):
+        check_integrator(made(integrate=integrate, bounded_steps=True))
 
 
 def _fallen(self, ensemble, times, rtol):
@@ -280,16 +283,16 @@ def _projected(change):
         (_projected(lambda found: replace(found, coefficients=0.99 * found.coefficients)), "motions at the nodes are"),
         (_projected(lambda found: replace(found, message="stiff")), "projected: oscillator: it failed: 'stiff'"),
         (lambda self, projected, times, rtol, watch=None: Dop853().integrate_projected(projected, times, rtol),
-         "watched: oscillator: the function that watches was not called"),
+         "stoppable: oscillator: the function that watches was not called"),
         (lambda self, projected, times, rtol: None, "projected: .* returned None"),
     ],
 )  # fmt: skip
 def test_projected(own, problem):
     with pytest.raises(AssertionError, match=problem):
-        check_integrator(made(integrate_projected=own, projected=True, watched=True))
+        check_integrator(made(integrate_projected=own, projected=True, stoppable=True))
 
 
-def test_unlocked():
+def test_threads():
     """An integrator whose numbers depend on the thread that computes them."""
 
     def integrate(self, ensemble, times, rtol):
@@ -297,5 +300,32 @@ def test_unlocked():
         return replace(found, states=found.states + 1e-12 * (threading.current_thread() is not threading.main_thread()))
 
     check_integrator(made(integrate=integrate))
-    with pytest.raises(AssertionError, match="'made': unlocked: pendulum.*expected the same bits"):
-        check_integrator(made(integrate=integrate, unlocked=True))
+    with pytest.raises(AssertionError, match="'made': releases_gil: pendulum.*expected the same bits"):
+        check_integrator(made(integrate=integrate, releases_gil=True))
+
+
+def test_declarations_of_before_are_read_with_a_warning():
+    class Former(Dop853):
+        name = "former"
+        capabilities = None
+        events = paced = unlocked = True
+
+    with pytest.warns(
+        DeprecationWarning, match=r"uqmbd.Capabilities\(events=True, bounded_steps=True, releases_gil=True"
+    ):
+        found = capabilities_of(Former)
+    assert found == uqmbd.Capabilities(events=True, bounded_steps=True, releases_gil=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"events": 1}, "events is 1; expected True or False"),
+        ({"linear_solvers": "dense"}, "linear_solvers is 'dense'; expected a tuple of names"),
+        ({"stoppable": True}, "stoppable: needs projected=True"),
+        ({"linear_solvers": ("dense",)}, "linear_solvers: needs projected=True"),
+    ],
+)
+def test_capabilities_that_cannot_be(options, words):
+    with pytest.raises(uqmbd.StudyError, match=words):
+        uqmbd.Capabilities(**options)

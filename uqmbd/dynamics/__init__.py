@@ -22,11 +22,12 @@ from uqmbd.dynamics.equations import (
 )
 from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories, off_constraints, position_jumps
 from uqmbd.dynamics.integrators import (
+    Capabilities,
     Capability,
     Integrator,
     ProjectedEnsemble,
     built_in_names,
-    declares,
+    capabilities_of,
     integrate,
     integrator_class,
     integrators,
@@ -53,6 +54,7 @@ __all__ = [
     "Risk",
     "risks",
     "said_of_risks",
+    "Capabilities",
     "Capability",
     "Check",
     "Counters",
@@ -77,9 +79,9 @@ __all__ = [
     "Trajectories",
     "build",
     "built_in_names",
+    "capabilities_of",
     "check",
     "constraining",
-    "declares",
     "derive",
     "instances_of",
     "integrate",

@@ -97,9 +97,10 @@ def integrator_problem(cls: type) -> str:
     """Return what keeps a class from being an integrator, or nothing."""
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"
+    declared = getattr(cls, "capabilities", cls)
     for flag, method in INTEGRATOR_METHODS.items():
-        if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
-            return f"which declares {flag} = True, but has no method {method}"
+        if getattr(declared, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
+            return f"which declares {flag}=True, but has no method {method}"
     return ""
 
 

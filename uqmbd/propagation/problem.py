@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, declares, integrator_class, require
+from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, capabilities_of, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
 from uqmbd.progress import Progress, Silent, stage
@@ -330,7 +330,7 @@ class Problem:
     @property
     def joins(self) -> bool:
         """Whether a realisation is known not to depend on those beside it: of the integrators of the core."""
-        return self.integrator in built_in_names() or declares(integrator_class(self.integrator), "delegates")
+        return self.integrator in built_in_names() or capabilities_of(integrator_class(self.integrator)).delegates
 
     def reduce(
         self, values: Array, function: Reduction, arguments: tuple[Any, ...] = (), *, keep: int = 0
@@ -498,8 +498,9 @@ class Problem:
 
         Parameters
         ----------
-        needed : {"projected", "segments", "events"}
-            ``projected``: integrate a `uqmbd.ProjectedEnsemble`; ``segments``: `histories`.
+        needed : str
+            Name of a field of `uqmbd.Capabilities`: ``projected`` to integrate a `uqmbd.ProjectedEnsemble`,
+            ``segments`` for `histories`.
         integrator : str, optional
             Default: that of the study.
         remedy : str
@@ -539,7 +540,7 @@ class Problem:
         """
         self.require("segments")
         if self.model.controls:
-            self.require("sampled")
+            self.require("sampled_control")
         ends, about = (float(self.times[0]), float(self.times[-1])), (points, least, self.integrator, longer)
         return event_histories(self.run, self._checked(values), ends, self.rtol, *about)
 
@@ -548,7 +549,7 @@ class Problem:
         """Whether realisations are computed without the interpreter: no events, no controllers, no statics alone."""
         model, cls = self.model, integrator_class(self.integrator)
         moves = needs_motion(model, self.kind)
-        return declares(cls, "unlocked") and moves and not (model.events or model.controls)
+        return capabilities_of(cls).releases_gil and moves and not (model.events or model.controls)
 
     def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[Packed, Array, Array, float, str, Kind]]:
         return compute_chunk, (self._packed, part, self._whole, self.rtol, self.integrator, self.kind)

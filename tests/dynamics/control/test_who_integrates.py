@@ -3,6 +3,7 @@
 import sys
 import textwrap
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import chaospy
@@ -31,7 +32,7 @@ def runge_kutta(monkeypatch):
 
     class Projecting(RungeKutta):
         name = "projecting"
-        projected = True
+        capabilities = replace(RungeKutta.capabilities, projected=True)
 
         def integrate_projected(self, projected, times, rtol):
             return projected.integrate(times, rtol, "dop853")

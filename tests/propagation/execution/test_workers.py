@@ -28,7 +28,6 @@ class Unlocked(Explicit):
     """The explicit method, which notes where it computes, and may be told to wait or to fail."""
 
     name = "unlocked"
-    unlocked = True
     where: list[tuple[int, str]] = []
     first = staticmethod(lambda: None)
 
@@ -42,7 +41,7 @@ class Locked(Unlocked):
     """The same, which does not declare it."""
 
     name = "locked"
-    unlocked = False
+    capabilities = replace(Explicit.capabilities, releases_gil=False)
 
 
 @pytest.fixture(autouse=True)

@@ -4,18 +4,19 @@ from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
 from uqmbd.dynamics.integrators.capabilities import require, require_for
 from uqmbd.dynamics.integrators.integrate import integrate
 from uqmbd.dynamics.integrators.projected import ProjectedEnsemble
-from uqmbd.dynamics.integrators.protocol import Capability, Integrator, declares
+from uqmbd.dynamics.integrators.protocol import Capabilities, Capability, Integrator, capabilities_of
 from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class, integrators
 
 __all__ = [
     "Auto",
+    "Capabilities",
     "Capability",
     "Dop853",
     "Ida",
     "Integrator",
     "ProjectedEnsemble",
     "built_in_names",
-    "declares",
+    "capabilities_of",
     "integrate",
     "integrator_class",
     "integrators",

@@ -14,6 +14,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
 from uqmbd.dynamics.integrators.checked import checked
+from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, in_stacks
 from uqmbd.dynamics.projection import (
@@ -32,6 +33,19 @@ from uqmbd.typing import Array, Index
 __all__ = ["Auto", "BuiltIn", "Dop853", "Ida"]
 
 
+EXPLICIT = Capabilities(
+    events=True,
+    projected=True,
+    segments=True,
+    bounded_steps=True,
+    stoppable=True,
+    delegates=True,
+    sampled_control=True,
+    releases_gil=True,
+    dense_output=True,
+)
+
+
 @dataclass(frozen=True)
 class Dop853:
     """The index-1 form by an explicit method of order 8 with projection; from event to event where there are some.
@@ -43,7 +57,7 @@ class Dop853:
     """
 
     name = "dop853"
-    events = projected = segments = paced = watched = delegates = sampled = unlocked = recorded = True
+    capabilities = EXPLICIT
 
     stack: int = MANY
 
@@ -95,8 +109,14 @@ class Ida:
     """
 
     name = "ida"
-    projected = paced = watched = delegates = recorded = True
-    linear_solvers = LINEAR_SOLVERS
+    capabilities = Capabilities(
+        projected=True,
+        bounded_steps=True,
+        stoppable=True,
+        delegates=True,
+        dense_output=True,
+        linear_solvers=LINEAR_SOLVERS,
+    )
 
     stack: int = STACK
 
@@ -143,8 +163,7 @@ class Auto:
     """
 
     name = "auto"
-    events = projected = segments = paced = watched = delegates = sampled = unlocked = recorded = True
-    linear_solvers = LINEAR_SOLVERS
+    capabilities = replace(EXPLICIT, linear_solvers=LINEAR_SOLVERS)
 
     stack: int = MANY
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integrators.protocol import Capability, declares
+from uqmbd.dynamics.integrators.protocol import Capability, capabilities_of
 from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class, integrators
 from uqmbd.errors import StudyError
 
@@ -17,8 +17,8 @@ __all__ = ["require", "require_for"]
 WORDS: Mapping[Capability, str] = {
     "events": "follow impacts and other events",
     "projected": "integrate projected equations",
-    "paced": "bound its steps, or start anew where it is told to",
-    "sampled": "sample controllers across impacts",
+    "bounded_steps": "bound its steps, or start anew where it is told to",
+    "sampled_control": "sample controllers across impacts",
     "segments": "integrate from event to event, one segment after the other",
 }
 
@@ -30,8 +30,8 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     ----------
     name : str
         Of the integrator.
-    needed : {"events", "projected", "segments", "paced"}
-        What it must be able to do.
+    needed : str
+        Name of a field of `Capabilities`.
     where : str
         Who needs it, as ``study 'drop'``.
     why : str
@@ -52,10 +52,10 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     uqmbd.errors.StudyError: study 'drop': the integrator 'ida' cannot follow impacts and other events (floor: impact).
     Use integrator='auto', or 'dop853'.
     """
-    if declares(integrator_class(name), needed):
+    if getattr(capabilities_of(integrator_class(name)), needed):
         return
-    able = [repr(other) for other, cls in integrators().items() if declares(cls, needed)]
-    undeclared = "" if name in built_in_names() else f": its class does not declare {needed} = True"
+    able = [repr(other) for other, cls in integrators().items() if getattr(capabilities_of(cls), needed)]
+    undeclared = "" if name in built_in_names() else f": its class does not declare {needed}=True in its capabilities"
     about = f" ({why})" if why else ""
     more = f", or {', '.join(able[1:])}" if len(able) > 1 else ""
     raise StudyError(
@@ -67,7 +67,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
 def require_for(model: Model, name: str, where: str) -> None:
     """Raise where a mechanism has events that an integrator cannot follow, or bounds that it cannot keep."""
     if np.isfinite(model.max_step) or model.added_breaks:
-        require(name, "paced", where, "max_step" if np.isfinite(model.max_step) else "breaks")
+        require(name, "bounded_steps", where, "max_step" if np.isfinite(model.max_step) else "breaks")
     if model.events:
         require(name, "events", where, ", ".join(_named(model.events)))
 

@@ -12,7 +12,7 @@ from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.integrators.between import with_motion_between
 from uqmbd.dynamics.integrators.capabilities import require_for
 from uqmbd.dynamics.integrators.checked import checked
-from uqmbd.dynamics.integrators.protocol import declares
+from uqmbd.dynamics.integrators.protocol import capabilities_of
 from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.errors import StudyError
@@ -57,7 +57,7 @@ def integrate(
     require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
     cls = integrator_class(method)
     integrator = cls()
-    recorded = between and declares(cls, "recorded")
+    recorded = between and capabilities_of(cls).dense_output
     options = {"recording": True} if recorded else {}
 
     def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
@@ -66,7 +66,7 @@ def integrate(
     model = ensemble.model
     if between and not recorded:
         solve = partial(with_motion_between, solve)
-    if not model.controls or declares(cls, "sampled"):
+    if not model.controls or capabilities_of(cls).sampled_control:
         found = checked(solve, ensemble, times, rtol)
     else:
         found = checked(partial(trajectories_in_samples, solve), ensemble, times, rtol)

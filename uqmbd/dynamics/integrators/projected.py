@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.dynamics.integration import position_jumps
 from uqmbd.dynamics.integrators.capabilities import require, require_for
-from uqmbd.dynamics.integrators.protocol import declares
+from uqmbd.dynamics.integrators.protocol import capabilities_of
 from uqmbd.dynamics.integrators.registry import integrator_class
 from uqmbd.dynamics.integrators.sampled import projected_in_samples
 from uqmbd.dynamics.projection import (
@@ -89,7 +89,7 @@ class ProjectedEnsemble(Projection):
         integrator : str
             As for one realisation: ``dop853``, explicit on the projected index-1 form, or ``ida`` on the projected
             stabilised index-2 form; ``auto``: the first, and the second where that is stiff or fails; or one of a
-            plugin that declares ``projected = True``.
+            plugin that declares ``projected=True`` in its capabilities.
         linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
             Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
         watch : callable, optional
@@ -127,7 +127,7 @@ class ProjectedEnsemble(Projection):
             found = projected_in_samples(solve, self, times, rtol, watch)
         else:
             if self.model.controls:
-                require(integrator, "sampled", where, "controllers")
+                require(integrator, "sampled_control", where, "controllers")
             found = _solved(self, times, rtol, integrator, linear_solver, watch)
         first, text = projected_off(self, times, found.coefficients, rtol)
         if found.message or not text:
@@ -199,9 +199,10 @@ def _solved(
     """Let an integrator integrate, with those options that it declares."""
     cls: Any = integrator_class(name)
     options: dict[str, Any] = {}
-    if getattr(cls, "linear_solvers", ()):
+    able = capabilities_of(cls)
+    if able.linear_solvers:
         options["linear_solver"] = linear_solver
-    if declares(cls, "watched"):
+    if able.stoppable:
         options["watch"] = watch
     found = cls().integrate_projected(projected, times, rtol, **options)
     shape = (projected.terms, len(times), projected.model.layout.width)
@@ -213,4 +214,4 @@ def _solved(
             f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
             f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
         )
-    return found if declares(cls, "delegates") else replace(found, integrator=name)
+    return found if able.delegates else replace(found, integrator=name)

@@ -2,54 +2,127 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar, Literal, Protocol
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories
+from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["Capability", "Integrator", "declares"]
+__all__ = ["Capabilities", "Capability", "Integrator", "capabilities_of"]
 
 Capability = Literal[
-    "events", "projected", "segments", "paced", "watched", "delegates", "sampled", "unlocked", "recorded"
+    "events",
+    "projected",
+    "segments",
+    "bounded_steps",
+    "stoppable",
+    "delegates",
+    "sampled_control",
+    "releases_gil",
+    "dense_output",
 ]
+"""Fields of `Capabilities` that are true or false."""
+
+FORMER: Mapping[str, Capability] = {
+    "events": "events",
+    "projected": "projected",
+    "segments": "segments",
+    "paced": "bounded_steps",
+    "watched": "stoppable",
+    "delegates": "delegates",
+    "sampled": "sampled_control",
+    "unlocked": "releases_gil",
+    "recorded": "dense_output",
+}
+"""Class attributes that declared capabilities before 0.1; they are read until 0.2."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capabilities:
+    """What an integrator can do besides integrating smooth motions.
+
+    A study that needs a capability which its integrator does not have is an error before anything is computed.
+
+    Parameters
+    ----------
+    events : bool
+        It follows impacts and locates other events of a mechanism.
+    projected : bool
+        It integrates projected equations, as those of Galerkin, by a method
+        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`.
+    segments : bool
+        It integrates a motion from event to event by a method ``integrate_segments(ensemble, times, rtol)``, which
+        returns the `uqmbd.SegmentedMotion` of the only realisation of `ensemble`.
+    bounded_steps : bool
+        Its steps respect ``ensemble.pace(times, rtol)``: a longest step, and times at which it restarts.
+    stoppable : bool
+        ``integrate_projected`` takes ``watch=``: None, or a function that receives the coefficients (P, T, width) so
+        far, NaN from the present time on, and returns true where the integration is to stop.
+    delegates : bool
+        It may leave realisations to ``dop853`` or ``ida``, and names these in its counters.
+    sampled_control : bool
+        It samples controllers itself, by ``ensemble.sampling``, across events too if it follows these.  The
+        ``integrate`` of another one is called from sample to sample, as is every ``integrate_projected``.
+    releases_gil : bool
+        ``integrate`` runs compiled code that releases the global interpreter lock, may run in several threads at once,
+        and gives the same bits there.  Workers are threads then, unless the mechanism has events or controllers, which
+        are followed in Python; else they are processes.
+    dense_output : bool
+        ``integrate`` takes ``recording=True``, and then also returns its own steps in `Trajectories.path`: the motion
+        between the output times, for outputs as `uqmbd.maximum`.  Others are asked for states at more times.
+    linear_solvers : tuple of str
+        Names that ``integrate_projected`` takes as ``linear_solver=``; empty: it does not take the argument.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a value is not true or false, or options of projected equations are declared without these.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.Capabilities(events=True, bounded_steps=True).projected
+    False
+    >>> uqmbd.Capabilities(stoppable=True)
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: Capabilities: stoppable: needs projected=True, as an option of integrate_projected.
+    """
+
+    events: bool = False
+    projected: bool = False
+    segments: bool = False
+    bounded_steps: bool = False
+    stoppable: bool = False
+    delegates: bool = False
+    sampled_control: bool = False
+    releases_gil: bool = False
+    dense_output: bool = False
+    linear_solvers: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in FORMER.values():
+            if not isinstance(value := getattr(self, name), bool):
+                raise StudyError(f"Capabilities: {name} is {value!r}; expected True or False.")
+        if not isinstance(self.linear_solvers, tuple) or not all(isinstance(one, str) for one in self.linear_solvers):
+            raise StudyError(
+                f"Capabilities: linear_solvers is {self.linear_solvers!r}; expected a tuple of names, as ('dense',)."
+            )
+        for option in ("stoppable", "linear_solvers"):
+            if getattr(self, option) and not self.projected:
+                raise StudyError(f"Capabilities: {option}: needs projected=True, as an option of integrate_projected.")
 
 
 class Integrator(Protocol):
     """Class of an integrator, which is made without arguments.
 
-    What more it can it declares by class attributes; what is not declared it cannot:
-
-    ``events = True``
-        It follows impacts and other events of a mechanism.
-    ``projected = True``
-        It integrates projected equations, as those of Galerkin, by a method
-        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`.
-    ``segments = True``
-        It follows a motion from event to event by a method ``integrate_segments(ensemble, times, rtol)``, which returns
-        the `uqmbd.SegmentedMotion` of the only realisation of `ensemble`.
-    ``paced = True``
-        Its steps keep to what ``ensemble.pace(times, rtol)`` says: a longest step, and times at which it starts anew.
-    ``watched = True``
-        ``integrate_projected`` takes ``watch=``: a function that is given the coefficients (P, T, width) so far, NaN
-        from the present time on, and returns true where it is to stop, or None.
-    ``delegates = True``
-        It may leave realisations to ``dop853`` or ``ida``, and names those in its counters.
-
-    ``sampled = True``
-        It samples controllers itself, by ``ensemble.sampling``, across events, too, if it follows these; of one that
-        does not ``integrate`` is called from sample to sample, as ``integrate_projected`` is of all.
-
-    ``unlocked = True``
-        ``integrate`` works in compiled code that releases the lock of the interpreter, may run in several threads at
-        once, and gives the same bits there: workers are threads then, where a mechanism has neither events nor
-        controllers, which are followed in Python.  Else they are processes.
-
-    ``recorded = True``
-        ``integrate`` takes ``recording=True``, and then returns its own steps besides, in `Trajectories.path`: the
-        motion between the output times, for outputs as `uqmbd.maximum`.  Others are asked for states at more times.
-
-    ``linear_solvers``, a tuple of names, says that ``integrate_projected`` takes ``linear_solver=``.
+    It declares what it can do besides by a class attribute ``capabilities = uqmbd.Capabilities(events=True)``; without
+    one it integrates smooth motions only.
 
     Attributes
     ----------
@@ -107,6 +180,37 @@ class Integrator(Protocol):
         ...
 
 
-def declares(cls: type, capability: Capability) -> bool:
-    """Tell whether the class of an integrator declares a capability."""
-    return getattr(cls, capability, False) is True
+def capabilities_of(cls: type) -> Capabilities:
+    """Return what the class of an integrator declares.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If its attribute is no `Capabilities`.
+    """
+    found = getattr(cls, "capabilities", None)
+    if found is None:
+        found = _declared_before(cls)
+    if not isinstance(found, Capabilities):
+        name = getattr(cls, "name", cls.__name__)
+        raise StudyError(
+            f"integrator {name!r}: its class attribute `capabilities` is {found!r}; expected uqmbd.Capabilities(...)."
+        )
+    return found
+
+
+@cache
+def _declared_before(cls: type) -> Capabilities:
+    """Read the class attributes of before 0.1."""
+    own = {new: True for old, new in FORMER.items() if getattr(cls, old, False) is True}
+    solvers = tuple(getattr(cls, "linear_solvers", ()))
+    if not own and not solvers:
+        return Capabilities()
+    listed = ", ".join([*(f"{name}=True" for name in own), *([f"linear_solvers={solvers!r}"] if solvers else [])])
+    warnings.warn(
+        f"integrator {getattr(cls, 'name', cls.__name__)!r}: class attributes such as `events = True` are read until "
+        f"0.2 only; write capabilities = uqmbd.Capabilities({listed}).",
+        DeprecationWarning,
+        stacklevel=3,
+    )
+    return Capabilities(**own, linear_solvers=solvers)

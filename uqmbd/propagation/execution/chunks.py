@@ -16,7 +16,7 @@ from uqmbd.dynamics import (
     ScalarValues,
     Trajectories,
     built_in_names,
-    declares,
+    capabilities_of,
     integrate,
     integrator_class,
     margins_of,
@@ -151,7 +151,7 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
     >>> integrated_by({"steps": 100, "by_dop853": 60, "by_ida": 4}, "auto")
     {'integrated_by': 'dop853, ida'}
     """
-    if not declares(integrator_class(asked), "delegates"):
+    if not capabilities_of(integrator_class(asked)).delegates:
         return {"integrated_by": asked}
     counts = {name: counters.get(f"by_{name}", 0) for name in built_in_names()}
     names = sorted((name for name in counts if counts[name]), key=lambda name: -counts[name])
@@ -227,7 +227,7 @@ def compute_chunk(
     counters: dict[str, float] = {}
     if trajectories is not None:
         counters = dict(vars(trajectories.counters))
-        if not declares(integrator_class(integrator), "delegates"):
+        if not capabilities_of(integrator_class(integrator)).delegates:
             counters[f"by_{integrator}"] = int(np.count_nonzero(ensemble.start.ok))
     counters |= machine_counter(len(values))
     found = replace(chunk, counters=counters).of(kind)

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Counters, Ensemble, Integrator, Trajectories, declares, off_constraints
+from uqmbd.dynamics import Capabilities, Counters, Ensemble, Integrator, Trajectories, capabilities_of, off_constraints
+from uqmbd.errors import StudyError
 from uqmbd.plugins import integrator_problem
 from uqmbd.testing.integrators.projected import check_projected
 from uqmbd.testing.solutions import ClosedForm, closed_forms, fragile
@@ -38,14 +39,14 @@ def check_integrator(
     - *failures*: realisations that cannot be assembled, or cannot go on, have a message and are NaN from there on; the
       others are right.
     - *counters*: they tell what the integration cost.
-    - *paced*, if it is declared: the integration starts anew where forces jump, and keeps to the longest step.
-    - *events*, if declared: a ball bounces in time, and the times of its impacts are told.
-    - *sampled*, if declared: a controller that pushes a body is sampled in time, with *events* across its impacts, too.
-    - *segments*, if declared: the segments of that motion are those between its impacts.
-    - *unlocked*, if declared: in several threads at once the same ensembles give the same bits as one after the other.
-    - *projected*, if declared: coefficients are those of the motions at the nodes; *watched*: it stops when it is told.
+    - *bounded_steps*: the integration restarts where forces jump, and respects the longest step.
+    - *events*: a ball bounces in time, and the times of its impacts are returned.
+    - *sampled_control*: a controller that pushes a body is sampled in time; with *events* also across its impacts.
+    - *segments*: the segments of that motion are those between its impacts.
+    - *releases_gil*: ensembles that are integrated in several threads at once give the same bits as one after another.
+    - *projected*: coefficients are those of the motions at the nodes; *stoppable*: it stops where it is asked to.
 
-    What is not declared is not asked for.
+    The last six are checked only where the integrator declares them in its `Capabilities`.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def check_integrator(
     >>> for integrator in uqmbd.plugins.integrators().values():
     ...     check_integrator(integrator)
     """
-    _check_protocol(integrator)
+    able = _check_protocol(integrator)
     subject = _Subject(integrator, tolerance)
     for make in closed_forms.ACCURACY:
         _check_accuracy(subject, make(), rtols)
@@ -76,20 +77,20 @@ def check_integrator(
     _check_independence(subject, closed_forms.pendulum())
     _check_assembly_failures(subject)
     _check_failures(subject, closed_forms.fading())
-    if declares(integrator, "paced"):
+    if able.bounded_steps:
         for form in (closed_forms.pulse(), closed_forms.pulse(True), closed_forms.strip()):
-            subject.right(form, "paced", subject.run(form, "paced"))
-    if declares(integrator, "events"):
+            subject.right(form, "bounded_steps", subject.run(form, "bounded_steps"))
+    if able.events:
         _check_events(subject, closed_forms.ball())
-    if declares(integrator, "sampled"):
-        for floor in (False, True)[: 1 + declares(integrator, "events")]:
+    if able.sampled_control:
+        for floor in (False, True)[: 1 + able.events]:
             form = closed_forms.driven_ball(floor)
-            subject.right(form, "sampled", subject.run(form, "sampled"))
-    if declares(integrator, "segments"):
+            subject.right(form, "sampled_control", subject.run(form, "sampled_control"))
+    if able.segments:
         _check_segments(subject, closed_forms.ball())
-    if declares(integrator, "unlocked"):
-        _check_unlocked(subject, closed_forms.pendulum())
-    if declares(integrator, "projected"):
+    if able.releases_gil:
+        _check_threads(subject, closed_forms.pendulum())
+    if able.projected:
         check_projected(integrator, tolerance)
 
 
@@ -158,8 +159,8 @@ class _Subject:
         return worst
 
 
-def _check_protocol(integrator: Any) -> None:
-    """Check what can be seen without integrating."""
+def _check_protocol(integrator: Any) -> Capabilities:
+    """Check what can be seen without integrating; return the declared capabilities."""
     shown = getattr(integrator, "__name__", repr(integrator))
     assert isinstance(integrator, type), f"{shown}: protocol: it is no class; expected one with a method integrate."
     name = getattr(integrator, "name", None)
@@ -168,15 +169,15 @@ def _check_protocol(integrator: Any) -> None:
     )
     problem = integrator_problem(integrator)
     assert not problem, f"integrator {name!r}: protocol: it is a class {problem}."
-    for flag in get_args(Capability):
-        given = getattr(integrator, flag, False)
-        assert isinstance(given, bool), (
-            f"integrator {name!r}: protocol: its class attribute `{flag}` is {given!r}; expected True or False."
-        )
+    try:
+        able = capabilities_of(integrator)
+    except StudyError as error:
+        raise AssertionError(f"integrator {name!r}: protocol: {error}") from error
     try:
         integrator()
     except TypeError as error:
         raise AssertionError(f"integrator {name!r}: protocol: it cannot be made without arguments: {error}") from error
+    return able
 
 
 def _check_accuracy(subject: _Subject, form: ClosedForm, rtols: tuple[float, ...]) -> None:
@@ -235,17 +236,17 @@ def _check_independence(subject: _Subject, form: ClosedForm) -> None:
         )
 
 
-def _check_unlocked(subject: _Subject, form: ClosedForm) -> None:
+def _check_threads(subject: _Subject, form: ClosedForm) -> None:
     """Integrate in several threads at once what was integrated before."""
-    alone = subject.run(form, "unlocked").states
+    alone = subject.run(form, "releases_gil").states
     with ThreadPoolExecutor(4) as executor:
         ensembles = [form.ensemble() for _ in range(8)]
         work = [executor.submit(subject.integrator().integrate, one, form.times, RTOL) for one in ensembles]
-        with subject.unbroken("unlocked", form.name):
+        with subject.unbroken("releases_gil", form.name):
             others = [one.result().states for one in work]
     differ = [other for other in others if not np.array_equal(other, alone)]
     assert not differ, (
-        f"{subject.title}: unlocked: {form.name}: in several threads at once states differ by "
+        f"{subject.title}: releases_gil: {form.name}: in several threads at once states differ by "
         f"{np.abs(differ[0] - alone).max():.2g} from those that are integrated alone; expected the same bits."
     )
 

@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Ensemble, Integrator, ProjectedEnsemble, ProjectedTrajectories, declares, off_constraints
+from uqmbd.dynamics import (
+    Ensemble,
+    Integrator,
+    ProjectedEnsemble,
+    ProjectedTrajectories,
+    capabilities_of,
+    off_constraints,
+)
 from uqmbd.testing.solutions import ClosedForm, closed_forms
 from uqmbd.typing import Array
 
@@ -48,12 +55,12 @@ def check_projected(integrator: type[Integrator], tolerance: float) -> None:
         )
         off = off_constraints(projected.ensemble, form.times, nodal, RTOL)
         assert not off, f"{what}: at a node {next(iter(off.values()))[1]}."
-    if declares(integrator, "watched"):
+    if capabilities_of(integrator).stoppable:
         _check_watched(integrator, closed_forms.oscillator())
 
 
 def _check_watched(integrator: type[Integrator], form: ClosedForm) -> None:
-    what = f"integrator {integrator.name!r}: watched: {form.name}"
+    what = f"integrator {integrator.name!r}: stoppable: {form.name}"
     seen: list[Array] = []
 
     def watch(coefficients: Array) -> bool:

@@ -27,8 +27,7 @@ class RungeKutta:
     """Order 4; it follows impacts, as long as the bodies leave each other again."""
 
     name: ClassVar[str] = "runge-kutta"
-    events = True
-    paced = True
+    capabilities: ClassVar[uqmbd.Capabilities] = uqmbd.Capabilities(events=True, bounded_steps=True)
 
     def integrate(self, ensemble: uqmbd.Ensemble, times: Array, rtol: float) -> uqmbd.Trajectories:
         """Integrate one realisation after the other."""
