@@ -77,7 +77,6 @@ def swing(friction: float, steps: int) -> np.ndarray:
         before, x, y = turn, x + 2 * half[0], y + 2 * half[1]
     system.Assemble()
     settings = exudyn.SimulationSettings()
-    settings.solutionSettings.writeSolutionToFile = False
     settings.timeIntegration.endTime = float(TIMES[-1])
     settings.timeIntegration.numberOfSteps = (len(TIMES) - 1) * steps
     settings.timeIntegration.generalizedAlpha.spectralRadius = 0.95
