@@ -1,4 +1,4 @@
-"""Readers of robots and linkages that others wrote: URDF and MJCF, parsed by MuJoCo (the extra ``mujoco``)."""
+"""Readers of robots and linkages: URDF, and MJCF, which MuJoCo parses (the extra ``mujoco``)."""
 
 from __future__ import annotations
 

@@ -14,18 +14,21 @@ from uqmbd_joints import Fixed, Prismatic, Revolute, Spherical
 from uqmbd_models.forces import add_forces
 from uqmbd_models.fusing import Fused, fuse
 from uqmbd_models.gaps import gaps
+from uqmbd_models.inertia import Settled, excess, settle
 from uqmbd_models.motion import PlacedJoint, place
 from uqmbd_models.names import Names
-from uqmbd_models.tree import Coupling, Inertial, Loop, Tree
-from uqmbd_springs import Gravity
+from uqmbd_models.tree import Coupling, Inertial, Link, Loop, Tree
+from uqmbd_springs import Gravity, RotorInertia
 
 __all__ = ["build"]
 
 NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 """Of the bodies between the joints of one link."""
 
-NONE = 1e-18
-"""Moments of inertia, kg m^2, that are rounding: a cube of 10 micrograms has that."""
+NONE = 1e-15
+"""Entries of an inertia tensor, relative to the largest, that are rounding: that of a rotation of its axes."""
+
+CORRECT = "The number is that of the file; correct it there."
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Built:
     bodies: dict[int, Any]
 
 
-def build(tree: Tree, *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.ImportedMechanism:
     """Make a mechanism of a model.
 
     Parameters
@@ -48,21 +51,27 @@ def build(tree: Tree, *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechani
         Whether links that are fixed to others become one with them.
     outputs : bool
         Whether to record positions of joints and margins to their limits.
+    inertia : {"refuse", "as stated", "repair"}
+        What to do with inertia tensors that no body has.
     """
-    count = len(tree.links) - 1
+    count, before = len(tree.links) - 1, tree
     tree, fused = fuse(tree, every=fuse_all)
     if len(tree.links) == 1:
         raise uqmbd.StudyError(
             f"{tree.source}: nothing in it can move: none of its links, {count} beside the ground, has a joint that "
             "lets it move; expected at least one (a robot that stands on nothing: from_urdf(path, floating=True))."
         )
+    settled = settle(tree, inertia, fused, before)
     try:
-        return _built(tree, fused, fuse_all=fuse_all, outputs=outputs)
+        return _built(settled, fused, fuse_all=fuse_all, outputs=outputs)
     except uqmbd.StudyError as error:
-        raise uqmbd.StudyError(f"{tree.source}: {error} The number is that of the file; correct it there.") from None
+        if str(error).startswith(tree.source):
+            raise
+        raise uqmbd.StudyError(f"{tree.source}: {error} {CORRECT}") from None
 
 
-def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+def _built(settled: Settled, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+    tree = settled.tree
     space = uqmbd.Spatial(gravity=tuple(map(float, tree.gravity)))
     mechanism = uqmbd.ImportedMechanism(Names().take(tree.name or "model"), space, tree.source, tree.read_by)
     # the names of links and joints come first: what is made up gets out of their way
@@ -73,7 +82,15 @@ def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: boo
     for joint in placed.joints:
         by_link[joint.joint.link].append(joint)
     for k, link in enumerate(tree.links[1:], 1):
-        _add_link(built, tree, k, labels[k], by_link[k], placed.poses)
+        try:
+            _add_link(built, tree, k, labels[k], by_link[k], placed.poses)
+        except uqmbd.StudyError as error:
+            raise _refused(tree, link, error) from None
+        if k in settled.rotors:
+            more, axis = settled.rotors[k]
+            rotor = built.names.take(f"{labels[k]}_excess")
+            ends = built.bodies[k], mechanism.ground
+            mechanism.add(RotorInertia(rotor, *ends, float(more), axis_i=tuple(map(float, axis))))
         if link.compensation:
             name = built.names.take(f"{labels[k]}_compensation")
             mechanism.add(Gravity(name, built.bodies[k], tuple(map(float, -link.compensation * tree.gravity))))
@@ -82,11 +99,23 @@ def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: boo
     for coupling in tree.couplings:
         _couple(built, placed.joints, coupling)
     _add_frames(built, fused)
-    rows = [*tree.omissions, *gaps(tree, placed.poses), *_merged(fused, fuse_all)]
+    rows = [*tree.omissions, *settled.rows, *gaps(tree, placed.poses), *_merged(fused, fuse_all)]
     mechanism.not_taken = uqmbd.Omissions([*rows, *_renamed(built, tree, labels, placed.joints)])
     if outputs:
         _record(built)
     return mechanism
+
+
+def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyError:
+    """Return the error of a link whose numbers are refused: where they are, and what to do."""
+    line = f"line {link.line}: " if link.line else ""
+    advice = CORRECT
+    if link.line and excess(link.inertial.inertia) > 0:
+        advice = (
+            'Correct the file, or use inertia="repair", which takes the nearest inertia that a body has, or '
+            'inertia="as stated", which takes what is possible and a rotor with the rest.'
+        )
+    return uqmbd.StudyError(f"{tree.source}: {line}{error} {advice}")
 
 
 def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJoint], poses: Any) -> None:
@@ -115,7 +144,7 @@ def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJo
 def _body(mechanism: Any, name: str, inertial: Inertial, pose: Any) -> Any:
     """Add a body at its place; its velocity is stated where it moves at the start."""
     tensor = (inertial.inertia + inertial.inertia.T) / 2
-    tensor[abs(tensor) < NONE] = 0.0
+    tensor[abs(tensor) < NONE * abs(tensor).max()] = 0.0
     entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     stated: dict[str, Any] = {}
     if pose.moves:

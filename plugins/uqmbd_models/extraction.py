@@ -10,7 +10,7 @@ import numpy as np
 import uqmbd
 from uqmbd_models.files import Loaded, listening
 from uqmbd_models.rotations import inverse, matrix, product
-from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Loop, Tree
+from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Loop, Tree, remarks
 
 __all__ = ["extract"]
 
@@ -25,12 +25,7 @@ FIELDS = {
 """What is read of bodies and joints and has to be finite."""
 
 
-def extract(
-    loaded: Loaded,
-    keyframe: str | int | None = None,
-    couplings: Sequence[Coupling] = (),
-    omissions: Sequence[uqmbd.Omission] = (),
-) -> Tree:
+def extract(loaded: Loaded, keyframe: str | int | None = None) -> Tree:
     """Compile a model and read it.
 
     Parameters
@@ -39,8 +34,6 @@ def extract(
         A parsed file.
     keyframe : str or int, optional
         Where to start from.
-    couplings, omissions : sequence
-        What is known besides.
     """
     try:
         with listening(loaded.mujoco) as told:
@@ -53,7 +46,7 @@ def extract(
     links = _links(loaded, model)
     joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
     loops, coupled, rows = _equalities(loaded, model, off)
-    rows = [*loaded.omissions, *omissions, *rows, *_remarks(loaded, model, joints, off)]
+    rows = [*loaded.omissions, *rows, *_remarks(loaded, model, joints, off)]
     rows += [uqmbd.Omission("warnings of MuJoCo", advice, "said as it read the file")] if advice else []
     gravity = np.zeros(3) if "GRAVITY" in off else np.array(model.opt.gravity)
     return Tree(
@@ -64,7 +57,7 @@ def extract(
         links,
         joints,
         loops,
-        (*coupled, *couplings),
+        coupled,
         tuple(rows),
     )
 
@@ -114,14 +107,13 @@ def _links(loaded: Loaded, model: Any) -> tuple[Link, ...]:
         name = model.body(k).name
         turn = matrix(model.body_iquat[k])
         inertia = turn @ np.diag(model.body_inertia[k]) @ turn.T
-        compiled = Inertial(float(model.body_mass[k]), np.array(model.body_ipos[k]), inertia)
         found.append(
             Link(
                 name,
                 int(model.body_parentid[k]),
                 np.array(model.body_pos[k]),
                 np.array(model.body_quat[k]),
-                loaded.inertials.get(name, compiled),
+                Inertial(float(model.body_mass[k]), np.array(model.body_ipos[k]), inertia),
                 float(model.body_gravcomp[k]),
             )
         )
@@ -134,7 +126,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
         kind, size, freedoms = KINDS[int(model.jnt_type[k])]
         q, v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
         place = slice(q, q + size)
-        limits = loaded.limits.get(model.joint(k).name)
+        limits = None
         if model.jnt_limited[k]:
             limits = float(model.jnt_range[k][0]), float(model.jnt_range[k][1])
         damping, inertia = loaded.rotors.get(model.joint(k).name, (0.0, 0.0))
@@ -200,15 +192,12 @@ def _loop(loaded: Loaded, model: Any, k: int, name: str, weld: bool) -> Loop:
 
 def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str]) -> list[uqmbd.Omission]:
     """Tell what a mechanism does not have, and what it has in another form."""
-    rows: list[uqmbd.Omission] = []
+    rows = remarks(joints)
 
     def note(what: str, names: Sequence[str], why: str) -> None:
         if names:
             rows.append(uqmbd.Omission(what, tuple(names), why))
 
-    note("limits of joints", [j.name for j in joints if j.limits], "nothing stops there; their margins are outputs")
-    dry = [j.name for j in joints if j.friction]
-    note("dry friction", dry, "taken as smooth friction, which creeps where it should stick; see RotationalFriction")
     springs = [j.name for j in joints if j.stiffness and j.kind in ("ball", "free")]
     note("springs of rotation in space", springs, "no such spring here; of a free joint that of position is taken")
     for field, what in (("jnt_stiffnesspoly", "springs"), ("jnt_springyield", "yielding springs")):
@@ -225,8 +214,6 @@ def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str])
     note("forces of the medium", medium, "there is no fluid here")
     compiler = loaded.spec.compiler
     why = "the file asks for them: masses and inertia are those after them"
-    if loaded.inertials:
-        why = "the file asks MuJoCo for them; masses and inertia are left as the file states them"
     bounds = [x for x in ("boundmass", "boundinertia", "settotalmass") if getattr(compiler, x) > 0]
     bounds += ["balanceinertia"] if compiler.balanceinertia else []
     note("changes by MuJoCo's compiler", bounds, why)

@@ -1,4 +1,4 @@
-"""Model files, parsed by MuJoCo: what is not needed is set aside before it compiles the model, and counted.
+"""MJCF files, parsed by MuJoCo: what is not needed is set aside before it compiles the model, and counted.
 
 Shapes are needed where inertia is to be computed from them, and nowhere else: without the others no mesh is looked for.
 """
@@ -6,7 +6,6 @@ Shapes are needed where inertia is to be computed from them, and nowhere else: w
 from __future__ import annotations
 
 import warnings
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,19 +13,16 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 
 import uqmbd
 from uqmbd_models.actuators import passive
-from uqmbd_models.grammar import refuse
+from uqmbd_models.documents import parse
 from uqmbd_models.names import Names
-from uqmbd_models.tree import Inertial
+from uqmbd_models.sizes import require_sizes
 
 __all__ = ["Loaded", "listening", "load"]
 
 INSTALL = 'pip install "uqmbd[mujoco]"'
-
-ROOTS = {"urdf": "robot", "mjcf": "mujoco"}
 
 SET_ASIDE = {
     "actuators": "add drivers or torques in their place",
@@ -58,32 +54,23 @@ class Loaded:
     Attributes
     ----------
     path : str
-    root : xml.etree.ElementTree.Element
-        The file as it is.
     mujoco : module
     spec : mujoco.MjSpec
         What is compiled.
     omissions : list of uqmbd.Omission
         What was set aside.
-    inertials : dict of Inertial
-        Of links, by name, where they are not those of MuJoCo's compiler.
     advice : list of str
         What MuJoCo warned of as it parsed the file.
     rotors : dict of two numbers
         Damping and inertia that actuators add to joints, by the names of these.
-    limits : dict of two numbers
-        Of joints, by name, where the file states them and MuJoCo may leave them out.
     """
 
     path: str
-    root: ElementTree.Element
     mujoco: ModuleType
     spec: Any
     omissions: list[uqmbd.Omission] = field(default_factory=list)
-    inertials: dict[str, Inertial] = field(default_factory=dict)
     advice: list[str] = field(default_factory=list)
     rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
-    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def error(self, reason: object) -> uqmbd.StudyError:
         """Return an error that names the file."""
@@ -91,36 +78,38 @@ class Loaded:
         return uqmbd.StudyError(f"{self.path}: MuJoCo {self.mujoco.__version__} cannot use it: {text}")
 
 
-def load(path: str, form: str) -> Loaded:
+def load(path: str) -> Loaded:
     """Parse a file, and set aside what is not taken.
 
     Parameters
     ----------
     path : str
         The file.
-    form : {"urdf", "mjcf"}
 
     Raises
     ------
     uqmbd.StudyError
-        If MuJoCo is not installed, or the file is none of this format.
+        If MuJoCo is not installed, or the file is not MJCF, or asks for more than MuJoCo can make.
     """
-    root = _parsed(path, form)
-    mujoco = _mujoco(form)
+    where = f"from_mjcf: {path}"
+    root = parse(where, path, "mjcf").root
+    if root.tag != "mujoco":
+        hint = "; it is URDF: use uqmbd.from_urdf" if root.tag == "robot" else ""
+        raise uqmbd.StudyError(f"{where}: line {root.line}: its root is <{root.tag}>, expected <mujoco>{hint}.")
+    require_sizes(path, root)
+    mujoco = _mujoco()
     try:
         with listening(mujoco) as told:
-            spec = _spec(mujoco, path, root)
+            spec = _spec(mujoco, path)
     except Exception as error:  # its parser raises errors of several types
-        raise Loaded(path, root, mujoco, None).error(error) from None
-    loaded = Loaded(path, root, mujoco, spec, advice=told)
+        raise Loaded(path, mujoco, None).error(error) from None
+    loaded = Loaded(path, mujoco, spec, advice=told)
     try:
         _name(spec)
-        if form == "urdf":
-            _stand_in(spec)
-        _set_aside(loaded, form)
+        _set_aside(loaded)
     except (AttributeError, TypeError) as error:
         raise uqmbd.StudyError(
-            f"from_{form} needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
+            f"from_mjcf needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
         ) from None
     except ValueError as error:  # such as repeated names
         raise loaded.error(error) from None
@@ -148,51 +137,24 @@ def listening(mujoco: ModuleType) -> Iterator[list[str]]:
         told[:] = dict.fromkeys(told)
 
 
-def _mujoco(form: str) -> ModuleType:
+def _mujoco() -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
         reason = "" if (error.name or "").partition(".")[0] == "mujoco" else f" (it cannot be imported: {error})"
-        raise uqmbd.StudyError(f"from_{form} needs MuJoCo, which parses the file{reason}: {INSTALL}") from None
+        raise uqmbd.StudyError(f"from_mjcf needs MuJoCo, which parses the file{reason}: {INSTALL}") from None
     found: ModuleType = mujoco
     if not hasattr(mujoco, "MjSpec"):
         version = getattr(mujoco, "__version__", "this one")
-        raise uqmbd.StudyError(f"from_{form} needs a later MuJoCo than {version}: {INSTALL} --upgrade")
+        raise uqmbd.StudyError(f"from_mjcf needs a later MuJoCo than {version}: {INSTALL} --upgrade")
     return found
 
 
-def _parsed(path: str, form: str) -> ElementTree.Element:
-    """Read the file as XML, or say what is wrong with it."""
-    where = f"from_{form}: {path}"
-    file = Path(path)
-    try:
-        if file.is_dir():
-            raise uqmbd.StudyError(f"{where} is a folder; expected a file, such as {file / ('robot.' + form)}.")
-        text = file.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
-        raise uqmbd.StudyError(f"{where}: {reason}; expected the path of a {form.upper()} file.") from None
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise uqmbd.StudyError(f"{where} is no XML: {error}.") from None
-    if any("xacro" in str(x.tag) for x in root.iter()):
-        raise uqmbd.StudyError(f"{where} is a xacro template; expand it first: xacro FILE.xacro > FILE.urdf")
-    tag = root.tag.rpartition("}")[2]
-    if tag != ROOTS[form]:
-        other = next((known for known, name in ROOTS.items() if name == tag), None)
-        hint = f"; it is {other.upper()}: use uqmbd.from_{other}" if other else ""
-        raise uqmbd.StudyError(f"{where}: its root is <{tag}>, expected <{ROOTS[form]}>{hint}.")
-    if form == "urdf":
-        refuse(root, where)
-    return root
-
-
-def _spec(mujoco: ModuleType, path: str, root: ElementTree.Element) -> Any:
+def _spec(mujoco: ModuleType, path: str) -> Any:
     """Let MuJoCo parse; files with endings that it does not know as texts."""
-    if Path(path).suffix.lower() in (".xml", ".urdf"):
+    if Path(path).suffix.lower() == ".xml":
         return mujoco.MjSpec.from_file(path)
-    return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    return mujoco.MjSpec.from_string(Path(path).read_text(encoding="utf-8"))
 
 
 def _name(spec: Any) -> None:
@@ -209,24 +171,9 @@ def _name(spec: Any) -> None:
                 joint.name = joints.take(f"{body.name}_joint")
 
 
-def _stand_in(spec: Any) -> None:
-    """Let MuJoCo have a mass and inertia of every link: those of the file are read elsewhere, as they are."""
-    for body in list(spec.bodies)[1:]:
-        body.explicitinertial = True
-        body.mass = 1.0
-        body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0, 0, 0])
-        body.fullinertia, body.inertia = np.full(6, np.nan), np.ones(3)
-
-
-def _set_aside(loaded: Loaded, form: str) -> None:
+def _set_aside(loaded: Loaded) -> None:
     """Take out of a model what is not needed, and note it."""
     spec = loaded.spec
-    if form == "urdf":
-        spec.compiler.inertiafromgeom = NEVER
-        for equality in list(
-            spec.equalities
-        ):  # later versions read mimic joints, earlier ones do not: they are read here
-            _delete(spec, equality)
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     equalities = loaded.mujoco.mjtEq

@@ -1,16 +1,23 @@
-"""What a URDF file may say: what cannot be is refused, what is not known or has no effect is told."""
+"""What a URDF file may say: what is impossible is refused, what is unknown or without effect is listed."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any
+
+import numpy as np
 
 import uqmbd
+from uqmbd_models.documents import Document, Element, prefix
+from uqmbd_models.tree import Array
 
-__all__ = ["limits", "refuse", "several_roots", "unknown_words"]
+__all__ = ["JOINT", "LINK", "OPAQUE", "number", "place", "refuse", "unknown_words", "vector"]
 
 LINK, JOINT = "link", "joint"
+
+OPAQUE = frozenset(("visual", "collision", "gazebo", "transmission", "material", "ros2_control", "sensor", "mujoco"))
+"""Elements whose content is not read: it cannot be wrong."""
 
 ATTRIBUTES = {
     "robot": {"name", "version"},
@@ -37,93 +44,107 @@ ELEMENTS = {
 }
 """Elements inside of them; none inside the others."""
 
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
-def refuse(root: Any, path: str) -> None:
-    """Raise where a file is no robot: templates that were not expanded, repeated names, floating joints inside.
+
+def place(path: str, element: Element, owner: Element | None = None) -> str:
+    """Say where an element is: file, line, tag, and the link or joint that it belongs to."""
+    name = f" {element.get('name')!r}" if element.get("name") else ""
+    of = f" of {owner.tag} {owner.get('name', '')!r}" if owner is not None else ""
+    return f"{path}: line {element.line}: <{element.tag}>{name}{of}"
+
+
+def number(where: str, element: Element | None, key: str, default: float, low: float = -np.inf) -> float:
+    """Return the number of an attribute, or the default where it is left out."""
+    given = None if element is None else element.attrib.get(key)
+    if given is None:
+        return default
+    found = float(given) if NUMBER.fullmatch(given.strip()) else np.nan
+    if not np.isfinite(found):
+        raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected a finite number, such as 0.5.")
+    if found < low:
+        raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected a number that is not below {low:g}.")
+    return found
+
+
+def vector(where: str, element: Element | None, key: str, default: tuple[float, float, float] = (0, 0, 0)) -> Array:
+    """Return the three numbers of an attribute, or the default where it is left out."""
+    given = None if element is None else element.attrib.get(key)
+    if given is None:
+        return np.array(default, dtype=float)
+    parts = given.split()
+    found = np.array([float(x) if NUMBER.fullmatch(x) else np.nan for x in parts])
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected three finite numbers, such as '0 0 0.5'.")
+    return found
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:60] + "...")
+
+
+def refuse(document: Document) -> None:
+    """Raise where a file is no robot: templates that were not expanded, names that are missing or repeated.
 
     Raises
     ------
     uqmbd.StudyError
         With what is wrong, and what to do.
     """
+    path, root = document.path, document.root
     for element in (x for tag in (LINK, JOINT) for x in root.findall(tag)):
-        parts = [element, *(y for inner in element if inner.tag in ATTRIBUTES for y in inner.iter())]
-        for key, value in ((key, value) for part in parts for key, value in part.attrib.items()):
+        parts = [element, *(y for inner in element if inner.tag in ATTRIBUTES for y in inner.everything())]
+        for part, key, value in ((x, key, value) for x in parts for key, value in x.attrib.items()):
             if "${" in value or "$(" in value:
                 raise uqmbd.StudyError(
-                    f"{path}: {element.tag} {element.get('name', '?')!r}: {key} is {value!r}, which xacro fills in; "
-                    "expand the template first: xacro FILE.xacro > FILE.urdf"
+                    f"{place(path, part, element if part is not element else None)}: {key} is {_shown(value)}, which "
+                    "xacro fills in; expand the template first: xacro FILE.xacro > FILE.urdf"
                 )
     for tag in (LINK, JOINT):
-        for name, count in Counter(x.get("name", "") for x in root.findall(tag)).items():
-            if count > 1:
+        first: dict[str, Element] = {}
+        for element in root.findall(tag):
+            name = element.get("name", "")
+            if not name.strip():
+                raise uqmbd.StudyError(f'{place(path, element)}: it has no name; expected name="...".')
+            if name in first:
                 raise uqmbd.StudyError(
-                    f"{path}: there are {count} {tag}s called {name!r}; expected each name once. Rename them."
+                    f"{place(path, element)}: line {first[name].line} has a {tag} of this name; expected each name "
+                    "once. Rename one of them."
                 )
-    children = {end.get("link") for joint in root.findall(JOINT) for end in joint.findall("child")}
-    for joint in root.findall(JOINT):
-        end = joint.find("parent")
-        parent = "" if end is None else end.get("link", "")
-        if joint.get("type") != "floating" or parent in ("", "world"):
-            continue
-        advice = f"Leave this joint and link {parent!r} out and use floating=True, or call that link world."
-        if parent in children:
-            advice = "Nothing in the middle of a robot may float here; give it another type."
-        raise uqmbd.StudyError(
-            f"{path}: joint {joint.get('name', '?')!r} floats under link {parent!r}; expected a floating joint under "
-            f"a link called world alone. {advice}"
-        )
+            first[name] = element
+    if root.find(LINK) is None:
+        raise uqmbd.StudyError(f"{place(path, root)}: it has no <link>; expected at least two, and a <joint>.")
 
 
-def several_roots(root: Any, floating: bool) -> list[uqmbd.Omission]:
-    """Tell links that no joint connects with the first one."""
-    children = {end.get("link") for joint in root.findall(JOINT) for end in joint.findall("child")}
-    roots = [x.get("name", "?") for x in root.findall(LINK) if x.get("name") not in {*children, "world"}]
-    why = "no joint connects them with the others: each " + ("moves freely" if floating else "stands on the ground")
-    return [uqmbd.Omission("robots in pieces", tuple(roots), why)] if len(roots) > 1 else []
+def unknown_words(document: Document) -> list[uqmbd.Omission]:
+    """List elements and attributes that are not read, such as one that is misspelt."""
+    unknown: dict[str, None] = {}
+    foreign: dict[str, None] = {}
+    twice: dict[str, None] = {}
+    for kind, text in _unknown(document.root, "robot", ""):
+        {"unknown": unknown, "foreign": foreign, "twice": twice}[kind][text] = None
+    rows = [
+        ("unknown elements and attributes", unknown, "they are not read; are they misspelt?"),
+        ("elements of other programs", foreign, "they concern another program"),
+        ("repeated elements", twice, "the first one is read"),
+        ("deviations from XML", dict.fromkeys(document.slips), "the file is read nevertheless"),
+    ]
+    return [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
 
 
-def unknown_words(root: Any) -> list[uqmbd.Omission]:
-    """Tell elements and attributes that are not read, as one that is misspelt."""
-    found = tuple(dict.fromkeys(_unknown(root, "robot", "")))
-    why = "they are not read; are they misspelt?"
-    return [uqmbd.Omission("unknown elements and attributes", found, why)] if found else []
-
-
-def _unknown(element: Any, tag: str, where: str) -> Iterator[str]:
-    """Yield unknown words of an element and those inside it."""
+def _unknown(element: Element, tag: str, where: str) -> Iterator[tuple[str, str]]:
+    """Yield unknown words of an element and those inside it, and what is there more than once."""
     for key in element.attrib:
-        if key not in ATTRIBUTES[tag]:
-            yield f"{key} of <{tag}>{where}"
+        if key not in ATTRIBUTES[tag] and prefix(key) not in ("xmlns", "xml") and key != "xmlns":
+            yield ("foreign" if prefix(key) else "unknown"), f"{key} of <{tag}>{where}"
+    if tag != "robot":
+        for word, count in Counter(x.tag for x in element).items():
+            if count > 1 and word in ATTRIBUTES:
+                yield "twice", f"<{word}>{where}"
     for inner in element:
-        if not isinstance(inner.tag, str):  # a comment
-            continue
         if inner.tag not in ELEMENTS.get(tag, ()):
-            yield f"<{inner.tag.rpartition('}')[2]}>{f' in <{tag}>' if tag not in (LINK, JOINT) else ''}{where}"
+            inside = f" in <{tag}>" if tag not in (LINK, JOINT) else ""
+            yield ("foreign" if prefix(inner.tag) else "unknown"), f"<{inner.tag}>{inside}{where}"
         elif inner.tag in ATTRIBUTES:
             named = f" of {inner.tag} {inner.get('name', '?')!r}" if inner.tag in (LINK, JOINT) else where
             yield from _unknown(inner, inner.tag, named)
-
-
-def limits(root: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.Omission]]:
-    """Read the limits of joints, and tell those that leave no way between them: nothing comes of these.
-
-    The lower or the upper one is zero where it is left out.
-    """
-    found: dict[str, tuple[float, float]] = {}
-    void = []
-    for joint in root.findall(JOINT):
-        limit = joint.find("limit")
-        if limit is None or joint.get("type") not in ("revolute", "prismatic"):
-            continue
-        name = joint.get("name", "?")
-        try:
-            low, high = (float(limit.get(key, 0)) for key in ("lower", "upper"))
-        except ValueError:  # the parser tells what is no number
-            continue
-        if low < high:
-            found[name] = (low, high)
-        else:
-            void.append(f"{name} ({low:g} to {high:g})")
-    why = "lower is not below upper: these joints have no limits here and no margin"
-    return found, [uqmbd.Omission("limits without a range", tuple(void), why)] if void else []

@@ -6,14 +6,14 @@ import uqmbd
 from uqmbd_models.building import build
 from uqmbd_models.extraction import extract
 from uqmbd_models.files import load
-from uqmbd_models.grammar import limits, several_roots, unknown_words
-from uqmbd_models.urdf import floating_base, links_without_mass, mimics, read_inertials, unread
+from uqmbd_models.inertia import INERTIA
+from uqmbd_models.urdf import read_urdf
 
 __all__ = ["MJCF", "URDF"]
 
 
 class URDF:
-    """Robots as the Unified Robot Description Format tells them.
+    """Robots in the Unified Robot Description Format.
 
     Examples
     --------
@@ -29,7 +29,7 @@ class URDF:
     name = "urdf"
 
     def read(
-        self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True
+        self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True, inertia: str = "refuse"
     ) -> uqmbd.ImportedMechanism:
         """Return the mechanism, see `uqmbd.from_urdf`.
 
@@ -41,18 +41,13 @@ class URDF:
             See `uqmbd.from_urdf`.
         fuse, outputs : bool
             See `uqmbd.from_urdf`.
+        inertia : {"refuse", "as stated", "repair"}
+            See `uqmbd.from_urdf`.
         """
-        loaded = load(path, "urdf")
-        read_inertials(loaded)
-        if floating:
-            floating_base(loaded)
-        couplings, wrong = mimics(loaded)
-        found, void = limits(loaded.root)
-        loaded.limits.update(found)
-        told = [*unknown_words(loaded.root), *void, *several_roots(loaded.root, floating)]
-        rows = [*links_without_mass(loaded), *unread(loaded), *wrong, *told]
-        tree = extract(loaded, couplings=couplings, omissions=rows)
-        return build(tree, fuse_all=fuse, outputs=outputs)
+        if inertia not in INERTIA:
+            known = ", ".join(map(repr, INERTIA))
+            raise uqmbd.StudyError(f"from_urdf: inertia is {inertia!r}; expected one of {known}.")
+        return build(read_urdf(path, floating), fuse_all=fuse, outputs=outputs, inertia=inertia)
 
 
 class MJCF:
@@ -85,4 +80,4 @@ class MJCF:
         fuse, outputs : bool
             See `uqmbd.from_mjcf`.
         """
-        return build(extract(load(path, "mjcf"), keyframe=keyframe), fuse_all=fuse, outputs=outputs)
+        return build(extract(load(path), keyframe=keyframe), fuse_all=fuse, outputs=outputs)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from uqmbd_models.tree import Array
 
-__all__ = ["about", "inverse", "matrix", "product", "turned"]
+__all__ = ["about", "across", "from_rpy", "inverse", "matrix", "product", "turned"]
 
 
 def product(a: Any, b: Any) -> Array:
@@ -44,3 +44,31 @@ def turned(quaternion: Any, vector: Any) -> Array:
     """Turn a vector."""
     found: Array = matrix(quaternion) @ np.asarray(vector, dtype=float)
     return found
+
+
+def from_rpy(angles: Any) -> Array:
+    """Quaternion of rotations about the fixed axes x, y and z, one after the other.
+
+    Examples
+    --------
+    >>> from_rpy((0, 0, np.pi / 2)).round(3).tolist()
+    [0.707, 0.0, 0.0, 0.707]
+    """
+    found: Array = Rotation.from_euler("xyz", np.asarray(angles, dtype=float)).as_quat(scalar_first=True)
+    return found
+
+
+def across(axis: Any) -> tuple[Array, Array]:
+    """Two directions across a unit axis: where the shortest turn from z to the axis takes x and y.
+
+    Examples
+    --------
+    >>> [x.round(3).tolist() for x in across((1, 0, 0))]
+    [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    """
+    z = np.array([0.0, 0.0, 1.0])
+    way = np.cross(z, axis)
+    size = np.linalg.norm(way)
+    turn = np.arctan2(size, np.dot(z, axis)) * (way / size if size else np.array([1.0, 0, 0]))
+    found = Rotation.from_rotvec(turn).as_matrix()
+    return found[:, 0], found[:, 1]

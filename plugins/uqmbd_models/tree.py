@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 
-__all__ = ["Array", "Coupling", "Inertial", "Joint", "Link", "Loop", "Tree"]
+__all__ = ["Array", "Coupling", "Inertial", "Joint", "Link", "Loop", "Tree", "remarks"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ class Link:
         kg, m, kg m^2.
     compensation : float
         As much of its weight is compensated, 1: all.
+    line : int
+        Of the file, where it begins; 0: not known.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Link:
     quaternion: Array
     inertial: Inertial
     compensation: float = 0.0
+    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -127,3 +131,14 @@ class Tree:
     loops: tuple[Loop, ...]
     couplings: tuple[Coupling, ...]
     omissions: tuple[uqmbd.Omission, ...]
+
+
+def remarks(joints: Sequence[Joint]) -> list[uqmbd.Omission]:
+    """List what a mechanism has of joints in another form."""
+    limited = tuple(joint.name for joint in joints if joint.limits)
+    dry = tuple(joint.name for joint in joints if joint.friction)
+    rows = [
+        ("limits of joints", limited, "nothing stops there; their margins are outputs"),
+        ("dry friction", dry, "taken as smooth friction, which creeps where it should stick; see RotationalFriction"),
+    ]
+    return [uqmbd.Omission(what, names, why) for what, names, why in rows if names]

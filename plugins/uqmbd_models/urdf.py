@@ -1,139 +1,392 @@
-"""What is read from a URDF file itself: masses as they are stated, and what MuJoCo's parser leaves out, as mimics."""
+"""From a URDF file to plain numbers: links, joints, mimics, and what is left out."""
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import uqmbd
-from uqmbd_models.files import Loaded
+from uqmbd_models.documents import Document, Element, parse, prefix
+from uqmbd_models.grammar import JOINT, LINK, OPAQUE, number, place, refuse, unknown_words, vector
 from uqmbd_models.names import Names
-from uqmbd_models.tree import Array, Coupling, Inertial
+from uqmbd_models.rotations import across, from_rpy, matrix
+from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Tree, remarks
 
-__all__ = ["floating_base", "links_without_mass", "mimics", "read_inertials", "unread"]
+__all__ = ["read_urdf"]
+
+MOVING = ("revolute", "continuous", "prismatic")
+TYPES = (*MOVING, "fixed", "planar", "floating")
+
+WORLD = "world"
+"""A first link of this name is the ground."""
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s^2: a URDF file states none."""
+
+ONE = (1.0, 0.0, 0.0, 0.0)
+
+CONTACTS = "contacts are not taken; add those of uqmbd_contact"
+
+ELSEWHERE = "they concern another program"
 
 
-def read_inertials(loaded: Loaded) -> None:
-    """Read mass, centre of mass and inertia of the links, as the file states them; none where it states none."""
-    for link in loaded.root.findall("link"):
-        name = link.get("name", "")
-        given = link.find("inertial")
-        where = f"{loaded.path}: link {name!r}: its inertial"
-        if given is None:
-            loaded.inertials[name] = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-            continue
-        origin, mass, inertia = (given.find(tag) for tag in ("origin", "mass", "inertia"))
-        com, turn = _vector(where, origin, "xyz"), _vector(where, origin, "rpy")
-        xx, yy, zz, xy, xz, yz = (
-            _number(where, inertia, f"i{axes}", 0.0) for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+@dataclass(frozen=True)
+class Robot:
+    """A parsed file, with its links and joints by name.
+
+    Attributes
+    ----------
+    document : Document
+    links, joints : dict of Element
+        By name, in the order of the file.
+    above : dict of str
+        The joint that carries a link, by the name of the link.
+    parents : dict of str
+        The link that carries a link, by its name.
+    rows : list of uqmbd.Omission
+        What is left out.
+    """
+
+    document: Document
+    links: dict[str, Element]
+    joints: dict[str, Element]
+    above: dict[str, str] = field(default_factory=dict)
+    parents: dict[str, str] = field(default_factory=dict)
+    rows: list[uqmbd.Omission] = field(default_factory=list)
+
+    @property
+    def roots(self) -> list[str]:
+        """Links that no joint carries."""
+        return [name for name in self.links if name not in self.parents]
+
+    def where(self, element: Element, owner: Element | None = None) -> str:
+        """Say where an element is."""
+        return place(self.document.path, element, owner)
+
+    def note(self, what: str, names: list[str], why: str) -> None:
+        """Add a row, unless it is empty."""
+        if names:
+            self.rows.append(uqmbd.Omission(what, tuple(names), why))
+
+
+def read_urdf(path: str, floating: bool = False) -> Tree:
+    """Read a URDF file.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    floating : bool
+        Whether the first links move freely.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no robot: one message with file, line and element.
+    """
+    where = f"from_urdf: {path}"
+    document = parse(where, path, "urdf", OPAQUE)
+    _require_robot(where, document)
+    refuse(document)
+    root = document.root
+    links, joints = ({x.get("name"): x for x in root.findall(tag)} for tag in (LINK, JOINT))
+    robot = Robot(document, links, joints)
+    _connect(robot)
+    inertials = {name: _inertial(robot, link) for name, link in robot.links.items()}
+    order = _order(robot)
+    bodies, moving = _tree(robot, order, inertials, floating)
+    couplings = _mimics(robot)
+    _note_links(robot, floating)
+    _note_unread(robot)
+    rows = [*robot.rows, *unknown_words(document), *remarks(moving)]
+    by = f"uqmbd {uqmbd.__version__}"
+    return Tree(
+        root.get("name"), path, by, np.array(GRAVITY), tuple(bodies), tuple(moving), (), tuple(couplings), tuple(rows)
+    )
+
+
+def _require_robot(where: str, document: Document) -> None:
+    """Raise unless the root is that of a robot, and no template."""
+    root = document.root
+    declared = {key.partition(":")[2] for key, x in root.attrib.items() if key.startswith("xmlns:") and "xacro" in x}
+    templates = {"xacro", *declared}
+    found = next((x for x in root.everything() if prefix(x.tag) in templates), None)
+    if found is not None:
+        raise uqmbd.StudyError(
+            f"{where} is a xacro template (line {found.line}: <{found.tag}>); expand it first: "
+            "xacro FILE.xacro > FILE.urdf"
         )
-        axes = Rotation.from_euler("xyz", turn).as_matrix()
-        tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
-        loaded.inertials[name] = Inertial(_number(where, mass, "value", 0.0), com, tensor)
+    if root.tag != "robot":
+        hint = "; it is MJCF: use uqmbd.from_mjcf" if root.tag == "mujoco" else ""
+        raise uqmbd.StudyError(f"{where}: line {root.line}: its root is <{root.tag}>, expected <robot>{hint}.")
 
 
-def floating_base(loaded: Loaded) -> None:
-    """Let the first links move freely; one that is called world, or that has no mass nor anything on it, stays."""
-    names = Names(joint.name for joint in loaded.spec.joints)
-    for body in list(loaded.spec.worldbody.bodies):
-        light = loaded.inertials[body.name].mass == 0
-        if list(body.joints) or body.name == "world" or (light and not list(body.bodies)):
+def _connect(robot: Robot) -> None:
+    """Note which joint and which link carries each link."""
+    for name, joint in robot.joints.items():
+        kind = joint.get("type")
+        if kind not in TYPES:
+            raise uqmbd.StudyError(f"{robot.where(joint)}: its type is {kind!r}; expected one of {', '.join(TYPES)}.")
+        parent, child = (_end(robot, joint, tag) for tag in ("parent", "child"))
+        if parent == child:
+            raise uqmbd.StudyError(f"{robot.where(joint)}: it joins link {parent!r} with itself; expected two links.")
+        if child in robot.above:
+            raise uqmbd.StudyError(
+                f"{robot.where(joint)}: link {child!r} is the child of joint {robot.above[child]!r} already; expected "
+                "each link to be the child of at most one joint (URDF has no loops)."
+            )
+        robot.above[child], robot.parents[child] = name, parent
+    for joint in robot.joints.values():
+        parent = _end(robot, joint, "parent")
+        if joint.get("type") != "floating" or parent == WORLD:
             continue
-        joint = body.add_freejoint()
-        joint.name = names.take(f"{body.name}_free")
+        advice = f"Leave this joint and link {parent!r} out and use floating=True, or call that link world."
+        if parent in robot.parents:
+            advice = "Nothing in the middle of a robot may float here; give it another type."
+        raise uqmbd.StudyError(
+            f"{robot.where(joint)}: it floats under link {parent!r}; expected a floating joint under a link called "
+            f"world alone. {advice}"
+        )
 
 
-def mimics(loaded: Loaded) -> tuple[list[Coupling], list[uqmbd.Omission]]:
-    """Read joints that follow others: ``q = multiplier q_other + offset``."""
-    kinds = {joint.get("name"): joint.get("type") for joint in loaded.root.findall("joint")}
-    found: list[Coupling] = []
-    still: list[str] = []
-    absent: list[str] = []
-    for joint in loaded.root.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is None:
-            continue
-        name, other = joint.get("name", ""), mimic.get("joint")
-        where = f"{loaded.path}: joint {name!r} mimics {other!r}"
-        if kinds.get(name) == "fixed":
-            still.append(name)
-            continue
-        if other not in kinds:
-            absent.append(name)
-            continue
-        for x in (name, other):
-            if kinds[x] not in ("revolute", "continuous", "prismatic"):
-                raise uqmbd.StudyError(
-                    f"{where}: expected two joints that are revolute, continuous or prismatic; {x!r} is {kinds[x]}."
-                )
-        if other == name:
-            raise uqmbd.StudyError(f"{where}: itself; expected another joint.")
-        factors = [_number(where, mimic, key, default) for key, default in (("offset", 0.0), ("multiplier", 1.0))]
-        found.append(Coupling(f"{name}_mimic", name, other, tuple(factors)))
-    rows = [("mimics of fixed joints", still, "these joints do not move")]
-    rows.append(("mimics of joints that the file does not have", absent, "these joints move freely"))
-    return found, [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
+def _end(robot: Robot, joint: Element, tag: str) -> str:
+    """Return the name of the link at one end of a joint."""
+    end = joint.find(tag)
+    if end is None:
+        raise uqmbd.StudyError(f'{robot.where(joint)}: it has no <{tag}>; expected <{tag} link="..."/>.')
+    name = end.get("link")
+    if name not in robot.links:
+        raise uqmbd.StudyError(
+            f"{robot.where(end, joint)}: there is no link {name!r}; expected the name of one of the "
+            f"{len(robot.links)} links of the file."
+        )
+    return name
 
 
-def _vector(where: str, element: Any, key: str) -> Array:
-    """Three numbers of an attribute, zero where it is left out."""
-    given = "0 0 0" if element is None else element.get(key, "0 0 0")
-    try:
-        found = np.array([float(x) for x in given.split()])
-    except ValueError:
-        found = np.array([])
-    if found.shape != (3,) or not np.isfinite(found).all():
-        raise uqmbd.StudyError(f"{where}: {key} is {given!r}; expected three numbers.")
+def _order(robot: Robot) -> list[str]:
+    """Order the links so that each comes after the one that carries it, branch by branch."""
+    children: dict[str, list[str]] = {name: [] for name in robot.links}
+    for name, parent in robot.parents.items():  # in the order of their joints
+        children[parent].append(name)
+    found: list[str] = []
+    waiting = robot.roots[::-1]
+    while waiting:
+        found.append(waiting.pop())
+        waiting.extend(reversed(children[found[-1]]))
+    circle = [name for name in robot.links if name not in set(found)]
+    if circle:
+        joint = robot.joints[robot.above[circle[0]]]
+        raise uqmbd.StudyError(
+            f"{robot.where(joint)}: link {circle[0]!r} carries itself, by joints in a circle; expected each chain of "
+            "joints to begin at a link that is the child of none."
+        )
     return found
 
 
-def _number(where: str, element: Any, key: str, default: float) -> float:
-    """Return the number of an attribute."""
-    given = None if element is None else element.get(key)
-    try:
-        value = default if given is None else float(given)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise uqmbd.StudyError(f"{where}: {key} is {given!r}; expected a number.")
-    return value
+def _inertial(robot: Robot, link: Element) -> Inertial:
+    """Return mass, centre of mass and inertia of a link, as the file states them; none where it states none."""
+    given = link.find("inertial")
+    if given is None:
+        return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+    origin, mass, inertia = (given.find(tag) for tag in ("origin", "mass", "inertia"))
+    at_origin, at_mass, at_inertia = (robot.where(x or given, link) for x in (origin, mass, inertia))
+    com, turn = vector(at_origin, origin, "xyz"), vector(at_origin, origin, "rpy")
+    heavy = number(at_mass, mass, "value", 0.0, low=0.0)
+    xx, yy, zz, xy, xz, yz = (number(at_inertia, inertia, f"i{x}", 0.0) for x in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    axes = matrix(from_rpy(turn))
+    tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
+    if not np.isfinite(tensor).all():
+        raise uqmbd.StudyError(f"{at_inertia}: its moments are too large; expected kg m^2.")
+    return Inertial(heavy, com, tensor)
 
 
-def links_without_mass(loaded: Loaded) -> list[uqmbd.Omission]:
-    """Tell links that have a shape, but no mass."""
-    shaped = tuple(
-        link.get("name", "?")
-        for link in loaded.root.findall("link")
-        if link.find("inertial") is None and (link.find("collision") is not None or link.find("visual") is not None)
-    )
-    why = "they have no <inertial>: no mass, as URDF says; none is made up from their shapes"
-    return [uqmbd.Omission("links with a shape only", shaped, why)] if shaped else []
+def _tree(
+    robot: Robot, order: list[str], inertials: dict[str, Inertial], floating: bool
+) -> tuple[list[Link], list[Joint]]:
+    """Return links and joints in order; the ground is the first link."""
+    links = [Link(WORLD, 0, np.zeros(3), np.array(ONE), Inertial(0.0, np.zeros(3), np.zeros((3, 3))))]
+    joints: list[Joint] = []
+    number_of: dict[str, int] = {}
+    names = Names(robot.joints)
+    carrying = set(robot.parents.values())
+    for name in order:
+        if name == WORLD and name in robot.roots:
+            number_of[name] = 0
+            continue
+        number_of[name] = k = len(links)
+        stated: list[Joint] = []
+        parent, position, turn = 0, np.zeros(3), np.array(ONE)
+        if name in robot.above:
+            joint = robot.joints[robot.above[name]]
+            parent, origin = number_of[robot.parents[name]], joint.find("origin")
+            where = robot.where(origin or joint, joint if origin is not None else None)
+            position, turn = vector(where, origin, "xyz"), from_rpy(vector(where, origin, "rpy"))
+            stated = _joints(robot, joint, k, np.concatenate([position, turn]))
+        links.append(Link(name, parent, position, turn, inertials[name], line=robot.links[name].line))
+        if floating and not parent and not stated and (inertials[name].mass or name in carrying):
+            stated = [_free(names.take(f"{name}_free"), k, np.concatenate([position, turn]))]
+        joints.extend(stated)
+    return links, joints
 
 
-def unread(loaded: Loaded) -> list[uqmbd.Omission]:
-    """Tell what is in the file and in no mechanism: visual shapes, transmissions, limits of effort and speed."""
-    rows = []
+def _joints(robot: Robot, element: Element, link: int, pose: Array) -> list[Joint]:
+    """Return what lets a link move: nothing, a joint, or the three of a planar one."""
+    name, kind = element.get("name"), element.get("type")
+    if kind == "fixed":
+        return []
+    found = element.find("dynamics")
+    where = robot.where(found or element, element if found is not None else None)
+    damping, friction = (number(where, found, key, 0.0, low=0.0) for key in ("damping", "friction"))
+    if kind == "floating":
+        return [_free(name, link, pose, damping, friction)]
+    stated = element.find("axis")
+    where = robot.where(stated or element, element if stated is not None else None)
+    axis = vector(where, stated, "xyz", (1, 0, 0))
+    largest = np.abs(axis).max()
+    if largest == 0:
+        raise uqmbd.StudyError(f"{where}: xyz is zero; expected a direction, such as '0 0 1'.")
+    axis = axis / largest
+    axis = axis / np.linalg.norm(axis)
+
+    def one(suffix: str, form: str, along: Array, limits: tuple[float, float] | None = None) -> Joint:
+        zero = np.zeros(1)
+        return Joint(
+            name + suffix, form, link, np.zeros(3), along, zero, zero, zero, limits, damping=damping, friction=friction
+        )
+
+    if kind == "planar":
+        x, y = across(axis)
+        return [one("_TX", "slide", x), one("_TY", "slide", y), one("_RZ", "hinge", axis)]
+    form = "slide" if kind == "prismatic" else "hinge"
+    return [one("", form, axis, None if kind == "continuous" else _limits(robot, element))]
+
+
+def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: float = 0.0) -> Joint:
+    """Return the joint of a link that moves freely, from a pose on."""
+    return Joint(
+        name, "free", link, np.zeros(3), np.array([0.0, 0, 1]), pose, pose, np.zeros(6), rest=pose, damping=damping,
+        friction=friction,
+    )  # fmt: skip
+
+
+def _limits(robot: Robot, joint: Element) -> tuple[float, float] | None:
+    """Return the limits of a joint, zero where one is left out; None if they leave no range."""
+    limit = joint.find("limit")
+    if limit is None:
+        return None
+    low, high = (number(robot.where(limit, joint), limit, key, 0.0) for key in ("lower", "upper"))
+    if low < high:
+        return low, high
+    why = "lower is not below upper: these joints have no limits here and no margin"
+    robot.note("limits without a range", [f"{joint.get('name')} ({low:g} to {high:g})"], why)
+    return None
+
+
+def _mimics(robot: Robot) -> list[Coupling]:
+    """Return joints that follow others: ``q = multiplier q_other + offset``."""
+    found: list[Coupling] = []
+    still: list[str] = []
+    absent: list[str] = []
+    for name, joint in robot.joints.items():
+        mimic = joint.find("mimic")
+        if mimic is None:
+            continue
+        other, where = mimic.get("joint"), robot.where(mimic, joint)
+        if joint.get("type") == "fixed":
+            still.append(name)
+            continue
+        if other not in robot.joints:
+            absent.append(name)
+            continue
+        for x in (name, other):
+            kind = robot.joints[x].get("type")
+            if kind not in MOVING:
+                raise uqmbd.StudyError(
+                    f"{where}: joint {name!r} mimics {other!r}; expected two joints that are revolute, continuous or "
+                    f"prismatic; {x!r} is {kind}."
+                )
+        if other == name:
+            raise uqmbd.StudyError(f"{where}: joint {name!r} mimics itself; expected another joint.")
+        factors = tuple(number(where, mimic, key, given) for key, given in (("offset", 0.0), ("multiplier", 1.0)))
+        found.append(Coupling(f"{name}_mimic", name, other, factors))
+    robot.note("mimics of fixed joints", still, "these joints do not move")
+    robot.note("mimics of joints that the file does not have", absent, "these joints move freely")
+    _require_no_circle(robot, {coupling.joint: str(coupling.other) for coupling in found})
+    return found
+
+
+def _require_no_circle(robot: Robot, leaders: dict[str, str]) -> None:
+    """Raise where joints follow each other in a circle."""
+    done: set[str] = set()
+    for first in leaders:
+        way: list[str] = []
+        name = first
+        while name in leaders and name not in done and name not in way:
+            way.append(name)
+            name = leaders[name]
+        if name in way:
+            joint = robot.joints[name]
+            circle = " -> ".join([*way[way.index(name) :], name])
+            raise uqmbd.StudyError(
+                f"{robot.where(joint.find('mimic') or joint, joint)}: joints mimic each other in a circle ({circle}); "
+                "expected one joint in it to mimic none."
+            )
+        done.update(way)
+
+
+def _note_links(robot: Robot, floating: bool) -> None:
+    """List links without mass, and what their <inertial> leaves out."""
+    bare: list[str] = []
+    shaped: list[str] = []
+    missing: dict[str, list[str]] = {"mass": [], "inertia": [], "moments": []}
+    weightless: list[str] = []
+    for name, link in robot.links.items():
+        given = link.find("inertial")
+        if given is None:
+            (bare if link.find("collision") is None and link.find("visual") is None else shaped).append(name)
+            continue
+        for tag in ("mass", "inertia"):
+            if given.find(tag) is None:
+                missing[tag].append(name)
+        mass, inertia = given.find("mass"), given.find("inertia")
+        if mass is not None and "value" not in mass.attrib:
+            missing["mass"].append(name)
+        if inertia is not None:
+            left_out = [key for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz") if key not in inertia.attrib]
+            missing["moments"] += [f"{' '.join(left_out)} of {name}"] if left_out else []
+        if mass is not None and "value" in mass.attrib and not float(mass.get("value")):
+            weightless.append(name)
+    none = "they have no <inertial>: no mass, as URDF says"
+    robot.note("links without mass and shape", bare, none)
+    robot.note("links with a shape only", shaped, f"{none}; none is made up from their shapes")
+    robot.note("links whose mass is zero", weightless, "as the file states")
+    robot.note("links without <mass>", missing["mass"], "their <inertial> states none: their mass is zero")
+    robot.note("links without <inertia>", missing["inertia"], "their mass is at a point, with no moments of inertia")
+    robot.note("moments of inertia that are left out", missing["moments"], "they are zero")
+    why = "no joint connects them with the others: each " + ("moves freely" if floating else "stands on the ground")
+    pieces = [name for name in robot.roots if name != WORLD]
+    robot.note("robots in pieces", pieces if len(pieces) > 1 else [], why)
+
+
+def _note_unread(robot: Robot) -> None:
+    """List what is in the file and in no mechanism: shapes, transmissions, limits of effort and speed."""
+    root = robot.document.root
+    colliding = [f"of {name}" for name, link in robot.links.items() for _ in link.findall("collision")]
+    robot.note("shapes that collide", colliding, CONTACTS)
     for tag, what, why in (
         ("transmission", "transmissions", "add drivers or torques in their place"),
-        ("gazebo", "settings of Gazebo", "they concern another program"),
-        ("ros2_control", "settings of ros2_control", "they concern another program"),
+        ("gazebo", "settings of Gazebo", ELSEWHERE),
+        ("ros2_control", "settings of ros2_control", ELSEWHERE),
+        ("mujoco", "settings of MuJoCo", f"{ELSEWHERE}; gravity is 9.81 m/s^2 along -z, masses are as stated"),
         ("sensor", "sensors", "record outputs in their place"),
     ):
-        names = tuple(x.get("name") or x.get("reference") or tag for x in loaded.root.findall(tag))
-        if names:
-            rows.append(uqmbd.Omission(what, names, why))
-    limited = tuple(
-        joint.get("name", "?")
-        for joint in loaded.root.findall("joint")
-        if (limit := joint.find("limit")) is not None and (limit.get("effort") or limit.get("velocity"))
-    )
-    if limited:
-        rows.append(uqmbd.Omission("limits of effort and speed", limited, "nothing drives the joints"))
+        robot.note(what, [x.get("name") or x.get("reference") or tag for x in root.findall(tag)], why)
+    limits = {name: limit for name, x in robot.joints.items() if (limit := x.find("limit")) is not None}
+    driven = [name for name, limit in limits.items() if limit.get("effort") or limit.get("velocity")]
+    robot.note("limits of effort and speed", driven, "nothing drives the joints")
+    planar = [name for name in limits if robot.joints[name].get("type") in ("planar", "floating")]
+    robot.note("limits of planar and floating joints", planar, "URDF does not say of which direction they are")
     for tag in ("safety_controller", "calibration"):
-        names = tuple(j.get("name", "?") for j in loaded.root.findall("joint") if j.find(tag) is not None)
-        if names:
-            rows.append(uqmbd.Omission(f"{tag} of joints", names, "it concerns a controller"))
-    return rows
+        names = [name for name, joint in robot.joints.items() if joint.find(tag) is not None]
+        robot.note(f"{tag} of joints", names, "it concerns a controller")

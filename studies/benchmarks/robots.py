@@ -37,7 +37,7 @@ from uqmbd_models.building import build as build_mechanism
 from uqmbd_models.extraction import extract
 from uqmbd_models.files import load
 from uqmbd_models.tree import Tree
-from uqmbd_models.urdf import floating_base, mimics, read_inertials
+from uqmbd_models.urdf import read_urdf
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import Torque
 
@@ -371,7 +371,7 @@ def relative(found: Array, expected: Array) -> float:
 
 def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
     """Compare an MJCF file with MuJoCo itself."""
-    tree = extract(load(path, "mjcf"))
+    tree = extract(load(path))
     peer = MuJoCo(path)
     rng = np.random.default_rng(seed)
     worst, bodies = np.zeros(4), 0
@@ -479,12 +479,7 @@ def _matrix(turn: Array) -> Array:
 
 def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
     """Compare a URDF file with Pinocchio."""
-    loaded = load(path, "urdf")
-    read_inertials(loaded)
-    if floating:
-        floating_base(loaded)
-    couplings, _ = mimics(loaded)
-    tree = extract(loaded, couplings=couplings)
+    tree = read_urdf(path, floating)
     peer = Pinocchio(path, floating)
     rng = np.random.default_rng(seed)
     worst, bodies = np.zeros(4), 0

@@ -13,6 +13,9 @@ from scipy.integrate import solve_ivp
 FREE, BALL = 0, 1
 """Kinds of joints of MuJoCo."""
 
+PUSH = (2.0, 3.0, 1.0)
+"""Acceleration, m/s^2, that acts on all masses next to gravity: models in equilibrium move, too."""
+
 POINT = (0.1, 0.2, 0.3)
 """Point that is followed on each body, m, in its frame: it depends on the position and the rotation."""
 
@@ -42,6 +45,9 @@ def motion_of_mujoco(path, times, names):
     robots = benchmark()
     peer = robots.MuJoCo(str(path))
     m, d = peer.model, peer.data
+    gravity_off = m.opt.disableflags & int(robots.mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    m.opt.gravity[:] = np.array(PUSH) + (0 if gravity_off else m.opt.gravity)
+    m.opt.disableflags &= ~int(robots.mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     kinds = [(int(k), int(a), int(b)) for k, a, b in zip(m.jnt_type, m.jnt_qposadr, m.jnt_dofadr, strict=True)]
 
     def rates(_, state):
@@ -76,11 +82,10 @@ def motion_of_mujoco(path, times, names):
 def motion_of_pinocchio(path, times, names):
     """Return where points (time, link, 3) of links are, of a URDF file, from its zero pose, followers where they belong."""
     robots = benchmark()
-    loaded = robots.load(str(path), "urdf")
-    robots.read_inertials(loaded)
-    tree = robots.extract(loaded, couplings=robots.mimics(loaded)[0])
+    tree = robots.read_urdf(str(path))
     peer = robots.Pinocchio(str(path), False)
     pin, model = peer.pin, peer.model
+    model.gravity.linear = model.gravity.linear + np.array(PUSH)
     start, index = np.zeros(model.nv), {}
     for joint in tree.joints:
         index[joint.name] = model.joints[model.getJointId(joint.name)].idx_v
@@ -107,8 +112,12 @@ def motion_of_pinocchio(path, times, names):
 def ours(mechanism, times):
     """Return the names of the bodies, and where points of them are (time, body, 3) by `uqmbd.simulate`."""
     import uqmbd
+    from uqmbd_springs import Gravity
 
     names = list(mechanism.bodies)
+    for name in names:
+        if mechanism.bodies[name].mass:
+            mechanism.add(Gravity(f"push on {name}", mechanism.bodies[name], PUSH))
     for name in names:
         for axis, part in zip("xyz", mechanism.bodies[name].point(POINT), strict=True):
             mechanism.output(f"place of {name} along {axis}", part, units="m")

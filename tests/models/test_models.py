@@ -11,8 +11,6 @@ import uqmbd
 from uqmbd_joints import Revolute
 from uqmbd_models import MJCF, URDF
 
-pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
-
 G = 9.81
 
 
@@ -31,6 +29,7 @@ def urdf(tmp_path):
 @pytest.fixture
 def mjcf(tmp_path):
     """Read an MJCF file that is given as the inside of its mujoco element."""
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
     def read(inside, **options):
         path = tmp_path / "model.xml"
@@ -494,6 +493,10 @@ def test_the_public_functions_find_the_readers(tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(f'<robot name="robot">{TWO}</robot>', encoding="utf-8")
     read = uqmbd.from_urdf(path)
-    assert isinstance(read, uqmbd.ImportedMechanism) and read.source == str(path) and read.read_by.startswith("MuJoCo")
+    assert (
+        isinstance(read, uqmbd.ImportedMechanism)
+        and read.source == str(path)
+        and read.read_by == f"uqmbd {uqmbd.__version__}"
+    )
     variables = read.randomise("*.mass", relative=0.02)
     assert sorted(map(str, variables)) == ["lower.mass", "upper.mass"]

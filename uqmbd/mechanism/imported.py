@@ -229,11 +229,16 @@ class ImportedMechanism(Mechanism):
 
 @checked
 def from_urdf(
-    path: str | os.PathLike[str], *, floating: bool = False, fuse: bool = True, outputs: bool = True
+    path: str | os.PathLike[str],
+    *,
+    floating: bool = False,
+    fuse: bool = True,
+    outputs: bool = True,
+    inertia: str = "refuse",
 ) -> ImportedMechanism:
     """Read a robot from a URDF file: links, inertia, joints, limits, damping, friction, mimic joints.
 
-    The file is parsed by MuJoCo (``pip install "uqmbd[mujoco]"``); nothing in it is executed, and no mesh is needed.
+    Nothing in the file is executed, no other file is opened, and no mesh is needed.
 
     Parameters
     ----------
@@ -246,20 +251,28 @@ def from_urdf(
         those of both; else each is a body of its own, held by `uqmbd_joints.Fixed`.
     outputs : bool
         Whether to record each joint's position, and its margin to the nearer limit.
+    inertia : {"refuse", "as stated", "repair"}
+        What to do with an inertia tensor that no body has, one whose largest principal moment exceeds the sum of the
+        others.  ``"refuse"``: raise an error where the excess is more than 1 %.  ``"repair"``: take the nearest tensor
+        that a body can have.  ``"as stated"``: keep the kinetic energy of the file by a rotor of the body,
+        ``NAME_excess``, with the part that the body cannot have.
 
     Returns
     -------
     ImportedMechanism
-        Its `not_taken` tells what was left out.
+        Its `not_taken` lists what was left out or changed.
 
     Raises
     ------
     uqmbd.StudyError
-        If MuJoCo is not installed, or the file cannot be read or used.
+        If the file cannot be read or used; the message has the line and the element.
 
     Notes
     -----
     A link without ``<inertial>`` has no mass, as URDF defines it; nothing is inferred from its shape.
+
+    ``inertia="repair"`` keeps the mass and the centre of mass.  Of the matrix of second moments of mass about that
+    centre, ``tr(J) / 2 1 - J``, it sets the negative eigenvalues to zero, which is nearest in the Frobenius norm.
 
     Examples
     --------
@@ -269,7 +282,7 @@ def from_urdf(
         ...
     uqmbd.errors.StudyError: from_urdf: no_such_robot.urdf: there is no such file; expected the path of a URDF file.
     """
-    return _read("urdf", path, floating=floating, fuse=fuse, outputs=outputs)
+    return _read("urdf", path, floating=floating, fuse=fuse, outputs=outputs, inertia=inertia)
 
 
 @checked
@@ -320,7 +333,7 @@ def _read(form: str, path: Any, **options: Any) -> ImportedMechanism:
     if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
         raise StudyError(f"{where}: path is {shown(path)}; expected the path of a file, a text or pathlib.Path.")
     for key, value in options.items():
-        if key != "keyframe" and not isinstance(value, bool):
+        if key not in ("keyframe", "inertia") and not isinstance(value, bool):
             raise StudyError(f"{where}: {key} is {shown(value)}; expected True or False.")
     found: Any = reader(form)()
     read: ImportedMechanism = found.read(os.fspath(path), **options)

@@ -1,0 +1,231 @@
+"""XML of model files: elements that know their lines; entities and other documents are refused, not read.
+
+Files that other readers of robots take are read, too, although XML rejects them: white space before the declaration,
+prefixes without a namespace, ``--`` in comments. `Document.slips` lists what was found.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.sax import SAXException, SAXParseException
+from xml.sax.handler import ContentHandler
+
+import defusedxml.sax
+from defusedxml import DefusedXmlException
+
+import uqmbd
+
+__all__ = ["Document", "Element", "parse", "prefix"]
+
+NESTED = 500
+"""Elements inside each other: robots have chains of joints, not of elements."""
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element, with the line in which it begins."""
+
+    tag: str
+    attrib: dict[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    def __iter__(self) -> Iterator[Element]:
+        return iter(self.children)
+
+    def get(self, key: str, default: str = "") -> str:
+        """Return an attribute, or the default."""
+        return self.attrib.get(key, default)
+
+    def find(self, tag: str) -> Element | None:
+        """Return the first child of this tag."""
+        return next(iter(self.findall(tag)), None)
+
+    def findall(self, tag: str) -> list[Element]:
+        """Return the children of this tag."""
+        return [x for x in self.children if x.tag == tag]
+
+    def everything(self) -> Iterator[Element]:
+        """Yield the element and all inside of it."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting.extend(reversed(element.children))
+
+
+@dataclass(frozen=True)
+class Document:
+    """A parsed file.
+
+    Attributes
+    ----------
+    path : str
+    root : Element
+    slips : tuple of str
+        What XML does not allow, and was read nevertheless.
+    """
+
+    path: str
+    root: Element
+    slips: tuple[str, ...]
+
+
+def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()) -> Document:
+    """Read a file as XML.
+
+    Parameters
+    ----------
+    where : str
+        Opening of messages.
+    path : str
+        The file.
+    form : str
+        Name of the format, for messages.
+    opaque : set of str
+        Tags of elements whose content is not looked at.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is no such file, or it is not XML, with the line.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir():
+            raise uqmbd.StudyError(f"{where} is a folder; expected a file, such as {file / ('robot.' + form)}.")
+        text = file.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
+        raise uqmbd.StudyError(f"{where}: {reason}; expected the path of a {form.upper()} file.") from None
+    slips: list[str] = []
+    text, before = _begin(text, slips)
+    text = _without_dashes(text, slips)
+    builder = _Builder(before, opaque, slips)
+    try:
+        defusedxml.sax.parseString(text, builder)
+    except DefusedXmlException as error:
+        what = "an entity" if "Entit" in type(error).__name__ else "another document"
+        raise uqmbd.StudyError(
+            f"{where}: line {builder.line}: it declares or refers to {what} ({_shown(error)}), which is not read: "
+            "entities may grow without limit and read other files. Write the text in its place."
+        ) from None
+    except _TooDeep:
+        raise uqmbd.StudyError(
+            f"{where}: line {builder.line}: elements are nested more than {NESTED} deep; expected a model file."
+        ) from None
+    except SAXParseException as error:
+        line = (error.getLineNumber() or 0) + before
+        raise uqmbd.StudyError(f"{where} is no XML: line {line}: {error.getMessage()}.") from None
+    except (SAXException, ValueError, LookupError) as error:
+        raise uqmbd.StudyError(f"{where} is no XML: {' '.join(str(error).split())}.") from None
+    if builder.root is None:
+        raise uqmbd.StudyError(f"{where} is no XML: it has no element.")
+    return Document(path, builder.root, tuple(dict.fromkeys(slips)))
+
+
+def prefix(tag: str) -> str:
+    """Return the prefix of a name, or nothing.
+
+    Examples
+    --------
+    >>> prefix("drake:member"), prefix("link")
+    ('drake', '')
+    """
+    return tag.rpartition(":")[0]
+
+
+class _TooDeep(Exception):
+    """Elements are nested without end."""
+
+
+def _begin(text: bytes, slips: list[str]) -> tuple[bytes, int]:
+    """Take away white space before the first element, and count its lines."""
+    mark = BYTE_ORDER_MARK if text.startswith(BYTE_ORDER_MARK) else b""
+    rest = text[len(mark) :]
+    bare = rest.lstrip(b" \t\r\n")
+    if len(bare) == len(rest) or not bare.startswith(b"<?xml"):
+        return text, 0
+    slips.append("white space before <?xml")
+    return mark + bare, rest[: len(rest) - len(bare)].count(b"\n")
+
+
+def _without_dashes(text: bytes, slips: list[str]) -> bytes:
+    """Take away the text of comments that contain two dashes, but not their lines."""
+
+    def without(found: re.Match[bytes]) -> bytes:
+        inside = found.group(1)
+        if b"--" not in inside and not inside.endswith(b"-"):
+            return found.group()
+        slips.append("-- in a comment")
+        return b"<!--" + b"\n" * inside.count(b"\n") + b"-->"
+
+    return re.sub(rb"<!--(.*?)-->", without, text, flags=re.DOTALL)
+
+
+def _shown(error: DefusedXmlException) -> str:
+    name = getattr(error, "name", None) or getattr(error, "sysid", None)
+    return str(name)[:60] if name else "without a name"
+
+
+class _Builder(ContentHandler):
+    """Builds elements with lines."""
+
+    def __init__(self, before: int, opaque: frozenset[str], slips: list[str]) -> None:
+        super().__init__()
+        self.before = before
+        self.opaque = opaque
+        self.slips = slips
+        self.root: Element | None = None
+        self.open: list[Element] = []
+        self.known: list[frozenset[str]] = [frozenset(("", "xml", "xmlns"))]
+        self.closed = 0
+        self.locator: Any = None
+
+    @property
+    def line(self) -> int:
+        """Line that is read."""
+        return self.before + int((self.locator.getLineNumber() if self.locator else 0) or 0)
+
+    def setDocumentLocator(self, locator: Any) -> None:
+        """Keep what knows the line."""
+        self.locator = locator
+
+    def startElement(self, name: str, attrs: Any) -> None:
+        """Add an element, unless it is inside of one that is not looked at."""
+        given = dict(attrs.items())
+        declared = {key.partition(":")[2] for key in given if key.startswith("xmlns:")}
+        self.known.append(self.known[-1] | declared if declared else self.known[-1])
+        unknown = {prefix(key) for key in (name, *given)} - self.known[-1]
+        self.slips.extend(f"prefix {x!r} without a namespace" for x in sorted(unknown))
+        if len(self.known) > NESTED:
+            raise _TooDeep
+        if self.closed:
+            self.closed += 1
+            return
+        element = Element(name, given, self.line)
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+        self.closed = int(name in self.opaque)
+
+    def endElement(self, name: str) -> None:
+        """Go back to the element around it."""
+        self.known.pop()
+        if self.closed > 1:
+            self.closed -= 1
+            return
+        self.closed = 0
+        self.open.pop()
+
+    def skippedEntity(self, name: str) -> None:
+        """Refuse an entity that nobody declares."""
+        raise SAXException(f"entity {name!r} is not declared")

@@ -1,0 +1,149 @@
+r"""Inertia tensors that no body has: refused, taken as stated, or replaced by the nearest one that a body can have.
+
+A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass,
+``S = tr(J) / 2 1 - J`` (the integral of ``x x^T`` over the mass), is positive semi-definite.  In principal axes that is
+the triangle inequality: no moment exceeds the sum of the others.  The nearest body is the one whose S is nearest in
+the Frobenius norm, with the same mass and centre of mass.  It is S with its negative eigenvalues set to zero: the
+projection onto the cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103,
+1988, 103-118, theorem 2.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import uqmbd
+from uqmbd_models.fusing import Fused
+from uqmbd_models.tree import Array, Inertial, Link, Tree
+
+__all__ = ["INERTIA", "Settled", "excess", "nearest", "settle"]
+
+INERTIA = ("refuse", "as stated", "repair")
+"""What to do with a tensor that no body has."""
+
+OWN = 1e-12
+"""An excess of this size, relative to the largest moment of the body, is rounding: that of the arithmetic here."""
+
+MODEL = 1e-14
+"""An excess of this size, relative to the largest moment of the model, is rounding, of its file."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A model whose bodies are possible.
+
+    Attributes
+    ----------
+    tree : Tree
+    rotors : dict
+        By the numbers of links: moment of inertia, kg m^2, about an axis of the link alone, and that axis.  A stated
+        tensor has that more than a body can have.
+    rows : list of uqmbd.Omission
+        What was changed.
+    """
+
+    tree: Tree
+    rotors: dict[int, tuple[float, Array]]
+    rows: list[uqmbd.Omission]
+
+
+def excess(inertia: Array) -> float:
+    """How much the largest principal moment exceeds the sum of the others, kg m^2; more than 0: no body has it.
+
+    A negative moment is such an excess, too.
+
+    Examples
+    --------
+    >>> [round(excess(np.diag(x)), 3) for x in ((1, 2, 4), (1, 2, 3), (1, 1, 1), (-1, 2, 2))]
+    [1.0, 0.0, -1.0, 1.0]
+    """
+    a, b, c = np.linalg.eigvalsh(inertia)
+    return float(c - a - b)
+
+
+def nearest(inertia: Array) -> Array:
+    """Inertia tensor of a body that is nearest in the Frobenius norm of the second moments.
+
+    Examples
+    --------
+    >>> nearest(np.diag([1.0, 2.0, 4.0])).round(3).tolist()
+    [[1.5, 0.0, 0.0], [0.0, 2.5, 0.0], [0.0, 0.0, 4.0]]
+    """
+    values, vectors = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
+    moments = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    found: Array = np.trace(moments) * np.eye(3) - moments
+    return found
+
+
+def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Settled:
+    """Replace or divide the tensors that no body has.
+
+    Parameters
+    ----------
+    tree : Tree
+        A model.
+    how : {"refuse", "as stated", "repair"}
+        Refused are only those that `uqmbd.Mechanism.body` refuses, when the bodies are made.
+    fused, before : tuple of Fused, Tree
+        The links that were merged into those of the model, and the model before.
+    """
+    tensors = {k: (link.inertial.inertia + link.inertial.inertia.T) / 2 for k, link in enumerate(tree.links) if k}
+    scale = max((float(np.abs(np.linalg.eigvalsh(x)).max()) for x in tensors.values()), default=0.0)
+    links = list(tree.links)
+    rotors: dict[int, tuple[float, Array]] = {}
+    rounded: list[str] = []
+    repaired: list[str] = []
+    stated: list[str] = []
+    for k, tensor in tensors.items():
+        link = links[k]
+        more, moments = excess(tensor), np.linalg.eigvalsh(tensor)
+        if more <= OWN * np.abs(moments).max():
+            continue
+        told = f"{link.name} (largest moment {moments[2]:.4g}, the others {moments[0]:.4g} and {moments[1]:.4g} kg m^2)"
+        if how == "repair" or more <= MODEL * scale:
+            (repaired if more > MODEL * scale else rounded).append(told)
+            links[k] = _with(link, nearest(tensor))
+        elif how == "as stated":
+            rotors[k], possible = _divided(tree.source, link, tensor, more)
+            links[k] = _with(link, possible)
+            stated.append(told)
+    merged = {part.name for part in fused if part.link}
+    hidden = [
+        link.name
+        for link in before.links
+        if link.name in merged
+        and excess(link.inertial.inertia) > max(OWN * abs(link.inertial.inertia).max(), MODEL * scale)
+    ]
+    rows = [
+        ("moments of inertia that are rounding", rounded, "the nearest possible ones are taken"),
+        ("inertia that no body has", repaired, "repaired: the nearest in second moments of mass is taken"),
+        (
+            "inertia that no body has",
+            stated,
+            "as stated: a body with what is possible, and a RotorInertia, NAME_excess, with the rest",
+        ),
+        ("inertia that no body has, of merged links", hidden, "as stated: it is part of that of the whole body"),
+    ]
+    found = [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
+    return Settled(replace(tree, links=tuple(links)), rotors, found)
+
+
+def _with(link: Link, inertia: Array) -> Link:
+    """Replace the inertia of a link."""
+    return replace(link, inertial=Inertial(link.inertial.mass, link.inertial.com, inertia))
+
+
+def _divided(source: str, link: Link, tensor: Array, more: float) -> tuple[tuple[float, Array], Array]:
+    """Divide a tensor into that of a body, and a moment about its axis of largest inertia."""
+    moments, axes = np.linalg.eigh(tensor)
+    if moments[0] < -OWN * np.abs(moments).max():
+        listed = ", ".join(f"{x:.4g}" for x in moments)
+        line = f"line {link.line}: " if link.line else ""
+        raise uqmbd.StudyError(
+            f"{source}: {line}link {link.name!r}: a principal moment of inertia is negative ({listed} kg m^2), so that "
+            'no motion has this energy; expected moments that are not negative. Correct it, or use inertia="repair".'
+        )
+    axis = axes[:, 2]
+    return (more, axis), tensor - more * np.outer(axis, axis)

@@ -1,0 +1,115 @@
+"""Sizes that an MJCF file asks for, looked at before MuJoCo makes what they say: it may take hours, or all memory."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import uqmbd
+from uqmbd_models.documents import Element, parse
+
+__all__ = ["require_sizes"]
+
+COPIES = 10_000
+"""Bodies that elements which repeat others may make: a derivation of so many takes longer than anyone waits."""
+
+ENTRIES = 100_000_000
+"""Numbers in an array: 0.8 GB."""
+
+COUNTS = {
+    "flexcomp": ("count",),
+    "composite": ("count",),
+}
+"""Attributes whose product counts bodies."""
+
+ARRAYS = {
+    "hfield": ("nrow", "ncol"),
+    "texture": ("width", "height"),
+    "numeric": ("size",),
+    "general": ("actdim",),
+    "plugin": ("actdim",),
+    "user": ("dim",),
+}
+"""Attributes whose product counts entries of an array."""
+
+SIZE = "size"
+"""An element each of whose attributes counts entries: of arrays, and of each body, joint or keyframe."""
+
+UNITS = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
+
+INCLUDES = {"include": "file", "model": "file"}
+"""Elements that name another file of the model."""
+
+
+def require_sizes(path: str, root: Element) -> None:
+    """Raise where a file, or one that it includes, asks for more than can be made.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    root : Element
+        As parsed.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        With file, line and element.
+    """
+    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, [0.0])
+
+
+def _look(path: str, root: Element, seen: frozenset[str], copies: float, bodies: list[float]) -> None:
+    """Look at all elements, each with the number of its copies."""
+    waiting = [(root, copies)]
+    while waiting:
+        element, times = waiting.pop()
+        where = f"{path}: line {element.line}: <{element.tag}>"
+        if element.tag == "replicate":
+            times *= max(1.0, _product(element, ("count",)))
+            _require(where, "copies of what is inside", times, COPIES)
+        elif element.tag in COUNTS:
+            times *= max(1.0, _product(element, COUNTS[element.tag]))
+            _require(where, "bodies", times, COPIES)
+        elif element.tag == "body":
+            bodies[0] += times
+            _require(where, "bodies so far", bodies[0], COPIES)
+        elif element.tag in ARRAYS:
+            _require(where, "entries", times * _product(element, ARRAYS[element.tag]), ENTRIES)
+        elif element.tag == SIZE:
+            for key in element.attrib:
+                _require(f"{where}: {key}", "entries", _product(element, (key,)), ENTRIES)
+        if element.tag in INCLUDES:
+            _included(path, element, seen, times, bodies)
+        waiting.extend((inner, times) for inner in element)
+
+
+def _included(path: str, element: Element, seen: frozenset[str], copies: float, bodies: list[float]) -> None:
+    """Look at a file of the model; one that is not found is left to MuJoCo, which names it."""
+    file = Path(path).parent / element.get(INCLUDES[element.tag])
+    name = str(file.resolve())
+    if not element.get(INCLUDES[element.tag]) or name in seen or not file.is_file():
+        return
+    root = parse(f"from_mjcf: {file}, which {path} includes", str(file), "mjcf").root
+    _look(str(file), root, seen | {name}, copies, bodies)
+
+
+def _require(where: str, what: str, found: float, most: int) -> None:
+    """Raise if there are too many."""
+    if found > most:
+        raise uqmbd.StudyError(
+            f"{where} asks for {found:.4g} {what}; expected at most {most:,}. Take fewer, or leave the element out."
+        )
+
+
+def _product(element: Element, keys: tuple[str, ...]) -> float:
+    """Product of the numbers of attributes; of those that are none MuJoCo tells."""
+    found = 1.0
+    for text in (part for key in keys for part in element.get(key).split()):
+        unit = UNITS.get(text[-1:].upper(), 1.0)
+        try:
+            value = float(text[:-1] if unit > 1 else text) * unit
+        except ValueError:
+            continue
+        found *= value if math.isfinite(value) and value > 0 else 1.0
+    return found
