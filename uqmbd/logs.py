@@ -1,8 +1,9 @@
 """What uqmbd tells of its work by the standard library's `logging`: silent unless a program listens.
 
 Loggers are ``uqmbd.methods`` (what begins and ends, and fails), ``uqmbd.realisations`` (chunks, and what failed in
-them), ``uqmbd.refinement`` (orders, sparse grids, elements) and ``uqmbd.kernels`` (compiled, or taken from the cache).
-INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations and each kernel.
+them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` (compiled, or taken from the cache) and
+``uqmbd.derivation`` (parts of a mechanism whose equations are derived).
+INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations, kernel and part.
 
 What they say in worker processes reaches this one with the results (uqmbd/propagation/execution/transport/said.py).
 
@@ -13,8 +14,12 @@ handler that writes to nowhere, so that all would be said, to nobody.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
 
-__all__ = ["kernels", "methods", "realisations", "refinement"]
+__all__ = ["derivation", "kernels", "logged", "methods", "realisations", "refinement"]
+
+T = TypeVar("T")
 
 ROOT = logging.getLogger("uqmbd")
 ROOT.addHandler(logging.NullHandler())
@@ -32,3 +37,26 @@ refinement = logging.getLogger("uqmbd.refinement")
 
 kernels = logging.getLogger("uqmbd.kernels")
 """Kernels that are compiled, or taken from the cache."""
+
+derivation = logging.getLogger("uqmbd.derivation")
+"""Steps of derivations, and how many parts of a mechanism a step has done: ``"%s: %d of %d"``."""
+
+
+def logged(label: str, parts: Sequence[T]) -> Iterator[T]:
+    """Yield parts, and log after each how many are done.
+
+    Parameters
+    ----------
+    label : str
+        What is done with them.
+    parts : sequence
+        Of a mechanism.
+
+    Examples
+    --------
+    >>> list(logged("terms of components", ["crank", "rod"]))
+    ['crank', 'rod']
+    """
+    for done, part in enumerate(parts, 1):
+        yield part
+        derivation.debug("%s: %d of %d", label, done, len(parts))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
 NONE = 1e-15
 """Entries of an inertia tensor, relative to the largest, that are rounding: that of a rotation of its axes."""
+
+LOG = logging.getLogger("uqmbd.derivation")
+"""Of parts of a mechanism that are made: commands show it as progress."""
 
 CORRECT = "The number is that of the file; correct it there."
 
@@ -91,6 +95,7 @@ def _built(settled: Settled, fused: tuple[Fused, ...], *, fuse_all: bool, output
             rotor = built.names.take(f"{labels[k]}_excess")
             ends = built.bodies[k], mechanism.ground
             mechanism.add(RotorInertia(rotor, *ends, float(more), axis_i=tuple(map(float, axis))))
+        LOG.debug("%s: %d of %d", "making bodies of links", k, len(tree.links) - 1)
         if link.compensation:
             name = built.names.take(f"{labels[k]}_compensation")
             mechanism.add(Gravity(name, built.bodies[k], tuple(map(float, -link.compensation * tree.gravity))))

@@ -13,7 +13,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-
 import uqmbd
 from uqmbd_models.actuators import passive
 from uqmbd_models.documents import parse

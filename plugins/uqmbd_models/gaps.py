@@ -14,7 +14,7 @@ from uqmbd_models.tree import Tree
 __all__ = ["gaps"]
 
 NONE = 1e-6
-"""Gaps, m or rad, that are rounding."""
+"""Gaps that are rounding: rad, or relative to the size of the model."""
 
 
 def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.Omission]:
@@ -27,7 +27,9 @@ def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.Omission]:
     poses : dict of Pose
         Of its links at the start.
     """
-    found = tuple(f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > NONE)
+    places = [link.position for link in tree.links] + [x for loop in tree.loops for x in (loop.point_i, loop.point_j)]
+    size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}
+    found = tuple(f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > NONE * size[units])
     why = "joints are moved until they hold: the mechanism starts elsewhere than the file says"
     return [uqmbd.Omission("constraints that do not hold at the start", found, why)] if found else []
 

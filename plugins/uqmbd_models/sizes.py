@@ -33,7 +33,13 @@ ARRAYS = {
 """Attributes whose product counts entries of an array."""
 
 SIZE = "size"
-"""An element each of whose attributes counts entries: of arrays, and of each body, joint or keyframe."""
+"""An element each of whose attributes is a size."""
+
+BYTES = 16e9
+"""Of memory."""
+
+EACH = 100_000
+"""Entries that each body, joint or keyframe has."""
 
 UNITS = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
 
@@ -78,7 +84,9 @@ def _look(path: str, root: Element, seen: frozenset[str], copies: float, bodies:
             _require(where, "entries", times * _product(element, ARRAYS[element.tag]), ENTRIES)
         elif element.tag == SIZE:
             for key in element.attrib:
-                _require(f"{where}: {key}", "entries", _product(element, (key,)), ENTRIES)
+                what, most = ("bytes", BYTES) if key == "memory" else ("entries", ENTRIES)
+                most = EACH if key.startswith("nuser_") or key == "nkey" else most
+                _require(f"{where}: {key}", what, _product(element, (key,)), most)
         if element.tag in INCLUDES:
             _included(path, element, seen, times, bodies)
         waiting.extend((inner, times) for inner in element)
@@ -94,11 +102,11 @@ def _included(path: str, element: Element, seen: frozenset[str], copies: float, 
     _look(str(file), root, seen | {name}, copies, bodies)
 
 
-def _require(where: str, what: str, found: float, most: int) -> None:
+def _require(where: str, what: str, found: float, most: float) -> None:
     """Raise if there are too many."""
     if found > most:
         raise uqmbd.StudyError(
-            f"{where} asks for {found:.4g} {what}; expected at most {most:,}. Take fewer, or leave the element out."
+            f"{where} asks for {found:.4g} {what}; expected at most {most:,.0f}. Take fewer, or leave the element out."
         )
 
 

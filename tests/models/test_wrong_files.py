@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import sys
+import warnings
 
 import pytest
 
@@ -153,13 +154,20 @@ def test_a_keyframe_that_is_not_there(tmp_path):
 
 
 def test_what_mujoco_warns_of_is_in_the_table_and_in_no_file(tmp_path, monkeypatch, capfd):
+    mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "robot.urdf"
-    path.write_text(ROBOT.replace('lower="-1" upper="1"', 'lower="1" upper="1"'), encoding="utf-8")
-    read = URDF().read(str(path))
-    assert sorted(x.name for x in tmp_path.iterdir()) == ["robot.urdf"]
-    if (told := {row.what: row.names for row in read.not_taken}.get("warnings of MuJoCo")) is not None:
-        assert "pin" in told[0] or "limit" in told[0]
+    path = tmp_path / "model.xml"
+    path.write_text(MODEL, encoding="utf-8")
+    compiled = mujoco.MjSpec.compile
+
+    def warning(spec):
+        warnings.warn("the model is warned of", RuntimeWarning, stacklevel=2)
+        return compiled(spec)
+
+    monkeypatch.setattr(mujoco.MjSpec, "compile", warning)
+    read = MJCF().read(str(path))
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["model.xml"]
+    assert {row.what: row.names for row in read.not_taken}["warnings of MuJoCo"] == ("the model is warned of",)
     assert capfd.readouterr().out == ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from uqmbd import plugins
 from uqmbd.cli.check.picture import draw_figure, require_format
 from uqmbd.cli.loading import loading
 from uqmbd.cli.tables import console, plain_table
+from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
@@ -42,10 +44,16 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     figure : Path, optional
         Where to draw the mechanism, too; also one that cannot be assembled.
     """
-    import uqmbd
-
     if figure is not None:
         require_format(figure)
+    with plain_progress(sys.stderr) as progress, shown_derivation(progress):
+        _show_check(script, figure)
+
+
+def _show_check(script: Path, figure: Path | None) -> None:
+    """Load the study, and print what it is."""
+    import uqmbd
+
     with loading():
         study = load_study(script)
     if figure is not None:

@@ -19,7 +19,7 @@ from uqmbd.cli.report import FIGURES, MOTION, POSES, keep_motion, open_report, w
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
-from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_progress
+from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_derivation, shown_progress
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
@@ -132,7 +132,8 @@ def _run(
             # before the work, not after it: whatever is wrong with the report should cost no hours
             import uqmbd.report  # noqa: F401 - an import that fails is to fail here
 
-        study = load_study(script)
+        with shown_derivation(progress):
+            study = load_study(script)
     check_labels(only, study.propagators)
     if settings:
         check_sizes(settings, study, chosen, only)

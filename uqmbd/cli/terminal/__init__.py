@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from uqmbd.cli.terminal.derivation import shown_derivation
 from uqmbd.cli.terminal.failures import FAILED, UNMET, explained
-from uqmbd.cli.terminal.progress import Staged, shown_progress
+from uqmbd.cli.terminal.progress import Staged, plain_progress, shown_progress
 
-__all__ = ["FAILED", "UNMET", "Staged", "explained", "shown_progress"]
+__all__ = ["FAILED", "UNMET", "Staged", "explained", "plain_progress", "shown_derivation", "shown_progress"]

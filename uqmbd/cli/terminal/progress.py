@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.live import Live
 
-__all__ = ["Screen", "Staged", "shown_progress"]
+__all__ = ["Screen", "Staged", "plain_progress", "shown_progress"]
 
 PICTURES = 8
 """Pictures a second."""
@@ -38,7 +38,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
     """Show progress on a stream (the standard error stream by default) while the context lasts."""
     target = stream if stream is not None else sys.stderr
     if not target.isatty():
-        with _beating(Lines(target)) as lines:
+        with plain_progress(target) as lines:
             yield lines
         return
     from rich.console import Console
@@ -46,7 +46,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
 
     console = Console(file=target)
     if console.is_dumb_terminal:
-        with _beating(Lines(target)) as lines:
+        with plain_progress(target) as lines:
             yield lines
         return
     # what others write appears above the table; a standard output that goes elsewhere stays there
@@ -66,10 +66,11 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
 
 
 @contextmanager
-def _beating(lines: Lines) -> Iterator[Lines]:
-    """Ask every now and then whether there is something to be told of work that tells nothing by itself."""
+def plain_progress(stream: TextIO) -> Iterator[Lines]:
+    """Write lines of progress; ask every now and then whether there is one of work that reports nothing."""
     import threading
 
+    lines = Lines(stream)
     over = threading.Event()
 
     def beat() -> None:

@@ -23,6 +23,7 @@ from uqmbd.dynamics.equations.expressions import (
 )
 from uqmbd.dynamics.equations.local_values import bodies_of, held_by, localise, symbols_of
 from uqmbd.errors import StudyError
+from uqmbd.logs import logged
 from uqmbd.mechanism import (
     Auxiliary,
     Body,
@@ -160,7 +161,7 @@ class Instance:
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
     """Sort components into block types; terms are asked for once per type."""
     known: dict[Any, BlockType] = {}
-    return [_instance(component, space, known) for component in components]
+    return [_instance(component, space, known) for component in logged("deriving components", components)]
 
 
 def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:

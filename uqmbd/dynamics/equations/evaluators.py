@@ -19,6 +19,7 @@ from uqmbd.dynamics.equations.block import BlockType, Instance
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
 from uqmbd.dynamics.equations.layout import Kind, Layout
+from uqmbd.logs import derivation
 from uqmbd.mechanism import Controller, HeldStates
 
 __all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "place"]
@@ -69,6 +70,7 @@ class Blocks:
         fuse : bool
             As one kernel; a Jacobian only where it is not too long.
         """
+        derivation.debug("compiling equations (%s)", kind)
         places, columns = self.places, layout.columns(kind)
         if kind in ("residual", "jacobian"):
             places = _in_unknowns(places, layout)

@@ -17,6 +17,7 @@ from uqmbd.dynamics.equations.evaluator import Placement
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.errors import StudyError
+from uqmbd.logs import logged
 from uqmbd.mechanism import (
     AngleSymbol,
     Auxiliary,
@@ -69,7 +70,8 @@ def angle_counters(mechanism: Mechanism) -> list[Component]:
     expressions += [condition.residual for condition in mechanism.conditions.values()]
     expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
     counters: list[Component] = []
-    for symbol in sorted(angles_in(expressions), key=lambda x: (not isinstance(x.owner, Body), x.owner.name, str(x))):
+    angles = sorted(angles_in(expressions), key=lambda x: (not isinstance(x.owner, Body), x.owner.name, str(x)))
+    for symbol in logged("deriving angles", angles):
         angle = symbol.angle
         body = min((x.owner for x in symbol.states if isinstance(x, StateSymbol)), key=lambda x: x.name)
         counter = AngleCounter(str(symbol), body)
@@ -196,7 +198,7 @@ def output_map(
     holders: dict[str, tuple[str, Any]] = {}
     pending = [plain(o.expression) for o in outputs]
     free = sorted({s for e in pending for s in e.free_symbols}, key=str)
-    for symbol in free:
+    for symbol in logged("deriving outputs", free):
         if isinstance(symbol, ReactionSymbol):
             holder = f"_R{len(holders)}"
             holders[holder] = ("reaction", symbol)

@@ -18,6 +18,7 @@ from uqmbd.dynamics.linear.programs import Programs, programs_of
 from uqmbd.dynamics.linear.residual import RowResiduals
 from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
+from uqmbd.logs import derivation
 from uqmbd.typing import Array, Index
 
 __all__ = ["System", "index1_system"]
@@ -110,6 +111,7 @@ def index1_system(model: Model, typical: Array | None) -> System:
         Results of the ``acceleration`` evaluator for which the order of elimination is chosen; None: systems are solved
         by LAPACK.
     """
+    derivation.debug("choosing the order of elimination")
     evaluators, layout = model.evaluators, model.layout
     index, n = evaluators["acceleration"].index, layout.coordinates
     size = n + layout.rank

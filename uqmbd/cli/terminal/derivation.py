@@ -1,0 +1,89 @@
+"""Progress of derivations: of a mechanism of hundreds of parts they take minutes, before any method begins."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from uqmbd.cli.terminal.progress import Staged
+from uqmbd.logs import derivation
+
+__all__ = ["shown_derivation"]
+
+SOON = 2.0
+"""Seconds that work takes before it is shown: that of most mechanisms is not."""
+
+
+COUNTED = re.compile(r"(.+): (\d+) of (\d+)")
+"""A message with the number of parts that are done."""
+
+
+@contextmanager
+def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
+    """Show what is derived, by the logger of derivations, while the context lasts.
+
+    Parameters
+    ----------
+    progress : Staged
+        Who shows it.
+    clock : callable
+        Time, s.
+    """
+    if derivation.isEnabledFor(logging.DEBUG):  # a program listens already, and shows it as it likes
+        yield
+        return
+    shown = _Shown(progress, clock)
+    before = derivation.level, derivation.propagate
+    derivation.addHandler(shown)
+    derivation.setLevel(logging.DEBUG)
+    derivation.propagate = False
+    try:
+        yield
+    finally:
+        derivation.removeHandler(shown)
+        derivation.setLevel(before[0])
+        derivation.propagate = before[1]
+        shown.end()
+
+
+class _Shown(logging.Handler):
+    """Shows records with a label and two numbers as work with a bar."""
+
+    def __init__(self, progress: Staged, clock: Callable[[], float]) -> None:
+        super().__init__()
+        self.progress = progress
+        self.clock = clock
+        self.label = ""
+        self.begun = clock()
+        self.shown: int | None = None
+        self.slow = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Begin work that has taken a while, or move its bar; steps without numbers are those of slow work only."""
+        found = COUNTED.fullmatch(record.getMessage())
+        if found is None:
+            self.end()
+            if self.slow:
+                self.progress.stage(record.getMessage())
+            return
+        label, done, total = found[1], int(found[2]), int(found[3])
+        if label != self.label:
+            self.end()
+            self.label, self.begun = label, self.clock()
+        if self.shown is None and self.clock() - self.begun >= SOON:
+            self.progress.start(label, total)
+            self.shown, self.slow = 0, True
+        if self.shown is not None:
+            self.progress.advance(label, done - self.shown)
+            self.shown = done
+        if done == total:
+            self.end()
+
+    def end(self) -> None:
+        """End the bar."""
+        if self.shown is not None:
+            self.progress.finish(self.label)
+        self.label, self.shown = "", None
