@@ -24,6 +24,9 @@ __all__ = ["Document", "Element", "parse", "prefix"]
 NESTED = 500
 """Elements inside each other: robots have chains of joints, not of elements."""
 
+LARGEST = 200_000_000
+"""Bytes of a file."""
+
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -100,6 +103,12 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
     try:
         if file.is_dir():
             raise uqmbd.StudyError(f"{where} is a folder; expected a file, such as {file / ('robot.' + form)}.")
+        if file.exists() and not file.is_file():
+            raise uqmbd.StudyError(f"{where} is a pipe or a device; expected a file.")
+        if file.stat().st_size > LARGEST:
+            raise uqmbd.StudyError(
+                f"{where} has {file.stat().st_size:,} bytes; expected a file of at most {LARGEST:,}."
+            )
         text = file.read_bytes()
     except (OSError, ValueError) as error:
         reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)

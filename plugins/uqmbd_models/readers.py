@@ -43,6 +43,11 @@ class URDF:
             See `uqmbd.from_urdf`.
         inertia : {"refuse", "as stated", "repair"}
             See `uqmbd.from_urdf`.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the file cannot be read or used, with the line and the element.
         """
         if inertia not in INERTIA:
             known = ", ".join(map(repr, INERTIA))

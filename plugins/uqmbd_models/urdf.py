@@ -174,7 +174,8 @@ def _order(robot: Robot) -> list[str]:
     while waiting:
         found.append(waiting.pop())
         waiting.extend(reversed(children[found[-1]]))
-    circle = [name for name in robot.links if name not in set(found)]
+    reached = set(found)
+    circle = [name for name in robot.links if name not in reached]
     if circle:
         joint = robot.joints[robot.above[circle[0]]]
         raise uqmbd.StudyError(
@@ -222,7 +223,7 @@ def _tree(
             parent, origin = number_of[robot.parents[name]], joint.find("origin")
             where = robot.where(origin or joint, joint if origin is not None else None)
             position, turn = vector(where, origin, "xyz"), from_rpy(vector(where, origin, "rpy"))
-            stated = _joints(robot, joint, k, np.concatenate([position, turn]))
+            stated = _joints(robot, joint, k, np.concatenate([position, turn]), names)
         links.append(Link(name, parent, position, turn, inertials[name], line=robot.links[name].line))
         if floating and not parent and not stated and (inertials[name].mass or name in carrying):
             stated = [_free(names.take(f"{name}_free"), k, np.concatenate([position, turn]))]
@@ -230,7 +231,7 @@ def _tree(
     return links, joints
 
 
-def _joints(robot: Robot, element: Element, link: int, pose: Array) -> list[Joint]:
+def _joints(robot: Robot, element: Element, link: int, pose: Array, names: Names) -> list[Joint]:
     """Return what lets a link move: nothing, a joint, or the three of a planar one."""
     name, kind = element.get("name"), element.get("type")
     if kind == "fixed":
@@ -252,7 +253,17 @@ def _joints(robot: Robot, element: Element, link: int, pose: Array) -> list[Join
     def one(suffix: str, form: str, along: Array, limits: tuple[float, float] | None = None) -> Joint:
         zero = np.zeros(1)
         return Joint(
-            name + suffix, form, link, np.zeros(3), along, zero, zero, zero, limits, damping=damping, friction=friction
+            names.take(name + suffix) if suffix else name,
+            form,
+            link,
+            np.zeros(3),
+            along,
+            zero,
+            zero,
+            zero,
+            limits,
+            damping=damping,
+            friction=friction,
         )
 
     if kind == "planar":
