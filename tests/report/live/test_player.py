@@ -165,7 +165,7 @@ def test_speeds_let_a_motion_last_some_seconds(node):
 
 @pytest.mark.thorough
 def test_hostile_names_stay_in_their_texts():
-    name = "<!--<script><img src=x>\u2028"
+    name = "<!--<script><img src=x>"
     mechanism = uqmbd.Mechanism(name, uqmbd.Planar())
     body = mechanism.body("b<i>", mass=1, inertia=1)
     mechanism.add(Revolute("r&", mechanism.ground, body, (0, 0), (0, 0)))

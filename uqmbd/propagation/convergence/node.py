@@ -14,6 +14,7 @@ from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.converge import check_convergence, converge
 from uqmbd.propagation.execution import FOLDER, Crew
 from uqmbd.propagation.methods import Studied
+from uqmbd.results.storage import WITHIN
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +88,7 @@ def with_convergence(
             reference=reference,
             workers=crew,
             progress=progress,
-            folder=folder / FOLDER / "convergence" if folder else None,
+            folder=folder / FOLDER / WITHIN if folder else None,
             **arguments,
         )
     if found is None:

@@ -19,12 +19,22 @@ from uqmbd.results.storage.manifest import (
 )
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import load, save
-from uqmbd.results.storage.unfinished import FOLDER, begin, check_unfinished, computed, how_to_go_on, is_kept, make
+from uqmbd.results.storage.unfinished import (
+    FOLDER,
+    WITHIN,
+    begin,
+    check_unfinished,
+    computed,
+    how_to_go_on,
+    is_kept,
+    make,
+)
 from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
 
 __all__ = [
     "FIGURES",
     "FOLDER",
+    "WITHIN",
     "PREVIOUS",
     "Record",
     "SampleChunk",

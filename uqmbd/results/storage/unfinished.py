@@ -22,6 +22,7 @@ from uqmbd.results.storage.manifest import start_manifest
 
 __all__ = [
     "FOLDER",
+    "WITHIN",
     "begin",
     "check_unfinished",
     "computed",
@@ -52,6 +53,9 @@ _FILES = re.compile(
     rf"{_STORE}(/[^/]+)?/({_CHUNK}|\.z[a-z]+)|{_METHOD}/{_KEY}\.rest/({_CHUNK})|{_SCRATCH}"
 )
 """What uqmbd writes into these folders; nothing else is removed there."""
+
+WITHIN = "convergence"
+"""Folder, among the chunks of a run, of the runs that show how errors fall with cost; it has chunks in turn."""
 
 
 def begin(folder: Path, *, resume: bool) -> None:
@@ -136,7 +140,11 @@ def _is_plain(path: Path) -> bool:
 
 
 def _is_own(path: Path, place: Path, names: re.Pattern[str]) -> bool:
-    return names.fullmatch(path.relative_to(place).as_posix()) is not None
+    name = path.relative_to(place).as_posix()
+    inner = f"{WITHIN}/{FOLDER}"
+    if name in (WITHIN, inner):
+        return names is _FOLDERS
+    return names.fullmatch(name.removeprefix(f"{inner}/")) is not None
 
 
 def _remove(place: Path) -> None:
@@ -160,7 +168,8 @@ def _remove(place: Path) -> None:
 
 def _sweep_all(place: Path) -> None:
     """Remove what is half written in a folder of chunks, and in those of its methods."""
-    for folder in (place, *place.glob("*")):
+    inner = place / WITHIN / FOLDER
+    for folder in (place, *place.glob("*"), inner, *inner.glob("*")):
         if folder.is_dir() and not folder.is_symlink():
             sweep(folder)
 
