@@ -11,7 +11,7 @@ import numpy as np
 import uqmbd
 from uqmbd_calibration.finding import Found, find
 from uqmbd_calibration.inference import Bias, require_sampler
-from uqmbd_calibration.records import Record, checked_records
+from uqmbd_calibration.records import Record, check_size, checked_records, short
 from uqmbd_calibration.result import Calibration, tree_of, warn_of
 
 __all__ = ["calibrate"]
@@ -113,6 +113,10 @@ def calibrate(
     if realisations is None:
         realisations = max(FEW, EACH * len(study.mechanism.inputs))
     _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
+    if isinstance(individual, str) or not isinstance(individual, Sequence):
+        raise uqmbd.StudyError(
+            f"calibrate: individual is {short(individual)}; expected a list of names of inputs, as ['stiffness']."
+        )
     with uqmbd.pool(workers) as executor:
         found = find(
             study,
@@ -179,5 +183,6 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
     if not isinstance(bias, Mapping) or not all(isinstance(one, Bias) for one in bias.values()):
         raise uqmbd.StudyError(f"calibrate: bias is {bias!r}; expected a mapping as {{'force': Bias(sd=0.5)}}.")
     for name in bias:
-        if name not in outputs:
+        if not isinstance(name, str) or name not in outputs:
             raise uqmbd.StudyError(f"calibrate: bias names {name!r}; the study has the outputs {', '.join(outputs)}.")
+        check_size(f"calibrate: bias of {name!r}", "sd", bias[name].sd)

@@ -28,6 +28,7 @@ from uqmbd_calibration.inference import (
     infer,
     prior_surrogate,
     search,
+    spread_over_prior,
 )
 from uqmbd_calibration.records import Record
 
@@ -147,6 +148,7 @@ def find(
 
     spent = tuple(point.spent for point in arranged.points)
     seeds = np.random.SeedSequence(seed).generate_state(3)
+    _check_reach(build(arranged.cases), int(seeds[0]))
     peaks = search(build, arranged.cases, inputs, unknowns.dimension, int(seeds[0]))
     prior = build(arranged.cases, doubted=False)
     levels: Array = peaks.vectors[0, unknowns.first_level :]
@@ -167,6 +169,38 @@ def find(
     if isinstance(surrogate, Found):
         return Found(arranged, inferred, before, prior, surrogate.notes, surrogate.method, made, spent)
     return Found(arranged, inferred, before, prior, tuple(notes), "; ".join(dict.fromkeys(methods)), made, spent)
+
+
+REACH, LOOKED_AT = 1e5, 256
+"""Deviations beyond which the likelihood of a value is lost in rounding errors, and points of the prior looked at."""
+
+
+def _check_reach(prior: Posterior, seed: int) -> None:
+    """Refuse values that are so far from all that the study gives that their likelihood cannot be computed.
+
+    The square of a deviation is the log-likelihood, of which the rest must still be seen in 64 bits.  A noise with
+    heavy tails, or one that is found from the values, holds them.
+    """
+    vectors = np.zeros((LOOKED_AT, prior.unknowns.dimension))
+    inputs = len(prior.unknowns.inputs)
+    vectors[1:, :inputs] = spread_over_prior(inputs, LOOKED_AT, seed)[1:]
+    for case, predicted in zip(prior.cases, prior.predictions(vectors), strict=True):
+        for block, found in zip(case.blocks, predicted, strict=True):
+            if block.robust or block.noise is None:
+                continue
+            low, high = np.nanmin(found, axis=0), np.nanmax(found, axis=0)
+            deviation = np.sqrt(block.noise**2 + block.variance + (block.modes**2).sum(axis=1))
+            away = np.maximum(low - block.values, block.values - high) / deviation
+            worst = int(np.nanargmax(away))
+            if away[worst] > REACH:
+                at = f"no. {worst + 1}" if block.timeless else f"at {block.times[worst]:g} s"
+                raise uqmbd.StudyError(
+                    f"calibrate: record {block.record!r}, output {block.output!r}: the value {at} is "
+                    f"{block.values[worst]:g}, and what the study gives there is from {low[worst]:g} to "
+                    f"{high[worst]:g}: {away[worst]:.2g} standard deviations of the noise away, of which nothing can be "
+                    "learned. Leave out a value that is wrong (nan), state a larger noise, or use noise='student' for "
+                    "records with outliers."
+                )
 
 
 def _described(node: xr.DataTree) -> str:

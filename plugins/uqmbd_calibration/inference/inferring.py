@@ -58,7 +58,8 @@ class Check:
     @property
     def chance(self) -> float:
         """Standard error of the shift of one mean, over its standard deviation, from the scatter of the weights."""
-        return float(np.sqrt((1 / self.share - 1) / self.draws)) if self.share > 0 else float("inf")
+        # a share of 1 may be a little more by rounding
+        return float(np.sqrt(max(1 / self.share - 1, 0.0) / self.draws)) if self.share > 0 else float("inf")
 
     @property
     def passed(self) -> bool:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from uqmbd_calibration.records.agreement import check_size
 from uqmbd_calibration.records.reading import outputs_in
 from uqmbd_calibration.records.record import Record
 from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.several import checked_records
-from uqmbd_calibration.records.wording import check_known_names
+from uqmbd_calibration.records.wording import check_known_names, short
 
-__all__ = ["Record", "Series", "check_known_names", "checked_records", "outputs_in"]
+__all__ = ["Record", "Series", "check_known_names", "check_size", "checked_records", "outputs_in", "short"]

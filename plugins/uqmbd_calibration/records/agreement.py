@@ -12,7 +12,7 @@ from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.units import same_units
 from uqmbd_calibration.records.wording import listed, near
 
-__all__ = ["check_against"]
+__all__ = ["check_against", "check_size"]
 
 
 def check_against(name: str, series: Sequence[Series], known: Mapping[str, float], study: uqmbd.Study) -> None:
@@ -21,6 +21,7 @@ def check_against(name: str, series: Sequence[Series], known: Mapping[str, float
         raise uqmbd.StudyError(f"record {name!r}: it is checked against {study!r}; expected a uqmbd.Study.")
     for one in series:
         _check_output(f"record {name!r}, output {one.output!r}", one, study)
+        _check_size(f"record {name!r}, output {one.output!r}", one)
     inputs = study.mechanism.inputs
     for key, value in known.items():
         if key not in inputs.names:
@@ -35,6 +36,35 @@ def check_against(name: str, series: Sequence[Series], known: Mapping[str, float
                 f"record {name!r}: the known input {key!r} is {value:g}, and its distribution is from {lower:g} to "
                 f"{upper:g}; give it a distribution that holds this value."
             )
+
+
+LARGEST = 1e100
+"""Size of numbers, and of one over the noise, beyond which their squares leave the range of 64 bits."""
+
+
+def check_size(where: str, what: str, value: float) -> None:
+    """Raise unless a number can be squared."""
+    if not abs(value) <= LARGEST:
+        raise uqmbd.StudyError(
+            f"{where}: {what} is {value:g}, which is too large to compute with; expected at most {LARGEST:g}."
+        )
+
+
+def _check_size(where: str, series: Series) -> None:
+    """Raise unless values and noise can be computed with."""
+    largest = int(np.argmax(np.abs(series.values)))
+    place = f"no. {largest + 1}" if series.timeless else f"at {series.times[largest]:g} s"
+    check_size(where, f"the value {place}", float(series.values[largest]))
+    # of most values: one that is far from the others is another fault
+    rounding = np.spacing(max(float(np.median(np.abs(series.values))), 1 / LARGEST))
+    if series.noise is None:
+        return
+    check_size(where, "its noise", series.noise)
+    if series.noise < 10 * rounding:
+        raise uqmbd.StudyError(
+            f"{where}: its noise is {series.noise:g}, which is not more than the rounding errors of its values in 64 "
+            f"bits ({rounding:.2g}); state the standard deviation of the errors of the measurement."
+        )
 
 
 def _check_output(where: str, series: Series, study: uqmbd.Study) -> None:

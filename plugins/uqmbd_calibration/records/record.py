@@ -265,7 +265,8 @@ class Record:
         ------
         uqmbd.StudyError
             If an output or a known input is not one of the study, units are others, an output has times here and none
-            there, times lie before the start of the study, or a known value is one that its input cannot have.
+            there, times lie before the start of the study, a known value is one that its input cannot have, values
+            are too large to compute with, or the noise is below their rounding errors.
 
         Warns
         -----

@@ -12,6 +12,7 @@ import xarray as xr
 
 from uqmbd.report import charts_html, with_units
 from uqmbd_calibration.reporting.charts import learned_chart, pair_charts, posterior_charts, record_charts
+from uqmbd_calibration.result import learned, named_strays
 
 __all__ = ["CalibrationSection"]
 
@@ -161,7 +162,9 @@ def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
                 f"The residuals of {one['output']} in record {one['record']} are those of the noise (p = "
                 f"{one['p']:.2g})."
             )
-        if one.get("outliers"):
+        if one.get("strays"):
+            said.append(f"Of {one['output']} in record {one['record']} are far from the model: {named_strays(one)}.")
+        elif one.get("outliers"):
             said.append(
                 f"{one['outliers']} of {one['values']} values of {one['output']} in record {one['record']} lie beyond "
                 "4 standard deviations of the noise."
@@ -179,7 +182,7 @@ def _table(tree: xr.DataTree) -> str:
             _pair(one["prior_mean"], one["prior_sd"]),
             _pair(one["mean"], one["sd"]),
             f"{_number(one['lower'], one['sd'])} to {_number(one['upper'], one['sd'])}",
-            f"{100 * max(float(one['learned']), 0.0):.1f} %",
+            learned(one),
             f"{float(one['rhat']):.3f}",
             f"{float(one['ess']):.0f}",
         )

@@ -15,9 +15,10 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import load, save
+from uqmbd_calibration.result.checks import named_strays
 from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 
-__all__ = ["Calibration"]
+__all__ = ["Calibration", "learned"]
 
 
 KIND = "calibration"
@@ -113,8 +114,10 @@ class Calibration:
         -------
         xarray.Dataset
             ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, ``lower`` and ``upper`` (of the 95 % interval), in
-            ``units``; ``learned``, one minus the deviation of the posterior over that of the prior; ``rhat`` and
-            ``ess``; ``noise``, whether it is a noise level, whose prior is so wide that it has no moments here.
+            ``units``; ``learned``, one minus the deviation of the posterior over that of the prior; ``doubted``,
+            whether it was found from a record that the model does not give, so that ``learned`` is no knowledge;
+            ``rhat`` and ``ess``; ``noise``, whether it is a noise level, whose prior is so wide that it has no
+            moments here.
         """
         return self.tree["summary"].to_dataset()
 
@@ -218,7 +221,7 @@ class Calibration:
                     _pair(one["mean"], one["sd"]),
                     str(one["units"].item()),
                     f"{float(one['lower']):.6g} to {float(one['upper']):.6g}",
-                    f"{100 * max(float(one['learned']), 0.0):.1f} %" if not bool(one["noise"]) else "",
+                    "" if bool(one["noise"]) else learned(one),
                     f"{float(one['rhat']):.3f}",
                     f"{float(one['ess']):.0f}",
                 )
@@ -234,10 +237,18 @@ class Calibration:
             lines.append(f"not identified: {'; '.join(self.unidentified)}")
         lines += [
             f"doubted: {one['output']} of record {one['record']!r} (p = {one['p']:.1g})"
+            + (f": {named_strays(one)}" if one.get("strays") else "")
             for one in checks["model"]
             if one["doubted"]
         ]
         return "\n".join(lines)
+
+
+def learned(one: xr.Dataset) -> str:
+    """Write what was learned of an input of a summary: nothing is stated that a record says which the model denies."""
+    if "doubted" in one and bool(one["doubted"]):
+        return "doubted"
+    return f"{100 * max(float(one['learned']), 0.0):.1f} %"
 
 
 def _pair(mean: Any, sd: Any) -> str:

@@ -15,7 +15,7 @@ from uqmbd_calibration.finding import Found
 from uqmbd_calibration.inference import Mode
 from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, discrepancy
 
-__all__ = ["checks_of", "warn_of"]
+__all__ = ["checks_of", "named_strays", "warn_of"]
 
 
 PART = 0.01
@@ -116,18 +116,29 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
         warnings.warn(f"calibrate: {text}.", uqmbd.StudyWarning, stacklevel=stacklevel + 1)
 
 
+def named_strays(one: Mapping[str, Any]) -> str:
+    """Name the outliers of an output of a record: where they are, and how far away."""
+    said = []
+    for stray in one["strays"]:
+        where = f"at {stray['time']:g} s" if "time" in stray else f"(no. {stray['number']})"
+        said.append(f"{stray['value']:.6g} {where}, {stray['deviations']:.2g} standard deviations away")
+    return "; ".join(said)
+
+
 def _doubt(one: Mapping[str, Any]) -> str:
     """Say that a record is not one that the model gives, and where."""
     spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
     where = f", above all at {spans}" if spans else ""
-    outliers = one["outliers"]
-    few = 0 < outliers <= max(0.05 * one["values"], 1)
-    hint = (
-        f"; {outliers} of {one['values']} values are beyond 4 standard deviations: if these are outliers, use "
-        "noise='student'"
-        if few
-        else "; something is missing in the model, or the noise is larger than stated"
-    )
+    hint = "; something is missing in the model, or the noise is larger than stated"
+    if one["strays"]:
+        # the chance of residuals is known where the noise is
+        beyond = f"beyond {FAR:g} standard deviations" if "chi_square" in one else "far from all others"
+        hint = (
+            f"; {one['outliers']} of {one['values']} values are {beyond}: {named_strays(one)}. If these are outliers, "
+            "leave them out (nan)"
+        ) + ("" if one["robust"] else " or use noise='student': what is found of the inputs depends on them")
+    if one["p"] >= DOUBT:
+        return f"record {one['record']!r}, output {one['output']!r}: {hint.removeprefix('; ')}"
     return (
         f"record {one['record']!r}, output {one['output']!r}: the model does not give such values with this noise "
         f"(p = {one['p']:.1g}, below {DOUBT:g}){where}{hint}"

@@ -23,6 +23,12 @@ SEGMENTS, LEAST = 12, 8
 FAR = 4.0
 """Standard deviations beyond which a value is called an outlier."""
 
+STRAY = 10.0
+"""The same where the noise is not known, or many are far away: deviations as the median of all has them."""
+
+FEW, SHOWN = 0.05, 10
+"""Share of the values, or one of them, up to which outliers are named, and how many are."""
+
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
@@ -82,13 +88,14 @@ def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
         ``record``, ``output``, ``values``; ``chi_square``, the probability of residuals that are at least as large,
         where the noise is known; ``correlation`` of neighbours with the probability ``correlation_p``; ``segments``,
         each with its ends in s and its probability; ``p``, that of all, corrected for their number; ``where``, the
-        times that are strange; ``outliers``; ``doubted``.
+        times that are strange; ``outliers``, how many values are far away, and ``strays``, the farthest of them if
+        they are few, each with its time in s or number, its value and its deviations; ``doubted``.
     """
     block, z = found.block, found.normal
     count = len(z)
     freedom = float(np.maximum(count - parameters - found.taken, 1.0))
     known = block.noise is not None
-    said: dict[str, Any] = {"record": block.record, "output": block.output, "values": count}
+    said: dict[str, Any] = {"record": block.record, "output": block.output, "values": count, "robust": block.robust}
     tests: list[float] = []
     if known:
         said["chi_square"] = float(stats.chi2.sf(z @ z, freedom))
@@ -106,9 +113,29 @@ def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
         strange = [part for part in parts if part["p"] * len(parts) < 0.01]
         worst = [min(parts, key=lambda part: float(part["p"]))] if said["p"] < DOUBT else []
         said["where"] = _joined(strange or worst)
-    said["outliers"] = int(np.count_nonzero(np.abs(found.raw) > FAR))
+    away = np.abs(found.raw)
+    few = max(FEW * count, 1)
+    if not known or np.count_nonzero(away > FAR) > few:
+        # a noise level, and inputs, that are found from the values are such that outliers make others large, too
+        usual = float(np.median(away)) / stats.norm.ppf(0.75)
+        standing_out = away > STRAY * usual
+        if not known:
+            away = np.where(standing_out, away / usual, 0.0) if usual > 0 else np.zeros(count)
+        elif 0 < np.count_nonzero(standing_out) <= few:
+            away = np.where(standing_out, away, 0.0)
+    said["outliers"] = int(np.count_nonzero(away > FAR))
+    said["strays"] = []
+    if 0 < said["outliers"] <= few:
+        said["strays"] = [
+            {
+                **({"number": k + 1} if block.timeless else {"time": float(block.times[k])}),
+                "value": float(block.values[k]),
+                "deviations": float(away[k]),
+            }
+            for k in np.argsort(-away, kind="stable")[: said["outliers"]][:SHOWN].tolist()
+        ]
     said["largest"] = float(np.abs(found.raw).max())
-    said["doubted"] = bool(said["p"] < DOUBT)
+    said["doubted"] = bool(said["p"] < DOUBT) or (not known and bool(said["strays"]))
     return said
 
 

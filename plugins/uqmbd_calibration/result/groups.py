@@ -59,6 +59,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
     def likely(block: Block, values: Array, vectors: Array) -> Array:
         return block.each(block.misfit(values, vectors), block.sigma(unknowns, vectors))
 
+    checks = checks_of(found, parts)
     likelihood = _predicted(target, draws.vectors[:, kept], likely).assign_coords(draw=kept)
     posterior = _values(study, found, draws.vectors)
     physical = _values(study, found, prior)
@@ -83,7 +84,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
         "residuals": _series(
             named, [one.raw for one in parts], units="", long_name="value minus prediction, over the noise"
         ),
-        "summary": _summary(study, found, posterior, physical),
+        "summary": _summary(study, found, posterior, physical, _doubted(found, checks["model"])),
         "marginals": marginals_of(found, draws.vectors.reshape(-1, width)),
     }
     tree = xr.DataTree.from_dict(data, name="calibration")
@@ -92,7 +93,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
         "study": study.name,
         "mechanism": study.mechanism.name,
         "realisations": sum(point.spent for point in found.arrangement.points),
-        "checks": json.dumps(checks_of(found, parts)),
+        "checks": json.dumps(checks),
         "unidentified": json.dumps([{"name": d.name, "left": d.variance**0.5} for d in found.beforehand]),
     }
     return tree
@@ -165,7 +166,17 @@ def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
     return xr.Dataset(data, coords=_draws(chains, count))
 
 
-def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
+def _doubted(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
+    """Tell of each unknown input (D,) whether a record that it is found from is doubted, and outliers count in full."""
+    doubted = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
+    names = {one["record"] for one in model if one["doubted"] and not one["robust"]}
+    for case in found.arrangement.cases:
+        if any(block.record in names for block in case.blocks):
+            doubted[case.columns[case.free]] = True
+    return doubted
+
+
+def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset, doubted: Array) -> xr.Dataset:
     """Return a table by unknown: prior, posterior, and how well it was sampled."""
     unknowns, draws = found.arrangement.unknowns, found.inferred.draws
     names = list(posterior.data_vars)
@@ -189,6 +200,11 @@ def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.
     units = np.array([posterior[name].attrs["units"] for name in names], dtype=np.str_)
     data = {name: ("input", values, {"long_name": text}) for name, (values, text) in columns.items()}
     return xr.Dataset(
-        {**data, "units": ("input", units), "noise": ("input", levels)},
+        {
+            **data,
+            "units": ("input", units),
+            "noise": ("input", levels),
+            "doubted": ("input", np.concatenate([doubted, np.zeros(len(names) - len(doubted), dtype=bool)])),
+        },
         coords={"input": np.array(names, dtype=np.str_)},
     )

@@ -142,7 +142,7 @@ UNUSABLE = {
     "did you mean 'damping'?": ["record.csv", "--known", "dampnig=1"],
     "the record is in 'mm', the study in 'm'": ["long.csv"],
     "two records are called 'record'": ["record.csv", "record.csv"],
-    "there are results of something else": ["record.csv", "--out", "used"],
+    "results.nc is in the way": ["record.csv", "--out", "used"],
     "record.csv": ["record.csv", "--out", "record.csv"],
 }
 
