@@ -128,6 +128,7 @@ from .propagation import errors_over_largest as errors_over_largest
 from .propagation import fit_nodes as fit_nodes
 from .propagation import load_study as load_study
 from .propagation import nothing_random as nothing_random
+from .propagation import output_folder as output_folder
 from .propagation import pool as pool
 from .propagation import refine_elements as refine_elements
 from .propagation import require_clock as require_clock

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.files import replacing, scratch
-from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, record, start_manifest
+from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, start_manifest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,16 +87,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
         if previous is not None:
             print(f"Note: the report that was in {run} is in {previous} now.", file=sys.stderr, flush=True)
         start_manifest(run)
-        with scratch(run) as place:
-            new = place / "new" / FIGURES if figures else None
-            if new is not None:
-                new.parent.mkdir()
-            target = write_report(tree, path, sections=installed_sections(), folder=new)
-            written = [] if new is None or not new.is_dir() else sorted(new.iterdir())
-            record(run, [path.name, *(f"{FIGURES}/{one.name}" for one in written)], [path, *written])
-            if new is not None and written:
-                with replacing(folder) as part:
-                    new.rename(part)
+        target = write_report(tree, path, sections=installed_sections(), folder=folder if figures else None)
     except OSError as error:
         where = error.filename or run
         raise StudyError(f"{where} cannot be written: {error.strerror or error}.") from error

@@ -31,8 +31,10 @@ from uqmbd.propagation.execution import (
     Margins,
     Realisations,
     claimed,
+    output_folder,
     pool,
     set_aside,
+    writable,
 )
 from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
 from uqmbd.propagation.observed_model import observed_model, stepped
@@ -64,6 +66,7 @@ __all__ = [
     "choose_clock",
     "clock_at_means",
     "claimed",
+    "output_folder",
     "dense",
     "doubts",
     "errors_over_largest",
@@ -94,4 +97,5 @@ __all__ = [
     "store_name",
     "timing_of",
     "watched_angles",
+    "writable",
 ]

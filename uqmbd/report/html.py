@@ -14,16 +14,21 @@ from typing import Any
 
 import xarray as xr
 
-from uqmbd.errors import PluginWarning, StudyError
+from uqmbd.errors import PluginWarning, StudyError, StudyWarning
+from uqmbd.files import replacing, scratch
 from uqmbd.isolation import Isolated
 from uqmbd.report.drawing import CHARTED, write_images
 from uqmbd.report.live import page_scripts
 from uqmbd.report.overview import ANSWERS
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
+from uqmbd.results.storage import FIGURES, has_manifest, make_way, record
 
 __all__ = ["Section", "write_report"]
 
+
+REPORT = "report.html"
+"""Name of a report in the folder of a run."""
 
 _PERCENT = re.compile(r"(\d) %")
 
@@ -42,7 +47,9 @@ def write_report(
     tree : xarray.DataTree
         The result of a study.
     path : path-like
-        Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one.
+        Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one. In the
+        folder of a run the name ``report.html`` is taken by what uqmbd wrote alone: a report of another origin is moved
+        to a folder ``previous-N`` there, and anything else is an error.
     sections : sequence of Section
         Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
         and the reason, and a `uqmbd.PluginWarning`. One that returns an empty text is left out.
@@ -58,7 +65,8 @@ def write_report(
     Raises
     ------
     StudyError
-        If the tree holds no propagator, or the file cannot be written.
+        If the tree holds no propagator, the file cannot be written, or something of the user has its name in the folder
+        of a run.
 
     Examples
     --------
@@ -72,6 +80,23 @@ def write_report(
     ...     "<title>crank" in write_report(tree, folder + "/report.html").read_text(encoding="utf-8")
     True
     """
+    page, contents = _page(tree, sections)
+    target, figures = Path(path), None if folder is None else Path(folder)
+    try:
+        if target.name == REPORT and has_manifest(target.parent):
+            return _into_run(page, contents, target, figures)
+        target = _write(page, target)
+        if figures is not None:
+            write_images(contents, figures)
+    except OSError as error:
+        raise StudyError(
+            f"Figures cannot be written to {str(folder)!r}: {error.strerror or error}; the report is {target}."
+        ) from error
+    return target
+
+
+def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str, Content]]:
+    """Return the page, and what its sections show."""
     result = StudyResult.of(tree)
     if not result.methods:
         raise StudyError("A report needs the result of at least one propagator; there is none.")
@@ -85,26 +110,38 @@ def write_report(
     (first,) = _built_in((ANSWERS,), result, contents)
     created = str(tree.attrs.get("created", ""))
     page = environment().get_template("report.html.j2")
-    target = _write(
-        page.render(
-            study=result.study,
-            mechanism=result.mechanism,
-            created=created,
-            date=created.replace("T", " ").replace("+00:00", " UTC"),
-            first=first,
-            sections=shown,
-            outputs=[output["name"] for output in contents.get("outputs", {}).get("outputs", ())],
-            scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
-        ),
-        Path(path),
+    text = page.render(
+        study=result.study,
+        mechanism=result.mechanism,
+        created=created,
+        date=created.replace("T", " ").replace("+00:00", " UTC"),
+        first=first,
+        sections=shown,
+        outputs=[output["name"] for output in contents.get("outputs", {}).get("outputs", ())],
+        scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
     )
-    if folder is not None:
-        try:
-            write_images(contents, Path(folder))
-        except OSError as error:
-            raise StudyError(
-                f"Figures cannot be written to {str(folder)!r}: {error.strerror or error}; the report is {target}."
-            ) from error
+    return text, contents
+
+
+def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Path | None) -> Path:
+    """Write a report, and figures beside it, to the folder of a run: only what uqmbd wrote there is replaced."""
+    run = target.parent
+    beside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
+    previous = make_way(run, [REPORT, *([FIGURES] if beside else [])])
+    if previous is not None:
+        warnings.warn(f"the report that was in {run} is in {previous} now", StudyWarning, stacklevel=3)
+    with scratch(run) as place:
+        new = place / "new" / FIGURES if beside else figures
+        if new is not None:
+            new.parent.mkdir(parents=True, exist_ok=True)
+            write_images(contents, new)
+        written = sorted(new.iterdir()) if beside and new is not None and new.is_dir() else []
+        # noted first: whoever is killed in between leaves nothing that seems to be the user's
+        _write(page, target)
+        record(run, [REPORT, *(f"{FIGURES}/{one.name}" for one in written)], [target, *written])
+        if beside and new is not None and written:
+            with replacing(run / FIGURES) as part:
+                new.rename(part)
     return target
 
 
@@ -150,7 +187,7 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
     problem = problem or work.reason
     if problem:
         where = f"{kind.__module__}.{kind.__qualname__}"
-        warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=3)
+        warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=4)
         return {"title": title, "anchor": anchor, "html": "", "problem": f"{problem} ({where})"}
     return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
 

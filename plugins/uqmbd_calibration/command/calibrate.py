@@ -75,6 +75,12 @@ class Calibrate:
         workers: uqmbd.Workers,
     ) -> None:
         """Calibrate, predict and report."""
+        # before anything that takes long to import
+        if not script.is_file():
+            raise uqmbd.StudyError(f"There is no file {script} (looked in {Path.cwd()}).")
+        for path in records:
+            if not path.is_file():
+                raise uqmbd.StudyError(f"{path}: there is no such file.")
         from uqmbd_calibration.command.running import Options, run
 
         run(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -19,6 +18,10 @@ from uqmbd_calibration.records import Record, check_known_names, outputs_in
 from uqmbd_calibration.result import Calibration
 
 __all__ = ["Options", "run"]
+
+
+WRITTEN = ("calibration.nc", "results.nc", "report.html", "figures")
+"""What the command writes into its folder."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,10 @@ class Options:
 
 def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> None:
     """Calibrate a study, write the posterior, predictions and a report into a folder, and sum up what came out."""
-    records = _records(paths, options)
     study = uqmbd.load_study(script)
+    records = _records(paths, options)
     methods = _methods(study, options.only)
-    _make_folder(out)
-    with options.workers.at_work(script) as workers:
+    with uqmbd.output_folder(out, WRITTEN), options.workers.at_work(script) as workers:
         found = calibrate(
             study,
             records,
@@ -114,12 +116,3 @@ def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.Propagator]:
     if not known:
         return [uqmbd.propagator("collocation")(order=3)]
     return [method for label, method in known.items() if not only or label in only]
-
-
-def _make_folder(folder: Path) -> None:
-    """Make the folder before the work, not after it, and see whether it can be written."""
-    folder.mkdir(parents=True, exist_ok=True)
-    if (folder / "results.nc").exists() and not (folder / "calibration.nc").exists():
-        raise uqmbd.StudyError(f"--out {folder}: there are results of something else; give another folder.")
-    with tempfile.TemporaryFile(dir=folder):
-        pass

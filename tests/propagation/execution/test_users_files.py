@@ -185,11 +185,8 @@ def interrupt(*_: object, **__: object) -> None:
 def quiet(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports of a line: what is in them does not matter here."""
 
-    def page(tree: xr.DataTree, path: Path, **_: object) -> Path:
-        path.write_text("<!DOCTYPE html>\n<title>s – uqmbd report</title>")
-        return path
-
-    monkeypatch.setattr("uqmbd.report.write_report", page)
+    page = "<!DOCTYPE html>\n<title>s – uqmbd report</title>"
+    monkeypatch.setattr("uqmbd.report.html._page", lambda *_: (page, {}))
 
 
 @pytest.mark.thorough

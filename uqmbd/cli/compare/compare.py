@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -178,17 +177,9 @@ def _write(
 ) -> None:
     """Write all methods of all files as one result, with its report."""
     from uqmbd.cli.report import write
+    from uqmbd.propagation import output_folder
     from uqmbd.results import align, failed_methods, save, study_tree
-    from uqmbd.results.storage import make_way, start_manifest
 
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if (previous := make_way(out, ["comparison.nc", "report.html"])) is not None:
-            print(f"Note: what was in {out} is in {previous} now.", file=sys.stderr, flush=True)
-        start_manifest(out)
-    except OSError as error:
-        where = error.filename or out
-        raise StudyError(f"--out {out}: {where} cannot be written: {error.strerror or error}.") from error
     aligned, notes = align(nodes)
     failed = {f"{n} {label}": reason for n, tree in trees.items() for label, reason in failed_methods(tree).items()}
     names = [str(tree.attrs.get("study", "study")) for tree in trees.values()]
@@ -205,5 +196,6 @@ def _write(
         reference=chosen or _first(list(nodes), nodes),
         attrs={name.replace("/", "-"): value for name, value in attrs.items()},
     )
-    print(f"results  {save(tree, out / 'comparison.nc')}")
-    print(f"report   {write(tree, out / 'report.html')}")
+    with output_folder(out, ["comparison.nc", "report.html"]):
+        print(f"results  {save(tree, out / 'comparison.nc')}")
+        print(f"report   {write(tree, out / 'report.html')}")

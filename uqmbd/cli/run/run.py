@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import shlex
 import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +22,7 @@ from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_derivation, shown_pr
 from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.propagation import allowed_of, claimed, load_study, set_aside, store_name
+from uqmbd.propagation import allowed_of, claimed, load_study, set_aside, store_name, writable
 from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration, format_probability
 
@@ -146,8 +145,7 @@ def _run(
     if not study.propagators:
         raise StudyError(f"{script}: the study has no propagators; give it some, as in propagators=[MonteCarlo(...)].")
     # Before the work, not after it: a folder that cannot be written should cost no hours.
-    _make_folder(out)
-    with claimed(out):
+    with claimed(writable(out)):
         if workers is not None and (awaited := workers.awaited):
             progress.stage(awaited)
         with (workers or Workers()).at_work(script) as executor:
@@ -285,14 +283,3 @@ def _needed(*, report: bool, figures: bool) -> tuple[str, ...]:
 def _stores(study: Study, only: Sequence[str]) -> list[str]:
     """Return the names of the stores of samples that methods may write."""
     return [store_name(one.node_name) for one in study.propagators if not only or one.node_name in only]
-
-
-def _make_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise StudyError(f"--out {folder} is a file; a folder is expected, which is made if it does not exist.")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise StudyError(f"--out {folder}: this folder cannot be written ({error.strerror}).") from error

@@ -23,7 +23,7 @@ from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs, log_realisations
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
-from uqmbd.propagation.execution.run_folder import claimed, set_aside
+from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
 from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool, threads_of
@@ -51,6 +51,7 @@ __all__ = [
     "Staff",
     "chunk_size",
     "claimed",
+    "output_folder",
     "compute_chunk",
     "event_histories",
     "evenly",
@@ -71,4 +72,5 @@ __all__ = [
     "threads_of",
     "study_digest",
     "tell_resumed",
+    "writable",
 ]

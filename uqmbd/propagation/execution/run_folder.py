@@ -9,6 +9,7 @@ import re
 import socket
 import stat
 import sys
+import tempfile
 import threading
 import warnings
 from collections.abc import Collection, Iterator
@@ -18,17 +19,19 @@ from pathlib import Path
 from uqmbd.errors import StudyError
 from uqmbd.files import no_link, scratch, sweep
 from uqmbd.results.storage import (
+    FIGURES,
     check_names,
     check_unfinished,
     in_manifest,
     is_ours,
     is_recognised,
     move_aside,
+    record,
     start_manifest,
     stores_of,
 )
 
-__all__ = ["claimed", "set_aside"]
+__all__ = ["claimed", "output_folder", "set_aside", "writable"]
 
 _LOCK = ".uqmbd-lock"
 _BYTE = 1 << 20
@@ -36,6 +39,9 @@ _BYTE = 1 << 20
 
 _RESULT = "results.nc"
 _BESIDE = ("report.html", "motion.nc", "pose_surrogate.nc")
+
+_WRITTEN = re.compile(r"[^/\\.][^/\\]*\.nc|report\.html|" + FIGURES)
+"""What a command may write into a folder."""
 
 _OWNER = re.compile(rb"process \d+ on [^\0\n]*, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
 """What is in a lock."""
@@ -248,3 +254,78 @@ def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: C
             f"{where} cannot be written: {error.strerror or error}. Nothing was computed; what was in {folder} is "
             "there, or in a folder previous-N there."
         ) from error
+
+
+@contextlib.contextmanager
+def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Iterator[Path]:
+    """Hold the folder that a command writes into, without loss of anything that the user has there.
+
+    Results of uqmbd of these names are moved to ``previous`` or ``previous-N`` within the folder, with a note on the
+    standard error.  What is written under these names is noted in the manifest of the folder, so that a later command
+    may replace it.  No other run writes into the folder meanwhile.
+
+    Parameters
+    ----------
+    folder : path-like
+        Made if it does not exist.
+    names : collection of str
+        What the command writes there: files of results, which end in ``.nc``, ``report.html``, and ``figures``.
+
+    Yields
+    ------
+    pathlib.Path
+        The folder.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the folder cannot be written, another run writes into it, or one of the names is taken by something that
+        uqmbd did not write.  Then nothing was moved.
+
+    Examples
+    --------
+    >>> import tempfile, uqmbd, xarray
+    >>> from uqmbd.results import save
+    >>> tree = xarray.DataTree(xarray.Dataset(attrs={"study": "crank"}))
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     with uqmbd.output_folder(place, ["fit.nc"]) as folder:
+    ...         path = save(tree, folder / "fit.nc")
+    ...     print(path.name, path.exists())
+    fit.nc True
+    """
+    place = writable(folder)
+    wrong = [name for name in names if not isinstance(name, str) or not _WRITTEN.fullmatch(name)]
+    if isinstance(names, str) or wrong:
+        raise StudyError(
+            f"output_folder: names is {names!r}; expected a list of files of results (.nc), 'report.html' and "
+            "'figures'."
+        )
+    with claimed(place):
+        previous = set_aside(place, names)
+        if previous is not None:
+            print(f"Note: the results that were in {place} are in {previous} now.", file=sys.stderr, flush=True)
+        try:
+            yield place
+        finally:
+            there = [name for name in names if name != FIGURES and os.path.lexists(place / name)]
+            with contextlib.suppress(OSError):  # a disk that is full; the error that was first matters
+                record(place, there, stated=True)
+
+
+def writable(folder: str | os.PathLike[str]) -> Path:
+    """Return a folder in which files can be made, before anything is computed for it."""
+    try:
+        place = Path(folder)
+    except TypeError:
+        raise StudyError(f"output_folder: the folder is {folder!r}; expected a path.") from None
+    if place.exists() and not place.is_dir():
+        raise StudyError(f"--out {place} is a file; a folder is expected, which is made if it does not exist.")
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place):
+            pass
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        raise StudyError(
+            f"--out {place}: this folder cannot be written ({getattr(error, 'strerror', None) or error})."
+        ) from error
+    return place

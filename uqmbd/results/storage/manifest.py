@@ -46,6 +46,8 @@ _LARGEST = 1 << 24
 """Bytes of a manifest at most."""
 _RESULT = re.compile(r"(results|motion|pose_surrogate|comparison)\.nc")
 _NAME = re.compile(rf"{_RESULT.pattern}|report\.html|[^/\\]+-samples\.zarr|{FIGURES}/[^/\\]+")
+_STATED = re.compile(rf"{_NAME.pattern}|[^/\\.][^/\\]*\.nc")
+"""Names with those of further results, which commands of plugins state before they write."""
 _TITLE = b" uqmbd report</title>"
 _IN_STORE = re.compile(r"\.z[a-z]+|\d+(\.\d+)*|\.[0-9a-f]{16}\.part")
 """Files of a store of samples."""
@@ -81,13 +83,26 @@ def start_manifest(folder: Path) -> None:
         raise _in_the_way(place)
 
 
-def record(folder: Path, names: Iterable[str], places: Collection[Path] = ()) -> None:
-    """Note files or folders as written by uqmbd; `places`: where they still are, before they take their names."""
+def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *, stated: bool = False) -> None:
+    """Note files or folders as written by uqmbd.
+
+    Parameters
+    ----------
+    folder : Path
+        That of a run.
+    names : iterable of str
+        Others than those of a run are left out, unless they are noted already.
+    places : collection of Path
+        Where they still are, before they take their names.
+    stated : bool
+        Whether a command stated the names beforehand, so that nothing else had them: any netCDF file is noted then.
+    """
     start_manifest(folder)
     found = in_manifest(folder)
     listed = list(names)
     for name, place in zip(listed, places or [folder / name for name in listed], strict=True):
-        if _NAME.fullmatch(name) and (digest := _digest(place)) is not None:
+        known = name in found or (_STATED if stated else _NAME).fullmatch(name)
+        if known and (digest := _digest(place)) is not None:
             found[name] = digest
     _write(folder, found)
 
@@ -113,7 +128,7 @@ def is_recognised(place: Path) -> bool:
         return False
     if place.name == "report.html":
         return begin.startswith(b"<!DOCTYPE html>") and _TITLE in begin
-    return bool(_RESULT.fullmatch(place.name)) and _attributes(place) is not None
+    return place.name.endswith(".nc") and _attributes(place) is not None
 
 
 def stores_of(result: Path) -> list[str]:
@@ -271,7 +286,7 @@ def _read(place: Path) -> dict[str, str] | None:
     return {
         name: digest
         for name, digest in found["written"].items()
-        if _NAME.fullmatch(name) and name != f"{FIGURES}/.." and name != f"{FIGURES}/." and isinstance(digest, str)
+        if _STATED.fullmatch(name) and name != f"{FIGURES}/.." and name != f"{FIGURES}/." and isinstance(digest, str)
     }
 
 
