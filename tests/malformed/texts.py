@@ -14,6 +14,7 @@ import io
 import json
 import os
 import re
+import resource
 import signal
 import sys
 import warnings
@@ -28,6 +29,16 @@ import uqmbd
 
 SECONDS = 20
 """After which a call counts as one that was accepted and computes."""
+
+
+MEMORY = 2 << 30
+"""Bytes that a call may take."""
+
+
+def _memory() -> int:
+    """Return the bytes of address space that this process has."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    return pages * resource.getpagesize()
 
 
 @dataclass(frozen=True)
@@ -64,7 +75,28 @@ def _scalar_array(value: object) -> Any:
     return found
 
 
-def probes(docstring: str, known: dict[str, Any], folder: Path, wanted: Callable[[str], bool]) -> list[Probe]:
+Values = Callable[[Path], dict[str, Any]]
+"""From the place of a mark to what takes the place of an argument, by its name."""
+
+
+def added(made: Any, names: dict[str, Any]) -> None:
+    """Use what an accepted call returned: numbers of a component are checked when it is added."""
+    if isinstance(made, uqmbd.Component):
+        for mechanism in [x for x in [*names.values()] if isinstance(x, uqmbd.Mechanism)]:
+            mechanism.add(made)
+
+
+Use = Callable[[Any, dict[str, Any]], None]
+
+
+def probes(
+    docstring: str,
+    known: dict[str, Any],
+    folder: Path,
+    wanted: Callable[[str], bool],
+    values: Values = payloads,
+    use: Use = added,
+) -> list[Probe]:
     """Run the examples of a docstring, and at each call of uqmbd all variants of it with one wrong argument.
 
     Parameters
@@ -76,6 +108,10 @@ def probes(docstring: str, known: dict[str, Any], folder: Path, wanted: Callable
         An empty one, for the trace.
     wanted : callable
         Tells of a call, by the name of the function, whether its variants are tried; asked once for a call.
+    values : callable
+        What takes the place of each argument.
+    use : callable
+        What is done with the result of a call that was accepted, and the names of the example.
     """
     found: list[Probe] = []
     mark = folder / "mark"
@@ -83,7 +119,7 @@ def probes(docstring: str, known: dict[str, Any], folder: Path, wanted: Callable
     def call(function: Any, /, *given: Any, **named: Any) -> Any:
         name = _name_of(function)
         if name and wanted(name):
-            found.extend(variants(name, function, given, named, mark, names))
+            found.extend(variants(name, function, given, named, mark, names, values, use))
         return function(*given, **named)
 
     names: dict[str, Any] = {**known, "__probed_call__": call, "__name__": "__main__"}
@@ -132,10 +168,17 @@ def _targets(function: Any, given: tuple[Any, ...], named: dict[str, Any]) -> It
 
 
 def variants(
-    name: str, function: Any, given: tuple[Any, ...], named: dict[str, Any], mark: Path, names: dict[str, Any]
+    name: str,
+    function: Any,
+    given: tuple[Any, ...],
+    named: dict[str, Any],
+    mark: Path,
+    names: dict[str, Any],
+    values: Values = payloads,
+    use: Use = added,
 ) -> Iterator[Probe]:
     """Try all variants of a call, in children of this process: none changes what the example works with."""
-    cases = [(target, key) for target in _targets(function, given, named) for key in payloads(mark)]
+    cases = [(target, key) for target in _targets(function, given, named) for key in values(mark)]
     while cases:
         read, write = os.pipe()
         sys.stdout.flush(), sys.stderr.flush()
@@ -144,7 +187,7 @@ def variants(
             child = os.fork()
         if not child:
             os.close(read)
-            _try_in_child(function, given, named, cases, mark, names, write)
+            _try_in_child(function, given, named, cases, mark, names, write, values, use)
         os.close(write)
         with os.fdopen(read) as pipe:
             lines = [json.loads(line) for line in pipe]
@@ -166,14 +209,18 @@ def _try_in_child(
     mark: Path,
     names: dict[str, Any],
     write: int,
+    values: Values,
+    use: Use,
 ) -> None:
     """Try variants of a call up to the first that is accepted, write what became of each, and end the process."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 1), os.dup2(null, 2)
     warnings.simplefilter("ignore")
+    # what takes all the memory there is would end other programs
+    resource.setrlimit(resource.RLIMIT_AS, (_memory() + MEMORY, resource.RLIM_INFINITY))
     for target, key in cases:
-        payload = payloads(mark)[key]
+        payload = values(mark)[key]
         places, words = list(given), dict(named)
         if isinstance(target, int):
             places[target] = payload
@@ -183,10 +230,7 @@ def _try_in_child(
         signal.alarm(SECONDS)
         fate, message = "accepted", ""
         try:
-            made = function(*places, **words)
-            if isinstance(made, uqmbd.Component):  # its numbers are checked when it is added
-                for mechanism in [x for x in [*names.values()] if isinstance(x, uqmbd.Mechanism)]:
-                    mechanism.add(made)
+            use(function(*places, **words), names)
         except uqmbd.UqmbdError as error:
             fate, message = "refused", str(error)
         except BaseException as error:  # noqa: BLE001 - it is reported

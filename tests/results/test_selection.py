@@ -169,6 +169,18 @@ def test_pint_reads_the_units_of_a_motion_and_of_an_output(tree, motion):
     assert square.pint.to("deg**2/s**2").pint.units == square.pint.registry.parse_units("deg**2/s**2")
 
 
+@pytest.mark.thorough
+def test_units_of_what_is_derived_are_those_that_pint_finds(tree):
+    """The recipe of docs/how-to/data.md; without it a product has the units of its factor, or none."""
+    pytest.importorskip("pint_xarray", exc_type=ImportError)
+    plain = output(tree["collocation"], "rate")["std"]
+    assert plain.attrs["units"] == "rad/s" and (plain * plain).attrs.get("units") in (None, "rad/s")
+    std = plain.pint.quantify()
+    variance = (std * std).pint.dequantify(format="~C")
+    assert variance.attrs["units"] == "rad**2/s**2"
+    np.testing.assert_array_equal(variance.values, plain.values**2)
+
+
 def two(units=("m", "N")):
     """Statistics and samples of two outputs and two inputs, at two times."""
     axes = labels([("x", units[0]), ("F", units[1])], [("k", "N/m"), ("c", "1")], [0.0, 0.5])
