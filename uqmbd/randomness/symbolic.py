@@ -1,4 +1,9 @@
-"""Symbols of uqmbd in functions of NumPy: these compute numbers, so that a message says what to write instead."""
+"""Symbols of uqmbd in functions of NumPy, and in conditions of Python: a message says what to write instead.
+
+Both need numbers.  SymPy's relations have no truth value, and say so in terms of SymPy; there is no hook for the
+message, so that the method is replaced, for relations with symbols of uqmbd alone.  What is raised is a TypeError, as
+SymPy expects it of itself.
+"""
 
 from __future__ import annotations
 
@@ -82,3 +87,29 @@ class Symbolic:
 
 for _name, _function in _WRITTEN.items():
     setattr(Symbolic, _name, _refusal(_name, _function))
+
+
+class UndecidedError(StudyError, TypeError):
+    """A relation between quantities was used as a condition of Python."""
+
+
+def _refuse_truth(plain: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    def truth(self: Any) -> bool:
+        if not any(isinstance(symbol, Symbolic) for symbol in self.free_symbols):
+            return plain(self)
+        left, right = self.args[:2]
+        raise UndecidedError(
+            f"{self} is neither true nor false here: it has no truth value, since it depends on numbers that each "
+            f"realisation, or each time, has of its own. Write sympy.Piecewise((a, {self}), (b, True)) for what is a "
+            "where it holds and b elsewhere, and sympy.Max, sympy.Min, sympy.And and sympy.Or in place of max, min, "
+            f"and, or. To choose by the means, write uqmbd.nominal({left - right}) {self.rel_op} 0."
+        )
+
+    return truth
+
+
+if not MYPY:
+    from sympy.core.relational import Relational
+
+    if Relational.__bool__.__qualname__ != _refuse_truth.__qualname__ + ".<locals>.truth":
+        Relational.__bool__ = _refuse_truth(Relational.__bool__)

@@ -202,18 +202,6 @@ def _remedy(error: BaseException) -> str:
         place = place.tb_next
     if isinstance(error, TypeError) and place is not None and place.tb_frame.f_code is sympy.Expr.__float__.__code__:
         return written
-    if (
-        isinstance(error, TypeError)
-        and place is not None
-        and isinstance(relation := place.tb_frame.f_locals.get("self"), sympy.core.relational.Relational)
-    ):
-        a, b = relation.args[:2]
-        return (
-            f"\n{relation} is neither true nor false here: it depends on numbers that each realisation has. Write "
-            f"sympy.Piecewise((a, {relation}), (b, True)) for what is a where it holds and b elsewhere, and sympy.Max, "
-            f"sympy.Min, sympy.And and sympy.Or in place of max, min, and, or. To choose by the means, write "
-            f"uqmbd.nominal({a - b}) {relation.rel_op} 0."
-        )
     return ""
 
 
