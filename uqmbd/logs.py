@@ -14,10 +14,11 @@ handler that writes to nowhere, so that all would be said, to nobody.
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
-__all__ = ["derivation", "kernels", "logged", "methods", "realisations", "refinement"]
+__all__ = ["derivation", "kernels", "logged", "methods", "realisations", "refinement", "tell"]
 
 T = TypeVar("T")
 
@@ -60,3 +61,12 @@ def logged(label: str, parts: Sequence[T]) -> Iterator[T]:
     for done, part in enumerate(parts, 1):
         yield part
         derivation.debug("%s: %d of %d", label, done, len(parts))
+
+
+def tell(text: str) -> None:
+    """Say what cannot wait for results: to who listens to the loggers, and on the standard error.
+
+    In a process of workers the loggers reach the one that started the run with the results only.
+    """
+    realisations.warning(text)
+    print(f"Note: {text}", file=sys.stderr, flush=True)

@@ -7,7 +7,7 @@ that says why; whoever decides changes its rows here, and lets it run again.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -283,8 +283,11 @@ class Realisations:
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
         self.recorder = Recorder(count, width, recording=recording)
 
-    def advance(self, members: Index | None = None) -> None:
-        """Let members run, or all, until none is running; the rows of one problem run together."""
+    def advance(self, members: Index | None = None, watch: Callable[[Realisations], None] | None = None) -> None:
+        """Let members run, or all, until none is running; the rows of one problem run together.
+
+        `watch` is called now and then, less than 0.1 s apart where the mechanism is small.
+        """
         if self.dynamics.terms:
             members = np.arange(min(len(self.z), LANES))
         queue = np.arange(len(self.z)) if members is None else np.ascontiguousarray(members, dtype=np.int64)
@@ -303,6 +306,8 @@ class Realisations:
             self.recorder.take()
             for name in c.RECORDED:
                 setattr(pool, name, address(getattr(self.recorder, name)))
+            if watch is not None:
+                watch(self)
 
     def project(self) -> None:
         """Put the states at the output times onto the constraints."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
+
+from uqmbd.errors import StudyError
 
 __all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage"]
 
@@ -28,6 +31,13 @@ class AtMost(int):
     """
 
     __slots__ = ()
+
+    def __new__(cls, most: int) -> AtMost:
+        """Check what is given."""
+        try:
+            return super().__new__(cls, operator.index(most))
+        except TypeError:
+            raise StudyError(f"AtMost: the total is {most!r}; expected a whole number.") from None
 
 
 class Progress(Protocol):

@@ -22,7 +22,7 @@ from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.contact.single_impacts import single_impacts
-from uqmbd.dynamics.integration import explicit_method, legs_of_members, speed_jumps
+from uqmbd.dynamics.integration import Pace, explicit_method, legs_of_members, speed_jumps
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["EventDrivenMotion"]
@@ -95,6 +95,7 @@ class EventDrivenMotion:
             self.encounters,
             recording=recording,
         )
+        self.pace = Pace(self.model, float(times[0]), float(times[-1]))
         self.chatter = Chatter(length, float(times[-1] - times[0]))
         self.records = Records(self.model, count)
         duration, floor = float(times[-1] - times[0]), self.run.floor
@@ -125,7 +126,7 @@ class EventDrivenMotion:
     def advance(self) -> bool:
         """Let those run who can, then decide about those who wait; whether there were any."""
         run = self.run
-        run.advance()
+        run.advance(watch=self.pace.watch)
         self._note()
         status = run.status
         events = np.flatnonzero(status == Status.EVENT)

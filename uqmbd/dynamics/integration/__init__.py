@@ -17,6 +17,7 @@ from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members, longest_step, pace
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import path_through, settled
 from uqmbd.dynamics.integration.sundials import solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
@@ -24,6 +25,7 @@ from uqmbd.dynamics.integration.trajectories import Counters, Segment, Segmented
 __all__ = [
     "Counters",
     "Leg",
+    "Pace",
     "Prescribed",
     "RELAXED",
     "Segment",

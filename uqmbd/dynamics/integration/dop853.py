@@ -24,6 +24,7 @@ from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
+from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import settled
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import excess
@@ -146,6 +147,7 @@ class _Integration:
             rtol * length,
             recording=recording,
         )
+        self.pace = Pace(self.model, float(times[0]), float(times[-1]))
         self.others: dict[int, Realisations] = {}
         self.retired: list[Realisations] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
@@ -182,10 +184,10 @@ class _Integration:
 
     def _advanced(self) -> tuple[Index, Index, Array]:
         """Let everybody run, and return the members that wait for a decision, their status, and where they are."""
-        self.main.advance()
+        self.main.advance(watch=self.pace.watch)
         status, now = self.main.status.copy(), self.main.now.copy()
         for member, other in self.others.items():
-            other.advance()
+            other.advance(watch=self.pace.watch)
             status[member], now[member] = other.status[0], other.now[0]
         waiting = np.flatnonzero(status != Status.DONE)
         return waiting, status[waiting], now[waiting]

@@ -27,6 +27,7 @@ from uqmbd.dynamics.integration.costs import implicit_costs
 from uqmbd.dynamics.integration.legs import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import path_through, settled
 from uqmbd.dynamics.integration.sundials import Solution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
@@ -161,6 +162,23 @@ class _Purse:
             raise _TooDearError
 
 
+def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
+    """Make callbacks of a stack that watch how fast it gets on."""
+    (residual, jacobian), calls = callbacks, 0
+
+    def watched(t: float, y: Array, yp: Array, res: Array) -> None:
+        nonlocal calls
+        calls += 1
+        if pace.due and np.isfinite(y).all():
+            states = np.concatenate(ensemble.expand(np.reshape(y, (len(ensemble), -1))), axis=1)
+            member = int(np.argmax(np.abs(states[:, ensemble.model.layout.velocities :]).max(axis=1, initial=0.0)))
+            # a step takes two residuals or so
+            pace.look(t, states[member], calls // 2)
+        residual(t, y, yp, res)
+
+    return watched, jacobian
+
+
 def step_tolerance(rtol: float, unknowns: int) -> float:
     """Return the relative tolerance of a step that makes a motion as accurate as `rtol` says, or nearly so.
 
@@ -195,7 +213,7 @@ def _integrate_stack(
     y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
-    callbacks = _callbacks(ensemble)
+    callbacks = _watched(ensemble, _callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
     if purse is not None:
         callbacks = purse.paying(ensemble, callbacks)
     now, paths = float(times[0]), list[Path]()

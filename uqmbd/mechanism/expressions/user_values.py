@@ -21,6 +21,10 @@ LARGEST = 1e100
 """Numbers beyond which there is no arithmetic in 64 bits: energies are products of three of them."""
 
 
+MANY = 10_000
+"""Numbers of an array that a message may show, and that are put into an expression."""
+
+
 def as_symbolic(value: Any) -> Any:
     """Return a number as SymPy's, and an object of SymPy as it is; reject texts and containers.
 
@@ -61,6 +65,8 @@ def flatten(value: Any) -> list[Any]:
     >>> flatten([1, (2, sympy.Matrix([3, 4]))])
     [1, 2, 3, 4]
     """
+    if isinstance(value, np.ndarray) and value.size > MANY:
+        raise StudyError(f"an array of the shape {value.shape} is given; expected at most {MANY} numbers.")
     parts = _parts(value)
     return [value] if parts is None else [leaf for part in parts for leaf in flatten(part)]
 
@@ -94,6 +100,8 @@ def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scal
     wanted = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
     if value is None:
         raise StudyError(f"{where}: {key} is missing; {wanted}.")
+    if isinstance(value, np.ndarray) and value.size > max(MANY, size):  # a list of it would take all memory
+        raise StudyError(f"{where}: {key} is an array of the shape {value.shape}; {wanted}.")
     parts = _row(value)
     if parts is None:
         raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {wanted}, one after the other.")

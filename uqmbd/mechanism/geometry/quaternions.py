@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import as_symbolic, flatten, t
+from uqmbd.mechanism.expressions import as_symbolic, flatten, shown, t
 from uqmbd.randomness import RandomVariable
 
 __all__ = [
@@ -80,9 +80,25 @@ def nominal(expression: Any) -> float:
     return number
 
 
-def _entries(vector: Any) -> list[Any]:
-    """Return the components of what a caller gives as a vector, in SymPy's numbers and expressions."""
-    return [as_symbolic(x) for x in flatten(vector)]
+def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ()) -> list[Any]:
+    """Return the components of what a caller gives as a vector, in SymPy's numbers and expressions.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If one is neither, or is not finite, or their number is none of `sizes`.
+    """
+    entries = [as_symbolic(x) for x in flatten(vector)]
+    wrong = next((x for x in entries if not isinstance(x, sympy.Expr) or x.is_finite is False or x is sympy.nan), None)
+    if wrong is not None or (sizes and len(entries) not in sizes):
+        expected = " or ".join(map(str, sizes)) or "finite"
+        within = "" if wrong is None else f", with {shown(wrong)} in it"
+        raise StudyError(f"{what} is {shown(vector)}{within}; expected {expected} numbers or expressions.")
+    return entries
+
+
+ROTATION = (0, 2, 4)
+"""Components of a rotation: none where nothing turns, a half-angle pair in the plane, a quaternion."""
 
 
 def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
@@ -120,7 +136,7 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     >>> [tuple(map(float, n)) for n in perpendiculars((0, 0, 1))]
     [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     """
-    axis = _entries(axis)
+    axis = _entries(axis, "perpendiculars: axis", (3,))
     start = (int(np.argmax(np.abs([nominal(x) for x in axis]))) + 1) % 3
     helper = [0, 0, 0]
     helper[start] = 1
@@ -138,11 +154,14 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
     uqmbd.StudyError
         If the matrix is no proper rotation.
     """
-    for entry in flatten(matrix):
-        as_symbolic(entry)
-    r = sympy.Matrix(matrix)
-    if r.shape != (3, 3):
-        raise StudyError(f"a rotation matrix has 3 rows and 3 columns; this one has shape {r.shape}.")
+    entries = _entries(matrix, "the rotation matrix", (9,))
+    try:
+        shape = sympy.Matrix(matrix).shape
+    except (TypeError, ValueError):  # nested in another way
+        shape = ()
+    if shape != (3, 3):
+        raise StudyError(f"a rotation matrix has 3 rows and 3 columns; this one has shape {shape or 'of none'}.")
+    r = sympy.Matrix(3, 3, entries)
     numbers = np.array([[nominal(x) for x in r.row(i)] for i in range(3)])
     if not np.allclose(numbers @ numbers.T, np.eye(3), atol=1e-8) or np.linalg.det(numbers) < 0:
         raise StudyError(
@@ -188,7 +207,8 @@ def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.E
     >>> relative_quaternion((1, 0), (0, 1))
     (0, 1)
     """
-    i, j = _entries(e_i), _entries(e_j)
+    i = _entries(e_i, "relative_quaternion: e_i", ROTATION)
+    j = _entries(e_j, "relative_quaternion: e_j", (len(i),))
     if not i:
         return ()
     if len(i) == 2:
@@ -216,7 +236,8 @@ def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, 
     >>> quaternion_product((0, 1, 0, 0), (0, 0, 1, 0))
     (0, 0, 0, 1)
     """
-    a, b = _entries(a), _entries(b)
+    a = _entries(a, "quaternion_product: a", ROTATION)
+    b = _entries(b, "quaternion_product: b", (len(a),))
     if not a:
         return ()
     if len(a) == 2:
@@ -247,7 +268,8 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
     >>> [round(float(x), 3) for x in smallest_rotation((1, 0, 0), (0, 1, 0))]
     [0.707, 0.0, 0.0, 0.707]
     """
-    a, b = sympy.Matrix(_entries(start)), sympy.Matrix(_entries(end))
+    a = sympy.Matrix(_entries(start, "smallest_rotation: start", (3,)))
+    b = sympy.Matrix(_entries(end, "smallest_rotation: end", (3,)))
     if a == b:
         return (sympy.S.One, sympy.S.Zero, sympy.S.Zero, sympy.S.Zero)
     cosine = a.dot(b)
@@ -293,8 +315,9 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
     >>> i == j, [float(x) for x in i]
     (True, [1.0, 0.0, 0.0, 0.0])
     """
+    axis_i, axis_j = (_entries(x, f"joint_frames: axis_{k}", (3,)) for k, x in (("i", axis_i), ("j", axis_j)))
     first, second = perpendiculars(axis_i)
-    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(_entries(axis_i))))
+    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(axis_i)))
     return frame, quaternion_product(smallest_rotation(axis_i, axis_j), frame)
 
 
@@ -318,9 +341,11 @@ def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -
     >>> [float(x) for x in aligned((1, 0, 0, 0), (0, 0, 1), (0, 0, 1))]
     [1.0, 0.0, 0.0, 0.0]
     """
-    turn, axis_i, axis_j = (_entries(vector) for vector in (turn, axis_i, axis_j))
+    turn = _entries(turn, "aligned: turn", ROTATION)
     if not turn:
         return ()
+    size = (2 if len(turn) == 2 else 3,)
+    axis_i, axis_j = (_entries(x, f"aligned: axis_{k}", size) for k, x in (("i", axis_i), ("j", axis_j)))
     if len(turn) == 2:
         c, s = turn[0] ** 2 - turn[1] ** 2, 2 * turn[0] * turn[1]
         drawn: Sequence[Any] = [c * axis_j[0] - s * axis_j[1], s * axis_j[0] + c * axis_j[1]]

@@ -150,7 +150,7 @@ def _count(propagator: Propagator, study: Studied) -> int | None:
         found = propagator.estimate(study)
     if not isinstance(found, Estimate):
         return None
-    return AtMost(found.realisations) if found.at_most else int(found.realisations)
+    return AtMost(int(found.realisations)) if found.at_most else int(found.realisations)
 
 
 def planned(study: Studied, propagators: Sequence[Propagator]) -> int:

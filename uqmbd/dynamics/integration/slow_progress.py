@@ -1,0 +1,112 @@
+"""How fast an integration gets on: where steps become tiny, the user is told while it runs, not when it ends.
+
+What is said depends on the clock, hence it is no part of results: it goes to the logger ``uqmbd.realisations``, and to
+the standard error where no program listens to that.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+
+import numpy as np
+
+from uqmbd.compiled import Realisations, Status
+from uqmbd.dynamics.equations import Model
+from uqmbd.logs import tell
+from uqmbd.typing import Array
+from uqmbd.wording import format_duration
+
+__all__ = ["Pace", "fastest_body"]
+
+PATIENCE = 5.0
+"""Seconds of the clock after which an integration is looked at first; then after four times as many, and so on."""
+
+LONG = 600.0
+"""Seconds that the rest would take at the pace since the last look, from which it is said."""
+
+
+class Pace:
+    """Watches an integration, and says where it is, and why, if its end is far off.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    begin, end : float
+        First and last time, s.
+    now : callable
+        Returns seconds of a clock; another one in tests.
+    say : callable
+        Takes what is to be said.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        begin: float,
+        end: float,
+        *,
+        now: Callable[[], float] = clock.monotonic,
+        say: Callable[[str], None] = tell,
+    ) -> None:
+        self.model, self.begin, self.end = model, begin, end
+        self._now, self._say = now, say
+        self._since = self._last = now()
+        self._next, self._reached, self._steps = PATIENCE, begin, 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a look."""
+        return self._now() - self._since >= self._next
+
+    def look(self, time: float, state: Array, steps: int) -> None:
+        """Look at where the slowest realisation is: its time, s, its state (q, s, v), and its steps so far."""
+        instant = self._now()
+        spent, lasted = instant - self._since, instant - self._last
+        gained, taken = max(time - self._reached, 0.0), steps - self._steps
+        self._last, self._reached, self._steps, self._next = instant, max(time, self._reached), steps, 4 * spent
+        rest = self.end - time
+        left = rest / gained * lasted if gained > 0 else np.inf
+        if not rest > 0 or left < LONG:
+            return
+        share = 100 * (time - self.begin) / (self.end - self.begin)
+        size = f", of {gained / taken:.1g} s each" if gained > 0 and taken > 0 else ""
+        name, motion = fastest_body(self.model, state)
+        body = f" {name} moves the fastest: {motion}." if name else ""
+        days = left / 86400
+        wait = "it does not get on"
+        if np.isfinite(left):
+            lasting = f"{days:.3g} days" if days > 2 else format_duration(left, rough=True)
+            wait = f"the rest would take {lasting}"
+        self._say(
+            f"mechanism {self.model.name!r}: after {spent:.0f} s the integration is at t = {time:.6g} s of "
+            f"{self.end:.6g} s ({share:.2g} %), in {max(taken, 0)} steps since the last look{size}; at this pace "
+            f"{wait}.{body} Usual reasons are very stiff springs, tiny masses, a speed that grows without bound, or an "
+            "end time that is far beyond the periods of the motion; Ctrl-C ends the run."
+        )
+
+    def watch(self, run: Realisations) -> None:
+        """Look at realisations that the driver integrates."""
+        if not self.due or run.dynamics.terms:
+            return
+        running = np.flatnonzero(run.status == Status.RUNNING)
+        if len(running):
+            member = int(running[np.argmin(run.now[running])])
+            self.look(float(run.now[member]), run.z[member], int(run.steps[member]))
+
+
+def fastest_body(model: Model, state: Array) -> tuple[str, str]:
+    """Name the body that moves the fastest in a state (q, s, v), and say how fast; empty where there is none."""
+    first, size, dimension = model.layout.velocities, model.size, model.dimension
+    count = len(model.bodies)
+    speeds = np.asarray(state[first : first + count * size], dtype=float)
+    if not count or speeds.size != count * size or not np.isfinite(speeds).any():
+        return "", ""
+    of_bodies = np.nan_to_num(speeds.reshape(count, size), posinf=np.inf)
+    along = np.linalg.norm(of_bodies[:, :dimension], axis=1)
+    # of a unit quaternion, and of half an angle, the rate is half the angular velocity
+    turning = 2 * np.linalg.norm(of_bodies[:, dimension:], axis=1)
+    body = int(np.argmax(along + model.length * turning))
+    said = f"{along[body]:.3g} m/s" + (f", {turning[body]:.3g} rad/s" if size > dimension else "")
+    return f"Body {model.bodies[body]!r}", said
