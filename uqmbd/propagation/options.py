@@ -40,18 +40,41 @@ LONGEST, SHORTEST = 1e30, 1e-9
 APART = 1e-14
 """Relative distance of times below which there is no room for steps."""
 
+MOST = 10**7
+"""Times, at most: those of one output are 80 MB."""
+
 NAMED = 5
 """Outputs that a message names."""
+
+
+def _real(value: Any) -> float:
+    """Return a number of Python or NumPy as a float, infinite beyond 64 bits; NaN for anything else."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):
+        return float("nan")
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return float("inf")
+
+
+def _some(times: Any, where: str) -> None:
+    """Refuse arrays that are huge, and those with masked entries, whose values nobody means."""
+    size = getattr(times, "size", 0) if isinstance(times, np.ndarray) else len(times) if hasattr(times, "__len__") else 0
+    if size > MOST:
+        raise StudyError(f"{where} are {size}; expected at most {MOST}.")
+    if np.ma.is_masked(times):
+        raise StudyError(f"{where} are {times!r}; expected numbers in s, none of them masked.")
 
 
 def check_times(times: ArrayLike, where: str) -> Array:
     """Return output times as an array, or say what is wrong with them."""
     times = without_quantities(f"{where}: times", times, "s")
+    _some(times, f"{where}: times")
     try:
         grid = np.array(times, dtype=float)
         if any(isinstance(x, (str, bytes)) for x in np.asarray(times, dtype=object).ravel().tolist()):
             raise TypeError  # NumPy reads texts as numbers
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise StudyError(
             f"{where}: times are {times!r}; expected numbers in s, e.g. numpy.linspace(0, 2, 401)."
         ) from None
@@ -104,7 +127,7 @@ def check_still(mechanism: Mechanism, where: str) -> Array:
 
 def check_rtol(rtol: Any, where: str) -> float:
     """Return a usable relative tolerance, or say what is wrong with it."""
-    if not isinstance(rtol, Real) or not 1e-13 <= float(rtol) <= 1e-1:
+    if not 1e-13 <= _real(rtol) <= 1e-1:
         raise StudyError(f"{where}: rtol is {rtol!r}; expected a number between 1e-13 and 0.1, e.g. 1e-6.")
     return float(rtol)
 
@@ -122,8 +145,7 @@ def check_max_step(max_step: Any, where: str) -> float:
     max_step = without_quantities(f"{where}: max_step", max_step, "s")
     if max_step is None:
         return float("inf")
-    number = isinstance(max_step, Real) and not isinstance(max_step, (bool, np.bool_))
-    if not number or not 0 < float(max_step) < float("inf"):
+    if not 0 < _real(max_step) < float("inf"):
         raise StudyError(
             f"{where}: max_step is {max_step!r}; expected the longest step of the integration in s, a finite number "
             "above 0, e.g. 1e-3; None for no bound."
@@ -135,12 +157,13 @@ def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
     """Return the times at which the integration starts anew, sorted, or say what is wrong with them."""
     wanted = "expected times in s at which the integration starts anew, e.g. breaks=[0.2, 0.21]"
     breaks = without_quantities(f"{where}: breaks", breaks, "s")
-    if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)):
+    single = isinstance(breaks, np.ndarray) and breaks.ndim == 0
+    if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)) or single:
         raise StudyError(f"{where}: breaks are {breaks!r}; {wanted}.")
+    _some(breaks, f"{where}: breaks")
     found = []
     for time in breaks:
-        number = isinstance(time, Real) and not isinstance(time, (bool, np.bool_))
-        if not number or not np.isfinite(float(time)):
+        if not np.isfinite(_real(time)):
             raise StudyError(f"{where}: breaks hold {time!r}; {wanted}, each a finite number.")
         found.append(float(time))
     return tuple(sorted(set(found)))
@@ -159,11 +182,12 @@ def check_start(start: str, where: str) -> str:
 def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple[float, ...]:
     """Return the times at which a report shows distributions, each within those of the study."""
     times = without_quantities(f"{where}: report_times", times, "s")
+    _some(times, f"{where}: report_times")
     try:
         if any(isinstance(x, (str, bytes)) for x in (times, *times)):
             raise TypeError  # Python reads texts as numbers
         wanted = tuple(float(t) for t in times)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise StudyError(f"{where}: report_times are {times!r}; expected numbers in s, e.g. [0.4].") from None
     for t in wanted:
         if not grid[0] <= t <= grid[-1]:

@@ -15,6 +15,10 @@ from uqmbd.mechanism.expressions import Spline, as_symbolic, shown, t
 __all__ = ["law_at", "law_values"]
 
 
+NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
+"""What no law has in it: its values are finite and real."""
+
+
 def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
     """Return what a law of a user contains beside its symbols, for `uqmbd.Component.prepare`.
 
@@ -64,7 +68,7 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
         value = None if isinstance(law, bool) else as_symbolic(law)
     except StudyError:
         value = None
-    if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+    if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(*NO_NUMBERS):
         raise StudyError(f"{what} is {law!r}; {expected}.")
     others = sorted(value.free_symbols - set(symbols), key=str)
     if strangers := [x for x in others if type(x) is sympy.Symbol and x != t]:

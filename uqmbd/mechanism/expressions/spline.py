@@ -25,6 +25,9 @@ __all__ = ["Spline", "spline"]
 Ends = Literal["not-a-knot", "natural", "flat"]
 Beyond = Literal["constant", "linear"]
 
+MOST = 10**7
+"""Knots, at most."""
+
 CLOSED = 1e-9
 """Difference of the first and the last value of a period, over the largest, that is rounding."""
 
@@ -280,6 +283,8 @@ def _plain_numbers(what: str, given: Any) -> tuple[Array, list[tuple[int, sympy.
     wanted = f"expected a list of {'numbers' if what == 'knots' else 'numbers or expressions'}"
     if isinstance(given, (str, bytes, type)) or not (hasattr(given, "__len__") or hasattr(given, "__array__")):
         raise StudyError(f"spline: the {what} are {shown(given)}; {wanted}.")
+    if np.ma.is_masked(given) or getattr(given, "size", 0) > MOST:
+        raise StudyError(f"spline: the {what} are {shown(given)}; {wanted}, none masked, {MOST} at most.")
     try:
         array = np.asarray(given)
     except ValueError:

@@ -47,7 +47,7 @@ def as_symbolic(value: Any) -> Any:
     """
     if isinstance(value, (sympy.Basic, sympy.MatrixBase)):
         return value
-    if isinstance(value, np.ndarray) and value.ndim == 0:
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value.item()
     if isinstance(value, (str, bytes, type)) or value is None or hasattr(value, "__iter__"):
         raise StudyError(f"{shown(value)} is no number or expression.")
