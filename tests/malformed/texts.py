@@ -17,6 +17,7 @@ import re
 import resource
 import signal
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -180,18 +181,20 @@ def variants(
     """Try all variants of a call, in children of this process: none changes what the example works with."""
     cases = [(target, key) for target in _targets(function, given, named) for key in values(mark)]
     while cases:
-        read, write = os.pipe()
-        sys.stdout.flush(), sys.stderr.flush()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of threads: the child uses none
-            child = os.fork()
-        if not child:
-            os.close(read)
-            _try_in_child(function, given, named, cases, mark, names, write, values, use)
-        os.close(write)
-        with os.fdopen(read) as pipe:
-            lines = [json.loads(line) for line in pipe]
-        os.waitpid(child, 0)
+        # no pipe: processes that a call started would hold it open
+        with tempfile.TemporaryFile() as file:
+            sys.stdout.flush(), sys.stderr.flush()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # of threads: the child uses none
+                child = os.fork()
+            if not child:
+                os.setpgid(0, 0)
+                _try_in_child(function, given, named, cases, mark, names, file.fileno(), values, use)
+            os.waitpid(child, 0)
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(child, signal.SIGKILL)
+            file.seek(0)
+            lines = [json.loads(line) for line in file]
         for (target, key), (fate, message) in zip(cases, lines, strict=False):
             yield Probe(name, str(target), key, fate, message)
         tried = len(lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -59,7 +59,7 @@ def _real(value: Any) -> float:
 
 def _some(times: Any, where: str) -> None:
     """Refuse arrays that are huge, and those with masked entries, whose values nobody means."""
-    size = getattr(times, "size", 0) if isinstance(times, np.ndarray) else len(times) if hasattr(times, "__len__") else 0
+    size = times.size if isinstance(times, np.ndarray) else len(times) if isinstance(times, Sized) else 0
     if size > MOST:
         raise StudyError(f"{where} are {size}; expected at most {MOST}.")
     if np.ma.is_masked(times):

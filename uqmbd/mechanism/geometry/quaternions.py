@@ -90,7 +90,9 @@ def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ())
     """
     entries = [as_symbolic(x) for x in flatten(vector)]
     wrong = next((x for x in entries if not isinstance(x, sympy.Expr) or x.is_finite is False or x is sympy.nan), None)
-    if wrong is not None or (sizes and len(entries) not in sizes):
+    # a column is a vector, rows of several lengths are none
+    nested = isinstance(vector, (list, tuple)) and any(isinstance(x, (list, tuple)) and len(x) != 1 for x in vector)
+    if wrong is not None or (sizes and (len(entries) not in sizes or (nested and sizes != (9,)))):
         expected = " or ".join(map(str, sizes)) or "finite"
         within = "" if wrong is None else f", with {shown(wrong)} in it"
         raise StudyError(f"{what} is {shown(vector)}{within}; expected {expected} numbers or expressions.")

@@ -1,0 +1,197 @@
+"""Public calls with one impossible argument: they are refused with a message of uqmbd, or accepted and then usable.
+
+The calls are those of the examples in docstrings, and of a table; all other arguments are right.  Each argument is
+replaced by each value of `hostile.HOSTILE` in turn.  The small test holds the cases that were found; the sweep over
+all public names is slow.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import types
+import warnings
+from collections import Counter
+
+import numpy as np
+import pytest
+import sympy
+
+import uqmbd
+from uqmbd.testing.components.cases import cases
+
+from .hostile import HOSTILE, hostile, used
+from .test_text_is_not_run import CORE, PLUGINS, kind, public_names
+from .texts import Probe, probes, variants
+
+MODULES = [x for x in (*CORE, *PLUGINS) if x not in ("uqmbd.testing", "uqmbd.typing", "uqmbd.report", "uqmbd_models")]
+"""Kits take classes and run studies with them; reports and importers have tests of hostile files of their own."""
+
+METHODS = (types.FunctionType, classmethod, staticmethod)
+
+OWN = ("refused", "accepted")
+
+PLAIN = {
+    **{
+        f"{name}(vector {k})": (name, k)
+        for name, count in (
+            *(("aligned", 3), ("joint_frames", 2), ("perpendiculars", 1), ("quaternion_product", 2)),
+            *(("relative_quaternion", 2), ("smallest_rotation", 2)),
+        )
+        for k in range(count)
+    },
+}
+RIGHT = {
+    "aligned": ((1, 0, 0, 0), (0, 0, 1), (0, 0, 1)),
+    "joint_frames": ((0, 0, 1), (0, 0, 1)),
+    "perpendiculars": ((0, 0, 1),),
+    "quaternion_product": ((1, 0, 0, 0), (1, 0, 0, 0)),
+    "relative_quaternion": ((1, 0, 0, 0), (1, 0, 0, 0)),
+    "smallest_rotation": ((1, 0, 0), (0, 1, 0)),
+}
+FITTING = {"empty list", "empty array", "flat array", "empty dict"}
+"""Rotations where nothing turns have no components."""
+
+
+@pytest.mark.parametrize("call", PLAIN)
+def test_helpers_on_rotations_refuse_what_is_no_vector(call):
+    name, place = PLAIN[call]
+    for key, value in HOSTILE.items():
+        given = list(RIGHT[name])
+        given[place] = value
+        if (key == "range" and len(RIGHT[name][place]) == 3) or key in FITTING:
+            continue  # (0, 1, 2) is a vector
+        with pytest.raises(uqmbd.StudyError):
+            getattr(uqmbd, name)(*given)
+
+
+def _falling():
+    mechanism = uqmbd.Mechanism("m", uqmbd.Line())
+    mechanism.output("x", mechanism.body("b", mass=1).position[0])
+    return mechanism
+
+
+OPTIONS = {
+    "times": {"half", "1e307", "empty list", "list", "range"},
+    "rtol": {"half"},
+    "max_step": {"half", "1e307", "None"},
+    "breaks": {"empty list", "empty array", "empty dict", "list", "nan in list", "range", "empty text"},
+}
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_options_of_a_simulation_refuse_what_is_none(option):
+    for key in sorted(HOSTILE.keys() - OPTIONS[option] - {"set"}):
+        with pytest.raises(uqmbd.StudyError, match=option):
+            uqmbd.simulate(_falling(), **{"times": [0, 1], option: HOSTILE[key]})
+
+
+@pytest.mark.parametrize(
+    "masked", [np.ma.masked_array([0.0, 1.0, 2.0], mask=[0, 1, 0]), np.ma.masked], ids=["one", "all"]
+)
+def test_masked_numbers_are_nowhere_taken_as_what_is_below_the_mask(masked):
+    mechanism = _falling()
+    for make in (
+        lambda: uqmbd.simulate(mechanism, masked),
+        lambda: uqmbd.Study("s", mechanism, masked),
+        lambda: uqmbd.Study("s", mechanism, [0, 2], report_times=masked),
+        lambda: uqmbd.simulate(mechanism, [0, 2], breaks=masked),
+        lambda: uqmbd.spline([0, 1, 2], masked),
+        lambda: uqmbd.spline(masked, [0, 1, 2]),
+        lambda: mechanism.body("c", mass=masked),
+        lambda: mechanism.body("c", mass=1, position=masked),
+        lambda: mechanism.output("y", masked),
+        lambda: uqmbd.maximum(masked),
+        lambda: uqmbd.law_values(masked, sympy.Symbol("x")),
+    ):
+        with pytest.raises(uqmbd.StudyError):
+            make()
+
+
+@pytest.mark.parametrize("value", [1j, sympy.I, 2 + 3j, sympy.sqrt(-2) * sympy.Symbol("x")], ids=str)
+def test_a_law_is_real(value):
+    with pytest.raises(uqmbd.StudyError, match="law is"):
+        uqmbd.law_values(value, sympy.Symbol("x"))
+
+
+@pytest.mark.parametrize(
+    "value", [float("nan"), float("inf"), "5", b"5", None, [], 1.5, 1j, {}, np.ma.masked, object()], ids=repr
+)
+def test_a_total_is_a_whole_number(value):
+    with pytest.raises(uqmbd.StudyError, match="AtMost: the total is"):
+        uqmbd.AtMost(value)
+    assert uqmbd.AtMost(np.int64(5)) + 1 == 6
+
+
+def _raw(found: list[Probe]) -> list[str]:
+    return [f"{x.call}({x.argument}=<{x.payload}>): {x.fate}: {x.message}" for x in found if x.fate not in OWN]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "component",
+    [
+        x
+        for module in PLUGINS
+        for x in public_names(module).values()
+        if isinstance(x, type) and issubclass(x, uqmbd.Component)
+    ],
+    ids=lambda x: x.__name__,
+)
+def test_a_component_refuses_hostile_values_or_can_be_simulated(component, tmp_path):
+    for space in component.spaces:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            case = next(cases(component, space, {}, np.random.default_rng(1)))
+        part = case.component
+        named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}
+
+        def add(mechanism=case.mechanism, **values):
+            mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
+            return mechanism
+
+        found = list(variants(component.__name__, add, (), named, tmp_path / "mark", {}, hostile, used))
+        assert len(found) == len(named) * len(HOSTILE)
+        assert not _raw(found)
+
+
+LEFT_OUT: dict[str, str] = {}
+
+
+def _targets() -> set[str]:
+    """Return the full names of all public functions, classes and their methods."""
+    found = set()
+    for module in MODULES:
+        for thing in public_names(module).values():
+            if kind(thing) == "data":
+                continue
+            found.add(f"{thing.__module__}.{thing.__qualname__}")
+            for base in thing.__mro__ if isinstance(thing, type) else ():
+                if base.__module__.startswith("uqmbd"):
+                    own = [k for k, x in vars(base).items() if not k.startswith("_") and isinstance(x, METHODS)]
+                    found |= {f"{base.__module__}.{base.__qualname__}.{k}" for k in own}
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("module", MODULES)
+def test_public_calls_refuse_hostile_values_or_can_be_used(module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wanted, calls = _targets(), Counter()
+
+    def first(name: str) -> bool:
+        calls[name] += 1
+        return calls[name] == 1 and name in wanted
+
+    found: list[Probe] = []
+    for thing in public_names(module).values():
+        if kind(thing) == "data":
+            continue
+        known = dict(vars(sys.modules[thing.__module__]))
+        own = vars(thing).items() if isinstance(thing, type) else ()
+        for owner in (thing, *(x for k, x in own if not k.startswith("_") and isinstance(x, (*METHODS, property)))):
+            text = inspect.cleandoc(getattr(owner, "__doc__", "") or "")
+            if ">>>" in text:
+                found += probes(text, known, tmp_path, first, hostile, used)
+    print(module, Counter(x.fate for x in found))
+    assert not _raw(found)
