@@ -53,6 +53,6 @@ def test_outliers_are_counted():
     values = 0.1 * np.random.default_rng(1).standard_normal(200)
     values[[20, 90]] = 1.0
     assert said(values)["outliers"] == 2 and said(values)["doubted"]
-    assert [stray["time"] for stray in said(values)["strays"]] in ([1.0, 4.5], [4.5, 1.0])
+    assert sorted(stray["time"] for stray in said(values)["strays"]) == pytest.approx([1.0, 4.5])
     robust = said(values, robust=True)
     assert robust["outliers"] == 2 and not robust["doubted"]
