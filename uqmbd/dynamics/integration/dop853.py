@@ -151,9 +151,7 @@ class _Integration:
         self.others: dict[int, Realisations] = {}
         self.retired: list[Realisations] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
-        self.messages = [""] * len(batch)
-        self.final = [False] * len(batch)
-        self.stiff = 0
+        self.messages, self.final, self.stiff = [""] * len(batch), [False] * len(batch), 0
         compared = comparing and self.sampling is None  # from sample to sample somebody else compares
         self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if compared else None
         self.dear = [0.0] * len(batch)
