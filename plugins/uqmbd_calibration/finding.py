@@ -198,8 +198,8 @@ def _check_reach(prior: Posterior, seed: int) -> None:
                     f"calibrate: record {block.record!r}, output {block.output!r}: the value {at} is "
                     f"{block.values[worst]:g}, and what the study gives there is from {low[worst]:g} to "
                     f"{high[worst]:g}: {away[worst]:.2g} standard deviations of the noise away, of which nothing can "
-                    "be learned. Leave out a value that is wrong (nan), state a larger noise, or use noise='student' for "
-                    "records with outliers."
+                    "be learned. Leave out a value that is wrong (nan), state a larger noise, or use noise='student' "
+                    "for records with outliers."
                 )
 
 
