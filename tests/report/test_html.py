@@ -110,6 +110,11 @@ def test_it_is_accessible(source: str) -> None:
     assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
     said = [attrs["alt"] for tag, attrs in page.tags if tag == "img"]
     said += [attrs["aria-label"] for tag, attrs in page.tags if tag == "svg" and attrs.get("role") == "img"]
+    said += [
+        attrs["data-alt"]
+        for tag, attrs in page.tags
+        if tag == "figure" and attrs.get("class", "").startswith("charted")
+    ]
     assert said and all(said)
     assert all(attrs.get("data-alt", "of the first screen") for attrs in (a for tag, a in page.tags if tag == "figure"))
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")

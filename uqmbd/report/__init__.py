@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from uqmbd.report.charts import Band, Chart, Curve, chart_figure, chart_html, charts_html
 from uqmbd.report.drawing import arrange, axes_grid, figure_html, style, with_units, wrapped
 from uqmbd.report.figures import (
-    Band,
-    Curve,
     bands,
     coefficient_decay,
     convergence,
@@ -27,7 +26,7 @@ from uqmbd.report.figures import (
 )
 from uqmbd.report.html import write_report
 from uqmbd.report.installed import installed_sections
-from uqmbd.report.live import Chart, chart_html, charts_html, with_poses
+from uqmbd.report.live import with_poses
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.notebook import Shown, load_ipython_extension, show, unload_ipython_extension
 from uqmbd.report.sections import Section
@@ -42,6 +41,7 @@ __all__ = [
     "arrange",
     "axes_grid",
     "bands",
+    "chart_figure",
     "chart_html",
     "charts_html",
     "coefficient_decay",

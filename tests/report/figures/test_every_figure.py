@@ -103,6 +103,7 @@ def test_none_is_forgotten() -> None:
         "arrange",
         "axes_grid",
         "Chart",
+        "chart_figure",
         "chart_html",
         "charts_html",
         "figure_html",

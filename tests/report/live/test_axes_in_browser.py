@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from tests.report.live.pages import decay_data, densities_data, settling_data
 from uqmbd import report, results
-from uqmbd.report.live import decay_data, densities_data, settling_data, unpacked
+from uqmbd.report.charts import unpacked
 
 from .chaoses import falling
 

@@ -7,8 +7,10 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from tests.report.live.pages import bands_data
 from uqmbd import results
-from uqmbd.report.live import MOST_TIMES, bands_data, page_scripts, unpacked
+from uqmbd.report.charts import MOST_TIMES, unpacked
+from uqmbd.report.live import page_scripts
 from uqmbd.wording import format_number
 
 DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
@@ -157,14 +159,14 @@ def test_the_vendored_library_is_whole_and_has_its_licence():
         assert hashlib.sha256((vendor / name).read_bytes()).hexdigest() == digest
     scripts = page_scripts()
     assert (
-        "Permission is hereby granted" in scripts.library
+        "Permission is hereby granted" in scripts.uplot
         and (vendor / "uPlot.min.css").read_text("utf-8") == scripts.style
     )
 
 
 def test_scripts_of_the_page_ask_for_nothing_and_make_no_markup():
     scripts = page_scripts()
-    for text in (scripts.library, scripts.module):
+    for text in (scripts.uplot, scripts.module):
         assert "</script" not in text.lower()
         assert not re.search(r"\beval\(|new Function|\bfetch\(|XMLHttpRequest|WebSocket|import\(|sendBeacon", text)
     assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|localStorage|cookie", scripts.module)

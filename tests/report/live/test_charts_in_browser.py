@@ -314,7 +314,8 @@ def test_paper_has_what_the_browser_draws(opened, page_file):
 
 def test_without_scripts_the_figures_stand(opened, page_file):
     page = opened(page_file, java_script_enabled=False)
-    assert page.locator("#in-view .still").is_visible() and page.locator("canvas").count() == 0
+    assert page.locator("canvas").count() == 0 and page.locator("#in-view figcaption").is_visible()
+    assert "its numbers are in the tables" in page.locator("#in-view").inner_text()
     figure = page.locator("#output-1 figure.charted").first
     assert "its numbers are in the tables" in figure.inner_text()
     assert page.locator("#outputs table").first.is_visible()

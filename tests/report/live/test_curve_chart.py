@@ -10,7 +10,7 @@ import pytest
 
 from uqmbd import StudyError, report, results
 from uqmbd.report import Band, Chart, Curve, chart_html, charts_html
-from uqmbd.report.live import unpacked
+from uqmbd.report.charts import unpacked
 
 from ..test_hostile_names import HOSTILE
 
@@ -181,6 +181,10 @@ def test_it_is_alive_like_other_charts(opened, tmp_path):
         with page.expect_download() as download:
             figures.nth(0).get_by_role("button", name=kind).click()
         assert download.value.path().read_bytes().startswith(start)
+    # a drawing is drawn once, with the lines over the grid
+    drawing = download.value.path().read_text("utf-8")
+    assert drawing.count(">time [s]<") == 1
+    assert drawing.rindex('stroke="#e3e7ec"') < drawing.index('stroke="#0072B2"', drawing.index(">time [s]<"))
     figures.nth(0).locator(".plot").focus()
     page.keyboard.press("+")
     assert figures.nth(0).get_by_role("button", name="Show all times").is_visible()

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from matplotlib.patches import StepPatch
 
+from tests.report.live.pages import densities_data, inputs_data, scalars_data
 from uqmbd import report, results
-from uqmbd.report.live import densities_data, inputs_data, scalars_data, unpacked
+from uqmbd.report.charts import unpacked
+from uqmbd.report.drawing import histogram
+from uqmbd.report.figures.density import density, ends_of
 
 
 def sampled(label, response):
@@ -32,7 +34,13 @@ def parts(view):
     return unpacked(view["time"]), {m["label"]: unpacked(m["lines"][0]["values"]) for m in view["methods"]}
 
 
-def test_curves_are_those_of_the_figure(nodes):
+def smooth(values):
+    """Return the estimate of a density, which goes down to zero at its ends."""
+    x, f = density(values, ends=ends_of(values))
+    return np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])
+
+
+def test_curves_are_estimates_of_the_samples(nodes):
     data = densities_data(nodes, "x", [0.0, 2.0])
     figure = report.histograms(nodes, "x", [0.0, 2.0])
     for view, axes in zip(data["views"], figure.axes, strict=True):
@@ -41,9 +49,10 @@ def test_curves_are_those_of_the_figure(nodes):
         assert list(curves) == ["histogram of a", "a", "b"] and np.all(np.diff(places) >= 0)
         np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], axes.get_ylim())
         np.testing.assert_allclose(places[[0, -1]], axes.get_xlim())
-        lines = [line for line in axes.lines if len(line.get_xdata()) > 100]
-        for name, line in zip("ab", lines, strict=True):
-            x, f = line.get_data()
+        time = float(view["title"].removeprefix("t = ").removesuffix(" s"))
+        for name in "ab":
+            response = nodes[name]["samples"]["response"].sel(output="x").sel(time=time, method="nearest")
+            x, f = smooth(response.values)
             drawn = np.interp(places, x[1:-1], f[1:-1], left=np.nan, right=np.nan)
             ends = np.isin(places, x[[0, -1]])
             np.testing.assert_allclose(curves[name][~ends], drawn[~ends], rtol=1e-6)
@@ -62,11 +71,9 @@ def test_areas_are_one(nodes):
         assert np.trapezoid(np.nan_to_num(values), places) == pytest.approx(1.0, abs=3e-3), name
 
 
-def test_histograms_are_the_steps_of_the_figure(nodes):
+def test_histograms_are_steps(nodes):
     view = densities_data(nodes["a"], "x", [1.0])["views"][0]
-    axes = report.histograms(nodes["a"], "x", [1.0]).axes[0]
-    (bars,) = (patch for patch in axes.patches if isinstance(patch, StepPatch))
-    heights, edges, _ = bars.get_data()
+    edges, heights = histogram(nodes["a"]["samples"]["response"].sel(output="x", time=1.0).values, density=True)
     places, curves = parts(view)
     steps = curves["histogram of a"]
     for k, height in enumerate(heights):
@@ -84,7 +91,7 @@ def test_a_value_without_spread_is_a_bar():
     assert places[0] < 3 < places[-1] and list(curves) == ["histogram of a"] and np.nanmax(curves["histogram of a"]) > 0
 
 
-def test_inputs_are_those_of_the_figure_with_where_samples_failed():
+def test_inputs_have_their_density_and_show_where_samples_failed():
     rng = np.random.default_rng(0)
     given = np.stack([rng.normal(size=200), rng.uniform(size=200)], axis=1)
     status = np.where(np.arange(200) < 3, 2, 0)
@@ -93,8 +100,7 @@ def test_inputs_are_those_of_the_figure_with_where_samples_failed():
     data = inputs_data(samples)
     for column, (view, drawn) in enumerate(zip(data["views"], report.inputs(samples).axes, strict=True)):
         places, curves = parts(view)
-        (line,) = (one for one in drawn.lines if len(one.get_xdata()) > 100)
-        x, f = line.get_data()
+        x, f = smooth(given[:, column])
         inner = (places > x[0]) & (places < x[-1])
         np.testing.assert_allclose(
             curves["smooth estimate"][inner], np.interp(places, x[1:-1], f[1:-1])[inner], rtol=1e-6
@@ -120,19 +126,17 @@ def scalar_method(label, values):
     return outer
 
 
-def test_outputs_without_a_time_are_those_of_the_figure():
+def test_outputs_without_a_time_have_their_densities():
     rng = np.random.default_rng(0)
-    nodes = {
-        "a": scalar_method("a", {"f1": rng.normal(5, 1, 200), "f2": rng.uniform(size=200)}),
-        "b": scalar_method("b", {"f1": rng.normal(6, 1, 200)}),
-    }
+    given = {"a": {"f1": rng.normal(5, 1, 200), "f2": rng.uniform(size=200)}, "b": {"f1": rng.normal(6, 1, 200)}}
+    nodes = {label: scalar_method(label, values) for label, values in given.items()}
     data = scalars_data(nodes, "f2")
     assert data["seen"] == 1 and [view["title"] for view in data["views"]] == ["f1", "f2"]
-    for view, axes, names in zip(data["views"], report.scalar_densities(nodes).axes, ("ab", "a"), strict=False):
+    for view, names in zip(data["views"], ("ab", "a"), strict=True):
         places, curves = parts(view)
         assert list(curves) == ["histogram of a", *names] and view["across"]["units"] == "Hz"
-        for name, line in zip(names, [one for one in axes.lines if len(one.get_xdata()) > 100], strict=True):
-            x, f = line.get_data()
+        for name in names:
+            x, f = smooth(given[name][view["title"]])
             inner = (places > x[0]) & (places < x[-1])
             drawn = np.interp(places, x[1:-1], f[1:-1])
             np.testing.assert_allclose(curves[name][inner], drawn[inner], rtol=1e-6)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from tests.report.live.pages import elements_data
 from uqmbd.randomness import GermBox, GermSpace, JointInput
-from uqmbd.report.live import elements_data, json_script, unpacked
+from uqmbd.report.charts import json_script, unpacked
 from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels, propagator_node
 
 TIMES = [0.0, 1.0]

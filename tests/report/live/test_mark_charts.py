@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.report.live.pages import error_cost_data, failures_data, over_data
 from uqmbd import report, results
+from uqmbd.report.charts import unpacked
 from uqmbd.report.figures import failure_reasons
-from uqmbd.report.live import error_cost_data, failures_data, over_data, unpacked
 
 from ..test_hostile_names import HOSTILE
 
@@ -113,7 +114,7 @@ def test_errors_are_those_of_the_dataset_in_the_order_of_levels():
         assert view["start"] == 1  # the last level that both methods have
         assert view["up"]["low"] <= 0.01 and view["up"]["high"] >= 30
     # told apart without colour: methods by the shape of their points, quantities by fill and dash
-    looks = [(m["shape"], m["hollow"], tuple(m["dash"])) for m in by_runs["methods"][:4]]
+    looks = [(m["shape"], m.get("hollow", False), tuple(m["dash"])) for m in by_runs["methods"][:4]]
     assert len(set(looks)) == 4 and looks[0][0] == looks[1][0] != looks[2][0]
     own = [m for m in by_runs["methods"] if m.get("quiet")]
     assert [m["label"] for m in own] == ["the reference itself: standard deviation"]

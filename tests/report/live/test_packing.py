@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from uqmbd.report.live import joined_modules, json_script, packed, unpacked
+from uqmbd.report.charts import json_script, packed, unpacked
+from uqmbd.report.live import joined_modules
 
 SHAPES = arrays.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5)
 

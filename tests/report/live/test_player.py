@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.report import motion
-from uqmbd.report.live import json_script, player_data
+from uqmbd.report.charts import json_script
+from uqmbd.report.live import player_data
 from uqmbd.report.mechanisms import Film
 from uqmbd.report.mechanisms.sketch import world
 from uqmbd.report.mechanisms.symbols import Pen

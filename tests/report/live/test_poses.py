@@ -11,7 +11,8 @@ from tests.mechanisms import pendulum
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace
 from uqmbd.report import motion, with_motion
-from uqmbd.report.live import json_script, live_method, live_surrogate, packed_poses, pose_surrogate, with_poses
+from uqmbd.report.charts import json_script
+from uqmbd.report.live import live_method, live_surrogate, packed_poses, pose_surrogate, with_poses
 from uqmbd.results import load, propagator_nodes, save, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo

@@ -20,7 +20,7 @@ from uqmbd.report.drawing.vectors import UNWRITABLE, Drawing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CHARTED", "charted", "figure_html", "image_html", "still_image", "svg", "write_images"]
+__all__ = ["CHARTED", "drawn_source", "figure_html", "image_html", "still_image", "svg", "write_images"]
 
 CHARTED = '<figure class="charted"'
 """How the figure of a chart begins; scripts of the page look for it."""
@@ -49,7 +49,7 @@ def _rounded(found: re.Match[str]) -> str:
     return " " + (text if _CURVED.search(text) else text.replace(" L ", " "))
 
 
-def _drawn(draw: Callable[[], Figure]) -> str:
+def drawn_source(draw: Callable[[], Figure]) -> str:
     """Return a figure as a data URI."""
     # A figure is thousands of objects in cycles: looking for garbage once after each, not all the while, saves a sixth.
     collecting = gc.isenabled()
@@ -84,36 +84,6 @@ def still_image(
         return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
-NOTHING_TO_DRAW = "Not drawn, as there is no spread, or there are not two values that a line could join: "
-"""What stands in place of a chart without data, before its caption."""
-
-
-def charted(
-    draw: Callable[[], Figure],
-    alt: str,
-    caption: str,
-    name: str,
-    chart: str | Callable[[], str | None] | None,
-) -> dict[str, Any]:
-    """Return a chart of the page; where it has no data, or these cannot be made, a note stands.
-
-    Parameters
-    ----------
-    draw : callable
-        Makes the figure that is written to a file, if that is asked for.
-    alt, caption, name
-        As of `still_image`.
-    chart : str, callable or None
-        JSON, safe in HTML, or what makes it; None: there is nothing to draw.
-    """
-    found = {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name, "draw": draw}
-    try:
-        made = chart() if callable(chart) else chart
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
-        return found | {"problem": f"{type(error).__name__}: {error}"}
-    return found | ({"note": f"{NOTHING_TO_DRAW}{caption}"} if made is None else {"chart": made})
-
-
 def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     """Return a figure for a section of the report, as HTML; one that cannot be drawn is a note in its place.
 
@@ -142,14 +112,14 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     """
     found = {"source": "", "alt": alt, "caption": caption, "problem": ""}
     try:
-        found["source"] = _drawn(draw)
+        found["source"] = drawn_source(draw)
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
         found["problem"] = f"{type(error).__name__}: {error}"
     return image_html(found)
 
 
 def image_html(found: Mapping[str, Any], chart: str = "") -> str:
-    """Return a picture, or what `charted` made, as HTML; ``chart``: JSON, safe in HTML, of the chart in its place."""
+    """Return a picture, or a chart, as HTML; ``chart``: JSON, safe in HTML, of the chart in its place."""
     text = {key: html.escape(found[key]) for key in ("source", "alt", "caption", "problem")}
     if found.get("note"):
         return f'<p class="note">{html.escape(found["note"])}</p>'
@@ -171,7 +141,7 @@ def write_images(content: object, folder: Path) -> list[Path]:
     Parameters
     ----------
     content : object
-        What :func:`charted` or :func:`still_image` returned, within any lists and dictionaries.
+        What `charted` or `still_image` returned, within any lists and dictionaries.
     folder : Path
         Made if it does not exist.  Files of the same names are replaced, others left.
 
@@ -208,7 +178,7 @@ def _named(content: object) -> Iterator[tuple[str, Callable[[], str]]]:
     if isinstance(content, Mapping):
         name = str(content.get("name") or "")
         if name and content.get("draw"):
-            yield name, partial(_drawn, content["draw"])
+            yield name, partial(drawn_source, content["draw"])
         if name and content.get("moving"):
             yield name, content["moving"]
         for value in content.values():

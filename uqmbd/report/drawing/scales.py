@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.wording import format_integer
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["decades", "log_axis", "plain_formatter", "with_powers"]
+__all__ = ["across_axis", "decades", "log_axis", "plain_formatter", "with_powers"]
 
 _SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -69,7 +71,7 @@ def decades(low: float, high: float) -> tuple[int, int]:
     return first, max(last, first + 1)
 
 
-def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bool = False) -> None:
+def log_axis(axes: Axes, direction: str, low: float, high: float) -> None:
     """Let an axis be logarithmic, with its ends at full decades and a tick at every, every second, ... decade.
 
     Parameters
@@ -78,16 +80,14 @@ def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bo
     direction : {"x", "y"}
     low, high : float
         Smallest and largest value that must be seen; both above zero.
-    percent : bool
-        Label with per cent, not with powers of ten.
 
     Examples
     --------
     >>> from matplotlib.figure import Figure
     >>> axes = Figure().add_subplot()
-    >>> log_axis(axes, "y", 3e-4, 0.2, percent=True)
+    >>> log_axis(axes, "y", 3e-4, 20)
     >>> axes.yaxis.get_major_formatter().format_ticks(axes.get_yticks())
-    ['0.01 %', '0.1 %', '1 %', '10 %', '100 %']
+    ['10⁻⁴', '0.01', '1', '100']
     """
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
@@ -99,13 +99,25 @@ def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bo
     step = -(-(last - first) // 5)
     axis.set_major_locator(FixedLocator([10.0**k for k in range(last, first - 1, -step)][::-1]))
     axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _power(value, percent)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _power(value)))
 
 
-def _power(value: float, percent: bool) -> str:
+def _power(value: float) -> str:
     exponent = round(float(np.log10(value)))
-    if percent and -6 <= exponent <= 1:
-        return f"{100 * value:.4f}".rstrip("0").rstrip(".") + " %"
-    if percent and exponent <= 3:
-        return f"{100 * value:.0f} %"
-    return "1" if exponent == 0 else "10" + str(exponent).translate(_SUPERSCRIPTS)
+    return f"{10.0**exponent:g}" if -3 <= exponent <= 3 else "10" + str(exponent).translate(_SUPERSCRIPTS)
+
+
+def across_axis(axes: Axes, low: float, high: float, *, log: bool, whole: bool) -> None:
+    """Let the horizontal axis lie between two numbers, whole or on a logarithmic scale with ticks at 1, 2, 5, 10."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+
+    if log and high > low:
+        axes.set_xlim(low, high)
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_locator(NullLocator())
+        steps = [m * 10.0**k for k in range(-15, 16) for m in ((1, 2, 5) if high < 200 * low else (1,))]
+        axes.xaxis.set_major_locator(FixedLocator([s for s in steps if low * (1 - 1e-9) <= s <= high * (1 + 1e-9)]))
+    else:
+        axes.set_xlim(low - 0.3, high + 0.3)
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_integer(value) if whole else f"{value:g}"))

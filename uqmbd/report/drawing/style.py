@@ -24,23 +24,20 @@ if TYPE_CHECKING:
 __all__ = [
     "COLOURS",
     "FAILED",
+    "LINES",
     "ON_DARK",
     "arrange",
     "axes_grid",
     "constant",
-    "draw_histogram",
     "histogram",
     "histogram_edges",
-    "few_ticks",
     "finish_single",
-    "limit_times",
     "line_width",
     "shortened",
     "single_axes",
     "style",
     "surroundings",
     "tick_width",
-    "widen_if_constant",
     "with_units",
     "wrapped",
 ]
@@ -296,19 +293,6 @@ def histogram(values: NDArray[np.float64], *, density: bool) -> tuple[NDArray[np
     return edges, heights.astype(float)
 
 
-def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, density: bool = False) -> None:
-    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
-    edges, heights = histogram(values, density=density)
-    # One outline: a patch for each bar would take most of the time of a report.
-    axes.stairs(heights, edges, fill=True, color=colour, alpha=0.3 if density else 0.7, lw=0)
-    axes.vlines(edges[1:-1], 0, np.minimum(heights[:-1], heights[1:]), color="white", lw=0.5)
-    axes.set_ylim(0, 1.05 * float(heights.max()))
-    low, high = float(values.min()), float(values.max())
-    if constant(low, high):
-        axes.text(0.97, 0.95, "no spread", transform=axes.transAxes, ha="right", va="top", fontsize=9, color="0.3")
-        widen_if_constant(axes, "x", low, high)
-
-
 def line_width(k: int, count: int) -> float:
     """Return the width of the k-th of several methods' lines: where they coincide, those beneath look out.
 
@@ -318,14 +302,6 @@ def line_width(k: int, count: int) -> float:
     (1.6, True)
     """
     return 1.6 if count == 1 else max(2.8 - 0.6 * k, 1.0)
-
-
-def few_ticks(axes: Axes) -> None:
-    """Let small axes have four intervals at most."""
-    from matplotlib.ticker import MaxNLocator
-
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
 
 
 def constant(low: float, high: float) -> bool:
@@ -338,23 +314,6 @@ def surroundings(low: float, high: float, share: float) -> tuple[float, float]:
     centre = (low + high) / 2
     reach = share * (abs(centre) or 1.0)
     return centre - reach, centre + reach
-
-
-def widen_if_constant(axes: Axes, direction: str, low: float, high: float) -> None:
-    """Show a constant as a constant: never magnify rounding to full height."""
-    if not constant(low, high):
-        return
-    ends = surroundings(low, high, 0.5)
-    if direction == "x":
-        axes.set_xlim(*ends)
-    else:
-        axes.set_ylim(*ends)
-
-
-def limit_times(axes: Axes, times: NDArray[np.float64]) -> None:
-    """Let the time axis end where the data ends."""
-    if len(times) > 1:
-        axes.set_xlim(times[0], times[-1])
 
 
 def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:

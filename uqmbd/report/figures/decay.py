@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, axes_grid, limit_times, log_axis, style
-from uqmbd.report.figures.selection import Results, automatic_times, label_of, thinned
+from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
+from uqmbd.report.figures.scales import percent_ends
+from uqmbd.report.figures.selection import Results, automatic_times, label_of
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = [
     "LARGEST",
     "LIMIT",
-    "StatedErrors",
     "coefficient_decay",
     "coefficient_parts",
+    "decay_chart",
+    "errors_chart",
     "horizon",
     "stated_errors",
     "verification",
@@ -36,8 +37,7 @@ LARGEST = "largest over time"
 """What the maximum over time of several curves is called."""
 _ROUNDING = 1e-15
 _MOST_LINES = 6
-_MARKERS = "osD^vP"
-_PALE = "0.72"
+_OTHERS = Look("quiet", (), 1.0)
 
 
 class CoefficientParts(NamedTuple):
@@ -109,6 +109,51 @@ def coefficient_parts(
     )
 
 
+def decay_chart(results: Results, output: str, *, times: Sequence[float] | None = None) -> Views | None:
+    """Chart the part of the standard deviation that polynomials of each order carry, in per cent of its maximum.
+
+    By the total order, at some times and at most, and by the degree in each input. Of many inputs those have a line of
+    their own that fall least; the largest of the others is one more. None if the output has no spread.
+
+    Raises
+    ------
+    StudyError
+        If there is no chaos.
+    """
+    found = coefficient_parts(results, output, times=times)
+    if found is None:
+        return None
+    orders = [(LARGEST, found.largest), *found.at_times.items()]
+    degrees = [(found.inputs[k], found.of_inputs[k]) for k in found.named]
+    if found.others:
+        degrees.append((f"largest of {len(found.others)} others", np.fmax.reduce(found.of_inputs[found.others])))
+    charts = []
+    for word, across, rows in (("order", "total order", orders), ("degree", "degree in one input", degrees)):
+        looks: list[Look | None] = [None] * len(rows)
+        if rows is orders:
+            looks[0] = Look("ink", width=2.2)
+        elif found.others:
+            looks[-1] = _OTHERS
+        count = len(rows[0][1])
+        charts.append(
+            Chart(
+                f"part of the largest standard deviation of {output}",
+                np.arange(1.0, count + 1),
+                [Curve(n, 100 * one, (), "part", "dotted", look) for (n, one), look in zip(rows, looks, strict=True)],
+                f"by {across}",
+                "%",
+                axis="part of the largest std",
+                along=Axis(across, whole=True, told="", before=f"{word} "),
+                ends=percent_ends(found.ends),
+                log=True,
+                limits={"stated error": 100 * LIMIT},
+                digits=True,
+                start=count - 1,
+            )
+        )
+    return Views(charts, "Orders or degrees", heights=(1.75,))
+
+
 def coefficient_decay(results: Results, output: str, *, times: Sequence[float] | None = None) -> Figure:
     """Draw how much of the spread the polynomials of each order carry; it falls fast where the order suffices.
 
@@ -145,65 +190,15 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
     >>> node = propagator_node("mine", chaos.statistics(), propagator="p", realisations=3, wall_time=0.0,
     ...                        children={"chaos": chaos.to_dataset()})
     >>> figure = coefficient_decay(node, "x", times=[])
-    >>> figure.axes[0].lines[0].get_ydata().round(3).tolist()
-    [0.8, 0.6]
+    >>> figure.axes[0].lines[0].get_ydata().round(1).tolist()
+    [80.0, 60.0]
     """
-    found = coefficient_parts(results, output, times=times)
-    figure, grid = axes_grid(2, 2.2)
-    by_order, by_input = grid
+    found = decay_chart(results, output, times=times)
     if found is None:
-        return _nothing(figure, grid, "no spread")
-    handles: dict[str, Any] = {}
-    for n, (name, values) in enumerate(found.at_times.items()):
-        (handles[name],) = _curve(by_order, values, color=("0.75", "0.6", "0.45")[n % 3], marker=_MARKERS[n % 6])
-    (handles[LARGEST],) = _curve(by_order, found.largest, color="black", marker="o", lw=2.2)
-    handles |= _draw_inputs(by_input, found)
-    for axes, title in zip(grid, ("total order", "degree in one input"), strict=True):
-        handles["1 %"] = axes.axhline(LIMIT, color="black", lw=0.8, ls=(0, (2, 2)), zorder=1)
-        axes.set_xlabel(title)
-    by_order.set_ylabel("part of the largest std")
-    _whole_orders(grid, len(found.largest), found.of_inputs.shape[1])
-    for axes in grid:
-        log_axis(axes, "y", *found.ends)
-        axes.grid(color="0.9", lw=0.7)
-    arrange(figure, grid, 2, legend=handles, heights=(1.75,))
-    return figure
-
-
-def _draw_inputs(axes: Axes, found: CoefficientParts) -> dict[str, Any]:
-    """Draw a line for each input; of many, those that fall least by name."""
-    handles: dict[str, Any] = {}
-    rest: dict[str, Any] = {}
-    for k in found.others:
-        (rest[f"{len(found.others)} others"],) = _curve(axes, found.of_inputs[k], color=_PALE, lw=0.9)
-    for n, k in enumerate(found.named):
-        colour, line = style(n)
-        (drawn,) = _curve(axes, found.of_inputs[k], color=colour, ls=line, marker=_MARKERS[n % 6], ms=4)
-        handles[found.inputs[k]] = drawn
-    return handles | rest
-
-
-def _curve(axes: Axes, values: Array, **looks: Any) -> Any:
-    """Draw values (N,) over the orders 1 .. N; what is not known is left out."""
-    orders = np.arange(1, len(values) + 1)
-    used = ~np.isnan(values)
-    looks = {"lw": 1.3, "ms": 3.5, "clip_on": False} | looks
-    return axes.plot(orders[used], values[used], **looks)
-
-
-def _whole_orders(grid: Sequence[Axes], *counts: int) -> None:
-    from matplotlib.ticker import FixedLocator
-
-    for axes, count in zip(grid, counts, strict=True):
-        axes.set_xlim(0.7, max(count, 2) + 0.3)
-        axes.xaxis.set_major_locator(FixedLocator(list(range(1, count + 1, -(-count // 8)))))
-
-
-def _nothing(figure: Figure, grid: Sequence[Axes], words: str) -> Figure:
-    for axes in grid:
-        axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", fontsize=9, color="0.3")
-    arrange(figure, list(grid), len(grid))
-    return figure
+        nothing = Curve("part", np.full(2, np.nan))
+        axes = (Axis("total order", whole=True), Axis("degree in one input", whole=True))
+        found = Views([Chart("part", [1.0, 2.0], [nothing], along=axis, words="no spread") for axis in axes])
+    return paper(found)
 
 
 def horizon(times: Array, error: Array, limit: float = LIMIT) -> float | None:
@@ -280,6 +275,42 @@ def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
     )
 
 
+def errors_chart(results: Results, limit: float = LIMIT) -> Chart:
+    """Chart the stated errors of a surrogate over time, in per cent of the standard deviation, of each output.
+
+    Of many outputs the worst have a line of their own, and the largest error of the others is one more. Dots mark where
+    the limit is passed for the first time.
+
+    Raises
+    ------
+    StudyError
+        If the propagator states no error.
+    """
+    found = stated_errors(results, limit)
+    level = f"{100 * limit:g} %"
+    curves = []
+    for k in found.named:
+        first = found.horizons[k]
+        note = f"below {level}" if first is None else f"above {level} at {first:.4g} s"
+        marks = () if first is None else ((first, 100 * limit),)
+        curves.append(Curve(found.names[k], 100 * found.errors[k], (), "stated error", marks=marks, note=note))
+    if found.others:
+        largest = 100 * np.fmax.reduce(found.errors[found.others])
+        curves.append(Curve(f"largest of {len(found.others)} others", largest, (), "stated error", look=_OTHERS))
+    worst = np.fmax.reduce([np.asarray(curve.values) for curve in curves])
+    return Chart(
+        "stated error",
+        found.times,
+        curves,
+        units="% of std",
+        ends=percent_ends(found.ends),
+        log=True,
+        limits={"stated error": 100 * limit},
+        digits=True,
+        start=int(np.nan_to_num(worst, nan=-1.0).argmax()),
+    )
+
+
 def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
@@ -310,32 +341,6 @@ def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     >>> statistics["verification_error"] = (("output", "time"), [[1e-4, 1e-3, 1e-1]])
     >>> node = propagator_node("mine", statistics, propagator="p", realisations=1, wall_time=0.0)
     >>> [text.get_text() for text in verification(node).legends[0].get_texts()]
-    ['x: above 1 % at 2 s', 'limit 1 %']
+    ['x: above 1 % at 2 s', 'limit: stated error (1 % of std)']
     """
-    found = stated_errors(results, limit)
-    times, names = found.times, found.names
-    figure, grid = axes_grid(1, 2.8, 1)
-    axes = grid[0]
-    rest: dict[str, Any] = {}
-    for k in found.others:
-        (rest[f"{len(found.others)} others"],) = axes.plot(times, found.errors[k], color=_PALE, lw=0.8)
-    handles: dict[str, Any] = {}
-    level = f"{100 * limit:g} %"
-    for n, k in enumerate(found.named):
-        colour, line = style(n)
-        filled = np.nan_to_num(found.errors[k])
-        chosen = thinned(filled, filled, 400)
-        marker = "o" if len(times) == 1 else ""
-        (drawn,) = axes.plot(times[chosen], found.errors[k][chosen], color=colour, ls=line, lw=1.4, marker=marker)
-        first = found.horizons[k]
-        if first is not None:
-            axes.plot([first], [limit], "o", color=colour, ms=7, mec="white", mew=1.0, zorder=4, clip_on=False)
-        handles[f"{names[k]}: {f'above {level} at {first:.4g} s' if first is not None else f'below {level}'}"] = drawn
-    line = axes.axhline(limit, color="black", lw=1.0, ls=(0, (2, 2)), zorder=1)
-    log_axis(axes, "y", *found.ends, percent=True)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("stated error /\nstandard deviation")
-    limit_times(axes, times)
-    axes.grid(color="0.9", lw=0.7)
-    arrange(figure, grid, legend=handles | rest | {f"limit {level}": line}, heights=(2.1,))
-    return figure
+    return paper(errors_chart(results, limit), height=2.8)

@@ -13,17 +13,30 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import COLOURS, constant, draw_histogram, histogram, style
+from uqmbd.report.charts import Axis, Chart, Curve, Look
+from uqmbd.report.drawing import constant, histogram, line_width
+from uqmbd.typing import Array
+from uqmbd.wording import reciprocal_units, typeset_units
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from uqmbd.randomness import GermSpace
 
-__all__ = ["PANEL", "Curve", "Densities", "densities", "density", "draw_densities", "ends_of", "known_densities"]
+__all__ = [
+    "FAILED_INPUTS",
+    "Densities",
+    "DensityCurve",
+    "densities",
+    "density",
+    "density_chart",
+    "ends_of",
+    "known_densities",
+]
 
-PANEL = 1.45
-"""Height of the axes of a density, inches."""
+FAILED_INPUTS = "inputs of failed samples"
+"""What the marks of these are called."""
+
+_SHARED = 160
+"""Points along the axis of a chart, besides those at which something jumps: estimates are smooth."""
 
 _CELLS = 1000
 _TAIL = 1e-4
@@ -39,7 +52,7 @@ _PILED, _ENOUGH = 0.25, 100
 """Values pile up at their end if the estimate there is this part of its maximum; fewer values do not tell."""
 
 
-class Curve(NamedTuple):
+class DensityCurve(NamedTuple):
     """One method in axes of a density.
 
     Attributes
@@ -265,14 +278,14 @@ class Densities(NamedTuple):
     top: float
 
 
-def densities(bars: NDArray[np.float64] | None, curves: Sequence[Curve]) -> Densities:
+def densities(bars: NDArray[np.float64] | None, curves: Sequence[DensityCurve]) -> Densities:
     """Return the histogram of values, and smooth estimates of the density of others.
 
     Parameters
     ----------
     bars : array, shape (S,), optional
         Of which the histogram is.
-    curves : sequence of Curve
+    curves : sequence of DensityCurve
     """
     counted = None if bars is None else histogram(bars, density=True)
     tops = {True: 0.0 if counted is None else float(counted[1].max()), False: 0.0}
@@ -288,23 +301,81 @@ def densities(bars: NDArray[np.float64] | None, curves: Sequence[Curve]) -> Dens
     return Densities(counted, found, tops[True] or tops[False])
 
 
-def draw_densities(axes: Axes, bars: NDArray[np.float64] | None, curves: Sequence[Curve], colour: str = "") -> None:
-    """Draw a histogram as a density, and smooth estimates over it.
+def density_chart(
+    title: str,
+    name: str,
+    units: str,
+    shown: Densities,
+    labels: Sequence[str],
+    barred: str,
+    *,
+    span: tuple[float, float] | None = None,
+    colour: int | None = None,
+    failed: NDArray[np.float64] | None = None,
+    heading: str = "",
+) -> Chart:
+    """Chart densities of a quantity, at places that they share; what jumps has two values at one place.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    bars : array, shape (S,), optional
-        Of which the histogram is.
-    curves : sequence of Curve
-    colour : str
-        Of the histogram; default: that of the first of all methods.
+    ``barred``: what the histogram is called; ``colour``: the series of all curves; ``failed``: values with a mark.
     """
-    found = densities(bars, curves)
-    if bars is not None:
-        draw_histogram(axes, bars, colour or COLOURS[0], density=True)
-    for number, x, f in found.curves:
-        shown, line = style(number)
-        axes.plot(x, f, color=colour or shown, ls=line, lw=1.5)
-    if found.top:
-        axes.set_ylim(0, 1.05 * found.top)
+    places = _places(shown, span)
+    curves = []
+    if shown.bars is not None:
+        look = Look(colour or 0, (), 0.8)
+        curves.append(Curve(barred, _steps(places, *shown.bars), (), "density", "filled", look))
+    for number, x, f in shown.curves:
+        series = Look(number, width=line_width(number, len(labels)))
+        look = series if colour is None else Look(colour, (), series.width)
+        curves.append(Curve(labels[number], _at(places, x, f), (), "density", look=look))
+    if failed is not None and len(failed):
+        marks = [(float(f"{value:.7g}"), 0.0) for value in np.unique(failed)]
+        nothing = np.full(len(places), np.nan)
+        curves.append(Curve(FAILED_INPUTS, nothing, (), "density", look=Look("limit", (), 1.6), marks=marks))
+    return Chart(
+        f"density of {name}",
+        places,
+        curves,
+        title,
+        reciprocal_units(units),
+        axis="density",
+        along=Axis(name, typeset_units(units)),
+        ends=(0.0, 1.05 * shown.top) if shown.top else None,
+        start=len(places) // 2,
+        short=True,
+        heading=heading,
+        words="" if shown.curves or shown.bars is None else "no spread",
+    )
+
+
+def _places(shown: Densities, span: tuple[float, float] | None) -> Array:
+    """Return where the values of a chart are: increasing, twice where something jumps."""
+    jumps = [x[[0, -1]] for _, x, _ in shown.curves]
+    if shown.bars is not None:
+        jumps.append(shown.bars[0])
+    every = np.concatenate(jumps)
+    low, high = (float(every.min()), float(every.max())) if span is None else span
+    parts = [np.linspace(low, high, _SHARED), every, every]
+    # a narrow one among wide ones
+    parts += [np.linspace(x[0], x[-1], _SHARED // 2) for _, x, _ in shown.curves if 2 * (x[-1] - x[0]) < high - low]
+    places = np.sort(np.concatenate(parts))
+    return np.asarray(places[(places >= low) & (places <= high)])
+
+
+def _at(places: Array, x: Array, f: Array) -> Array:
+    """Return a curve at places; where it ends the outer of two values there is zero."""
+    if x[0] > x[-1]:
+        x, f = x[::-1], f[::-1]
+    values = np.interp(places, x[1:-1], f[1:-1], left=np.nan, right=np.nan)
+    for end, place in ((x[0], np.searchsorted(places, x[0])), (x[-1], np.searchsorted(places, x[-1], "right") - 1)):
+        if 0 <= place < len(places) and places[place] == end:
+            values[place] = 0.0
+    return np.asarray(values)
+
+
+def _steps(places: Array, edges: Array, heights: Array) -> Array:
+    """Return the outline of bars at places, which have each edge twice."""
+    values = heights[np.clip(np.searchsorted(edges, places, "right") - 1, 0, len(heights) - 1)]
+    values[(places < edges[0]) | (places > edges[-1])] = np.nan
+    values[np.searchsorted(places, edges)] = np.concatenate([[0.0], heights])
+    values[np.searchsorted(places, edges, "right") - 1] = np.concatenate([heights, [0.0]])
+    return np.asarray(values)

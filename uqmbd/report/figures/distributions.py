@@ -1,4 +1,4 @@
-"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
+"""Distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
 
 from __future__ import annotations
 
@@ -10,23 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import (
-    COLOURS,
-    FAILED,
-    arrange,
-    axes_grid,
-    constant,
-    few_ticks,
-    style,
-    with_units,
-    wrapped,
-)
-from uqmbd.report.figures.density import PANEL, Curve, draw_densities, known_densities
+from uqmbd.report.charts import Views, paper
+from uqmbd.report.drawing import constant
+from uqmbd.report.figures.density import DensityCurve, densities, density_chart, known_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
 from uqmbd.results.comparison import COARSE
 from uqmbd.status import Status
-from uqmbd.wording import reciprocal_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,20 +25,20 @@ if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
 
 __all__ = [
-    "FAILED_INPUTS",
     "DensityPanel",
     "InputPanel",
     "OutputDensities",
-    "density_label",
+    "densities_chart",
     "histograms",
     "input_densities",
     "inputs",
+    "inputs_chart",
     "of_surrogate",
     "output_densities",
 ]
 
-FAILED_INPUTS = "inputs of failed samples"
-"""What the marks of these are called."""
+INPUT = 2
+"""Which colour inputs have."""
 
 SURROGATE_SAMPLES = 4096
 """Samples of a chaos from which its density is drawn."""
@@ -63,7 +53,7 @@ class DensityPanel(NamedTuple):
         In seconds.
     bars : array, shape (S,), optional
         Values of which there is a histogram.
-    curves : list of Curve
+    curves : list of DensityCurve
         Of each method.
     span : tuple of float, optional
         Where its axis ends, if it does not end with what is drawn.
@@ -71,7 +61,7 @@ class DensityPanel(NamedTuple):
 
     time: float
     bars: NDArray[np.float64] | None
-    curves: list[Curve]
+    curves: list[DensityCurve]
     span: tuple[float, float] | None
 
 
@@ -101,7 +91,7 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
     for k in chosen:
         time = float(first["time"].values[k])
         curves = [
-            Curve(
+            DensityCurve(
                 response.values[:, int(np.abs(response["time"].values - time).argmin())],
                 method,
                 label not in errors or float(errors[label].sel(time=time, method="nearest")) <= COARSE,
@@ -114,6 +104,24 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
         span = (low - 0.2 * (high - low), high + 0.2 * (high - low)) if cut else None
         panels.append(DensityPanel(time, first.values[:, k] if bars else None, curves, span))
     return OutputDensities(list(responses), str(first["output_units"].item()), panels)
+
+
+def densities_chart(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Views:
+    """Chart the densities of an output by each method, for each of some times, as of `histograms`.
+
+    Raises
+    ------
+    StudyError
+        If there is nothing to draw.
+    """
+    labels, units, panels = output_densities(results, output, times)
+    spreads = [float(np.std(panel.curves[0].values)) for panel in panels]
+    charts = []
+    for one in panels:
+        shown, title = densities(one.bars, one.curves), f"t = {one.time:.4g} s"
+        barred = f"histogram of {labels[0]}"
+        charts.append(density_chart(title, output, units, shown, labels, barred, span=one.span, heading=title))
+    return Views(charts, "Time of the densities", int(np.argmax(spreads)))
 
 
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
@@ -152,25 +160,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> axes.get_title("right"), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
-    from matplotlib.lines import Line2D
-
-    labels, units, panels = output_densities(results, output, times)
-    figure, grid = axes_grid(len(panels), 1.75)
-    for place, (axes, panel) in enumerate(zip(grid, panels, strict=True)):
-        axes.set_title(f"t = {panel.time:.4g} s", fontsize=9.5, y=1.0, loc="right")
-        draw_densities(axes, panel.bars, panel.curves)
-        if panel.span is not None:
-            axes.set_xlim(*panel.span)
-        few_ticks(axes)
-        axes.set_ylabel(density_label(units) if place % 2 == 0 else "")
-        if place >= len(panels) - 2:
-            axes.set_xlabel(wrapped(with_units(output, units), 20))
-    handles: dict[str, Any] = {}
-    if len(labels) > 1:
-        styles = [style(k) for k in range(len(labels))]
-        handles = {name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(labels, styles, strict=True)}
-    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
-    return figure
+    return paper(densities_chart(results, output, times))
 
 
 def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataArray]:
@@ -231,11 +221,6 @@ def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | No
     )
 
 
-def density_label(units: str) -> str:
-    """Return the label of an axis of densities."""
-    return wrapped(with_units("density", reciprocal_units(units)), 24)
-
-
 class InputPanel(NamedTuple):
     """The sampled values of an input.
 
@@ -243,7 +228,7 @@ class InputPanel(NamedTuple):
     ----------
     name, units : str
     values : array, shape (S,)
-    curve : Curve
+    curve : DensityCurve
         Its density: that of its distribution, where this is known.
     failed : array
         Values of samples that failed, 2000 at most.
@@ -252,7 +237,7 @@ class InputPanel(NamedTuple):
     name: str
     units: str
     values: NDArray[np.float64]
-    curve: Curve
+    curve: DensityCurve
     failed: NDArray[np.float64]
 
 
@@ -275,13 +260,30 @@ def input_densities(node: Samples, space: GermSpace | None = None) -> list[Input
         chosen = samples.sel(input=name)
         values = chosen["inputs"].values
         units = str(chosen["input_units"].item()) if "input_units" in chosen.coords else ""
-        curve = Curve(values, known=known.get(name))
+        curve = DensityCurve(values, known=known.get(name))
         panels.append(InputPanel(name, units, values, curve, values[failed][:2000]))
     return panels
 
 
+def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
+    """Chart histograms of sampled inputs with their densities; dots are where samples failed.
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples or no inputs.
+    """
+    charts = []
+    for one in input_densities(node, space):
+        line = ["smooth estimate" if one.curve.known is None else "distribution"]
+        shown = densities(one.values, [one.curve])
+        looks: dict[str, Any] = {"colour": INPUT, "failed": one.failed}
+        charts.append(density_chart(one.name, one.name, one.units, shown, line, "histogram of the samples", **looks))
+    return Views(charts, "Input")
+
+
 def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
-    """Draw histograms of the sampled inputs: what was uncertain, and (red ticks) where samples failed.
+    """Draw histograms of the sampled inputs: what was uncertain, and (red points) where samples failed.
 
     Parameters
     ----------
@@ -307,18 +309,4 @@ def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     >>> inputs(samples).axes[0].get_xlabel()
     'k [N/m]'
     """
-    panels = input_densities(node, space)
-    figure, grid = axes_grid(len(panels), 1.6)
-    handles: dict[str, Any] = {}
-    for axes, panel in zip(grid, panels, strict=True):
-        draw_densities(axes, panel.values, [panel.curve], COLOURS[2])
-        few_ticks(axes)
-        if len(panel.failed):
-            # Ticks at the foot of the axes, whatever the counts are.
-            foot = axes.get_xaxis_transform()
-            ticks = axes.vlines(panel.failed, 0, 0.12, transform=foot, color=FAILED, lw=1.3)
-            handles = {FAILED_INPUTS: ticks}
-        axes.set_xlabel(wrapped(with_units(panel.name, panel.units), 20))
-        axes.set_ylabel(density_label(panel.units))
-    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
-    return figure
+    return paper(inputs_chart(node, space))

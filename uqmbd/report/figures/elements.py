@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, log_axis, single_axes, with_units, wrapped
+from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, paper
+from uqmbd.report.drawing import decades
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.typing import Array
+from uqmbd.wording import format_number, typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["SplitElements", "elements_in_words", "has_elements", "split_elements", "split_pattern"]
+__all__ = ["SplitElements", "elements_chart", "elements_in_words", "has_elements", "split_elements", "split_pattern"]
 
 
 PROBABILITY = "probability"
+
+SPAN = 1e-3
+"""Smallest value, over the largest, that has a shade or a height of its own: errors of rounding need none."""
 
 _BEYOND = 0.001
 """Probability of what lies beyond the frame at an end that is infinite."""
@@ -69,16 +74,19 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
         raise StudyError("None of these results has elements; use elements='adaptive' with collocation or Galerkin.")
+    return paper(elements_chart(node, output))
+
+
+def elements_chart(node: xr.DataTree, output: str | None = None) -> Chart:
+    """Chart the elements of a method: boxes in the plane of two inputs, steps along the only one that was split.
+
+    Raises
+    ------
+    StudyError
+        If no such output exists.
+    """
     found = split_elements(node, output)
-    figure, axes = single_axes(3.6)
-    if found.up is None:
-        _bars(axes, *found.across, found.value, found.what)
-    else:
-        _boxes(figure, axes, (*found.across, *found.up), found.value, found.what)
-        axes.set_ylabel(wrapped(with_units(*found.names[1]), 34))
-    axes.set_xlabel(wrapped(with_units(*found.names[0]), 60))
-    arrange(figure, [axes], right=0.18 if found.up is None else 1.05, heights=(2.6,))
-    return figure
+    return _steps(found) if found.up is None else _boxes(found, found.up)
 
 
 class SplitElements(NamedTuple):
@@ -201,46 +209,72 @@ def _frame(data: xr.Dataset, germ: int, lower: Array, upper: Array) -> tuple[Arr
     return np.minimum(*found), np.maximum(*found)
 
 
-def _bars(axes: Any, x0: Array, x1: Array, height: Array, what: str) -> None:
-    """Draw elements along one input as bars."""
+def _ends(values: Array) -> tuple[float, float] | None:
+    """Return between which values above zero differences are seen; None if nothing differs."""
+    positive = values[values > 0]
+    if not len(positive) or positive.max() <= 1.05 * positive.min():
+        return None
+    return max(float(positive.min()), SPAN * float(positive.max())), float(positive.max())
+
+
+def _worst(values: Array) -> int:
+    """Return where the largest value is; those that are not known do not count."""
+    return int(np.argmax(np.where(np.isnan(values), -np.inf, values)))
+
+
+def _boxes(found: SplitElements, up: tuple[Array, Array]) -> Chart:
+    """Chart boxes, ordered along the axis."""
+    (x0, x1), (y0, y1) = found.across, up
+    order = np.lexsort((y0 + y1, x0 + x1))
+    x0, x1, y0, y1 = (side[order] for side in (x0, x1, y0, y1))
+    scale, name, units = (100.0, "stated error", "% of std") if found.stated else (1.0, found.what, "")
+    value = scale * found.value[order]
+    (across, across_units), (name_up, units_up) = ((one, typeset_units(unit)) for one, unit in found.names)
+    columns = [Column(name, value, units, digits=True)]
+    if found.stated:
+        columns.append(Column("probability", found.probability[order], "", digits=True))
+    bands = (Band(f"{name_up} from, to", y0, y1),)
+    curve = Curve("elements", (y0 + y1) / 2, bands, f"centre of {name_up}", columns=tuple(columns))
+    ends = _ends(value)
+    shades = ends or (0.0, float(np.nanmax(value, initial=0.0)))
+    texts = tuple(_range(across, low, high, across_units) for low, high in zip(x0, x1, strict=True))
+    return Chart(
+        name_up,
+        (x0 + x1) / 2,
+        [curve],
+        units=units_up,
+        along=Axis(across, across_units, (float(x0.min()), float(x1.max())), texts=texts),
+        ends=(float(y0.min()), float(y1.max())),
+        boxes=Boxes(f"{name} in the element", units, x0, x1, value, shades, log=ends is not None),
+        start=_worst(value),
+    )
+
+
+def _range(name: str, low: float, high: float, units: str) -> str:
+    return f"{name} from {format_number(low)} to {format_number(high)} {units}".strip()
+
+
+def _steps(found: SplitElements) -> Chart:
+    """Chart the height of each element over the input that was split."""
+    x0, x1 = found.across
     order = np.argsort(x0)
-    positive = height[height > 0]
-    # errors of rounding need no room
-    low = max(0.5 * float(positive.min()), 1e-4 * float(positive.max())) if positive.size else 0.0
-    shown = np.maximum(height, low) if what != PROBABILITY else height
-    axes.bar(x0[order], shown[order], x1[order] - x0[order], align="edge", color="#9CC5E3", edgecolor="#0B3C5D", lw=0.8)
-    axes.set_xlim(x0.min(), x1.max())
-    axes.set_ylabel("error in the element / std" if what != PROBABILITY else what)
-    if what != PROBABILITY and positive.size:
-        log_axis(axes, "y", low, 1.5 * float(height.max()), percent=True)
-
-
-def _boxes(figure: Any, axes: Any, ends: tuple[Array, Array, Array, Array], colour: Array, what: str) -> None:
-    """Draw elements in a plane, with a colour bar."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LogNorm, Normalize
-
-    x0, x1, y0, y1 = ends
-    positive = colour[colour > 0]
-    spread = positive.size and positive.max() > 1.05 * positive.min()
-    if spread:
-        norm: Any = LogNorm(max(float(positive.min()), 1e-3 * float(positive.max())), float(positive.max()))
-    else:
-        norm = Normalize(0, float(colour.max(initial=0.0)) or 1.0)
-    tone = ScalarMappable(norm, "YlGnBu")
-    order = np.argsort(colour, kind="stable")
-    corners = np.stack(
-        [np.stack([x0, y0], -1), np.stack([x1, y0], -1), np.stack([x1, y1], -1), np.stack([x0, y1], -1)], 1
+    value = (100.0 if found.stated else 1.0) * found.value[order]
+    ends = _ends(value) if found.stated else None
+    name = "stated error" if found.stated else found.what
+    shown = value if ends is None else np.maximum(value, ends[0])
+    up = (0.0, 1.05 * float(np.nanmax(value, initial=0.0)) or 1.0)
+    if ends is not None:
+        first, last = decades(ends[0], 1.5 * ends[1])
+        up = float(f"1e{first}"), float(f"1e{last}")
+    return Chart(
+        f"{name} in the element",
+        np.column_stack([x0[order], x1[order]]).ravel(),
+        [Curve("elements", np.repeat(shown, 2), (), name, "filled")],
+        units="% of std" if found.stated else "",
+        axis=name,
+        along=Axis(found.names[0][0], typeset_units(found.names[0][1])),
+        ends=up,
+        log=ends is not None,
+        digits=True,
+        start=2 * _worst(value),
     )
-    shown = np.maximum(colour, norm.vmin) if spread else colour
-    axes.add_collection(
-        PolyCollection(list(corners[order]), facecolors=tone.to_rgba(shown[order]), edgecolors="0.25", linewidths=0.7)
-    )
-    axes.set_xlim(x0.min(), x1.max())
-    axes.set_ylim(y0.min(), y1.max())
-    axes.grid(visible=False)
-    inset = axes.inset_axes((1.03, 0.0, 0.035, 1.0))
-    bar = figure.colorbar(tone, cax=inset)
-    bar.set_label(what, fontsize=9)
-    bar.ax.tick_params(labelsize=8)

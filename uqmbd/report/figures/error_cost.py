@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, axes_grid, log_axis, shortened, style
+from uqmbd.report.charts import MARKS, Axis, Chart, Column, Curve, Look, Views, paper
+from uqmbd.report.figures.scales import percent_ends
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["MARKS", "Spent", "error_cost", "errors_of", "own_error"]
-
-MARKS = {"disc": "o", "square": "s", "diamond": "D", "up": "^", "down": "v", "plus": "P"}
-"""Shapes of points, one a method, by the letters that Matplotlib has for them: no two look alike without colour."""
+__all__ = ["Spent", "cost_chart", "error_cost", "errors_of", "own_error"]
 
 SMALLEST = 1e-16
 """Errors that are rounding, and have no place on a logarithmic axis."""
@@ -82,14 +80,73 @@ def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
     return found
 
 
-_LOOKS: dict[str, tuple[Any, str]] = {"mean": ("-", ""), "std": ((0, (4, 2)), "white")}
-"""How lines of a quantity are drawn, and what points are filled with: nothing is their own colour."""
-
-
 def own_error(convergence: xr.Dataset, output: str, quantity: str) -> float:
     """Return the error that the reference states of itself; 0 where it states none."""
     place = [str(name) for name in convergence["output"].values].index(output)
     return float(np.nan_to_num(convergence[f"reference_{quantity}_error"].values[place]))
+
+
+def cost_chart(convergence: xr.Dataset, output: str) -> Views:
+    """Chart the errors of mean and standard deviation of methods over what they cost, in realisations and in time.
+
+    Full marks and lines are those of the mean, hollow ones and dashed lines those of the standard deviation; each
+    method has a shape of its own. Pale lines are what the reference states of its own error.
+
+    Raises
+    ------
+    StudyError
+        If there is no such output, or no error above zero.
+    """
+    found = errors_of(convergence, output)
+    shapes = [name for name in MARKS if name != "cross"]
+    charts: list[Chart] = []
+    for title, cost, plane in (
+        ("by realisations", "realisations", Axis("realisations", log=True, whole=True)),
+        ("by wall time", "wall_time", Axis("wall time", "s", log=True)),
+    ):
+        # in the order of levels, which every row of the table has: a line goes back where a finer level cost less
+        rows = [(k, one, np.where(np.isfinite(one.errors), getattr(one, cost), np.nan)) for k, one in enumerate(found)]
+        rows = [row for row in rows if np.isfinite(row[2]).any()]
+        if not rows:
+            continue
+        errors = np.concatenate([one.errors[np.isfinite(costs)] for _, one, costs in rows])
+        spent = np.concatenate([costs[np.isfinite(costs)] for *_, costs in rows])
+        low, high = percent_ends((float(errors.min()), float(errors.max())))
+        count = len(rows[0][2])
+        known = np.sum([np.isfinite(one.errors) & np.isfinite(costs) for _, one, costs in rows], axis=0)
+        curves = []
+        for k, one, costs in rows:
+            deviation = one.quantity == "std"
+            name = f"{one.method}: {'standard deviation' if deviation else 'mean'}"
+            dash = (4.0, 2.0) if deviation else ()
+            look = Look(k // 2, dash, 1.6, shapes[k // 2 % len(shapes)], hollow=deviation, joined=True)
+            levels = (Column("level", one.levels),)
+            curves.append(Curve(name, 100 * one.errors, (), "", look=look, columns=levels, places=costs))
+        for quantity, name, dash in (("mean", "mean", ()), ("std", "standard deviation", (4.0, 2.0))):
+            own = 100 * own_error(convergence, output, quantity)
+            if low < own < high and count > 1:
+                look = Look("quiet", dash, 1.0, joined=True, quiet=True)
+                places, level = np.geomspace(spent.min(), spent.max(), count), np.full(count, own)
+                curves.append(Curve(f"the reference itself: {name}", level, (), "", look=look, places=places))
+        charts.append(
+            Chart(
+                f"error of {output}",
+                np.arange(1.0, count + 1),
+                curves,
+                title,
+                "%",
+                axis="relative error",
+                along=Axis("level", told="", before="level ", whole=True),
+                plane=plane,
+                ends=(low, high),
+                log=True,
+                digits=True,
+                # the finest of the levels that most methods have
+                start=count - 1 - int(known[::-1].argmax()),
+                heading=f"reference: {convergence.attrs.get('reference', '')}" if not charts else "",
+            )
+        )
+    return Views(charts, "What it costs", heights=(1.85,))
 
 
 def error_cost(convergence: xr.Dataset, output: str) -> Figure:
@@ -123,52 +180,6 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     ...     coords={"method": ["collocation"], "output": ["x"]}, attrs={"reference": "finest"})
     >>> figure = error_cost(found, "x")
     >>> figure.axes[0].get_xlabel(), figure.axes[0].lines[0].get_ydata().tolist()
-    ('realisations', [0.01, 0.001])
+    ('realisations', [1.0, 0.1])
     """
-    from matplotlib.lines import Line2D
-
-    found = errors_of(convergence, output)
-    figure, grid = axes_grid(2, 2.2)
-    handles: dict[str, Any] = {}
-    known: Any = None
-    seen: list[float] = []
-    ranges: list[list[float]] = [[], []]
-    letters = list(MARKS.values())
-    for m, one in enumerate(found):
-        colour, _ = style(m // 2)
-        line, fill = _LOOKS[one.quantity]
-        looks: dict[str, Any] = {"color": colour, "ls": line, "lw": 1.5, "marker": letters[m // 2 % 6], "ms": 5}
-        for axes, cost, reach in zip(grid, ("realisations", "wall_time"), ranges, strict=True):
-            spent, errors, _ = one.along(cost)
-            (drawn,) = axes.plot(spent, errors, mfc=fill or colour, clip_on=False, **looks)
-            reach += spent.tolist()
-            seen += errors.tolist()
-        if one.quantity == "mean":
-            handles[one.method] = drawn
-    for axes, reach, label in zip(grid, ranges, ("realisations", "wall time [s]"), strict=True):
-        log_axis(axes, "x", min(reach), max(reach))
-        log_axis(axes, "y", min(seen), max(seen))
-        axes.set_xlim(*_beyond(*axes.get_xlim()))
-        axes.set_ylim(*_beyond(*axes.get_ylim()))
-        low, high = axes.get_ylim()
-        for name, (line, _) in _LOOKS.items():
-            own = own_error(convergence, output, name)
-            if low < own < high:
-                known = axes.axhline(own, color="0.55", ls=line, lw=1.0)
-        axes.set_xlabel(label)
-        axes.grid(color="0.9", lw=0.7)
-    for what, (line, fill) in zip(("mean", "standard deviation"), _LOOKS.values(), strict=True):
-        handles[what] = Line2D([], [], color="0.3", ls=line, lw=1.5, marker="o", ms=5, mfc=fill or "0.3")
-    if known is not None:
-        handles["error of the reference"] = known
-    reference = shortened(f"reference: {convergence.attrs.get('reference', '')}").replace("$", r"\$")
-    grid[0].set_title(reference, fontsize=9, y=1.0, loc="left")
-    grid[0].set_ylabel("relative error")
-    arrange(figure, grid, 2, legend=handles, heights=(1.85,))
-    return figure
-
-
-def _beyond(low: float, high: float) -> tuple[float, float]:
-    """Return ends a little apart on a logarithmic scale: no point lies on an axis."""
-    share = float((high / low) ** 0.04)
-    return low / share, high * share
+    return paper(cost_chart(convergence, output))

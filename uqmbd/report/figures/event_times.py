@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, axes_grid, few_ticks
-from uqmbd.report.figures.density import PANEL, Curve, draw_densities
-from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density_label
+from uqmbd.report.charts import Views, paper
+from uqmbd.report.figures.density import DensityCurve, densities, density_chart
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.results import AlignedChaos, surrogate_parts
 from uqmbd.wording import format_quantity
@@ -21,7 +22,7 @@ from uqmbd.wording import format_quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["EventTime", "earliest_events", "event_times", "events_in_words", "has_events"]
+__all__ = ["EventTime", "earliest_events", "event_times", "events_chart", "events_in_words", "has_events"]
 
 MOST = 8
 """Events that are drawn, the earliest."""
@@ -94,6 +95,16 @@ def earliest_events(node: xr.DataTree) -> list[EventTime]:
     return sorted(events, key=lambda event: float(np.median(event.times)))[:MOST]
 
 
+def events_chart(events: Sequence[EventTime]) -> Views:
+    """Chart the densities of the times of events."""
+    charts = []
+    for event in events:
+        shown = densities(event.times, [DensityCurve(event.times)])
+        named = ["smooth estimate"]
+        charts.append(density_chart(event.title, "time", "s", shown, named, "histogram", heading=event.title))
+    return Views(charts, "Event")
+
+
 def event_times(results: Results) -> Figure:
     """Draw how the times of events are distributed, each event in axes of its own.
 
@@ -123,16 +134,7 @@ def event_times(results: Results) -> Figure:
     events = [] if node is None else earliest_events(node)
     if not events:
         raise StudyError("None of these results follows events; use Collocation(alignment='events').")
-    figure, grid = axes_grid(len(events), 1.5)
-    for place, (axes, event) in enumerate(zip(grid, events, strict=True)):
-        axes.set_title(event.title.replace("$", r"\$"), fontsize=9.5, y=1.0, loc="right")
-        draw_densities(axes, event.times, [Curve(event.times)])
-        few_ticks(axes)
-        axes.set_ylabel(density_label("s") if place % 2 == 0 else "")
-        if place >= len(events) - 2:
-            axes.set_xlabel("time [s]")
-    arrange(figure, grid, min(2, len(events)), heights=[PANEL] * -(-len(events) // 2))
-    return figure
+    return paper(events_chart(events))
 
 
 def events_in_words(node: xr.DataTree) -> str:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import FAILED, few_ticks, finish_single, single_axes, widen_if_constant, with_units, wrapped
+from uqmbd.report.charts import Axis, Chart, Curve, Look, paper
 from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
 from uqmbd.results import STATUS_MEANINGS
 from uqmbd.status import Status
-from uqmbd.wording import format_count, format_number
+from uqmbd.typing import Array
+from uqmbd.wording import format_count, format_number, typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ __all__ = [
     "failed_inputs",
     "failure_inputs",
     "failure_reasons",
+    "failures_chart",
     "separating_inputs",
 ]
 
@@ -285,6 +287,46 @@ def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
     return FailedInputs(*of_best, drawn, some, bad, len(fine), len(reason.samples))
 
 
+def failures_chart(node: Samples, reason: int | Reason) -> Chart:
+    """Chart samples that failed for one reason among those that succeeded, by the inputs that tell them apart best.
+
+    Raises
+    ------
+    StudyError
+        If there are no such failures, or no inputs.
+    """
+    found = failed_inputs(node, reason)
+    single = len(found.names) == 1
+    shown = np.sort(np.concatenate([found.fine, found.failed]))
+    curves = []
+    for which, name, count, look in (
+        (found.fine, "succeeded", found.count_fine, Look("quiet", (), shape="disc", size=4.5)),
+        (found.failed, "failed", found.count_failed, Look("limit", (), shape="cross", size=7)),
+    ):
+        if len(which):
+            x, y = (_spread(values, np.searchsorted(shown, which), len(shown)) for values in found.places(which))
+            curves.append(Curve(f"{name} ({count})", y, (), "", look=look, places=x))
+    return Chart(
+        found.names[0] if single else found.names[1],
+        shown.astype(float),
+        curves,
+        units="" if single else found.units[1],
+        axis="" if single else found.names[1],
+        along=Axis("sample", told="", before="sample ", whole=True),
+        plane=Axis(found.names[0], typeset_units(found.units[0])),
+        ends=(0.0, 1.0) if single else None,
+        hidden=single,
+        count=found.count_fine + found.count_failed,
+        start=int(np.searchsorted(shown, found.failed[0])),
+    )
+
+
+def _spread(values: Array, at: NDArray[np.intp], count: int) -> Array:
+    every = np.full(count, np.nan)
+    every[at] = values
+    return every
+
+
 def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:
     """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
 
@@ -319,27 +361,5 @@ def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None =
     >>> axes.get_xlabel(), axes.get_ylabel()
     ('b [kg]', 'a [m]')
     """
-    found = failed_inputs(node, reason)
-    names, units = found.names, found.units
-    figure, axes = single_axes(2.6 if len(names) > 1 else 2.2, ax)
-    axes.grid(visible=False)
-    few_ticks(axes)
-    handles: dict[str, Any] = {}
-    for which, name, count, colour, size, order in (
-        (found.fine, "succeeded", found.count_fine, "0.72", 2.4, 2.0),
-        (found.failed, "failed", found.count_failed, FAILED, 4.0, 3.0),
-    ):
-        x, y = found.places(which)
-        (points,) = axes.plot(x, y, "o", color=colour, ms=size, mew=0, zorder=order)
-        if len(which):
-            handles[f"{name} ({count})"] = points
-    axes.set_xlabel(wrapped(with_units(names[0], units[0]), 60))
-    if len(names) > 1:
-        axes.set_ylabel(wrapped(with_units(names[1], units[1]), 26))
-    else:
-        axes.set_yticks([])
-        axes.spines["left"].set_visible(False)
-    for column, direction in zip(found.drawn.T, "xy", strict=False):
-        widen_if_constant(axes, direction, float(column.min()), float(column.max()))
-    finish_single(figure, axes, ax, handles)
-    return figure
+    chart = failures_chart(node, reason)
+    return paper(chart, ax=ax, height=2.2 if chart.hidden else 2.6)

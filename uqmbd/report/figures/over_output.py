@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import heapq
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import (
-    constant,
-    finish_single,
-    line_width,
-    single_axes,
-    style,
-    surroundings,
-    widen_if_constant,
-    with_units,
-    wrapped,
-)
+from uqmbd.report.charts import MOST_TIMES, Axis, Band, Chart, Curve, Look, Strands, paper
 from uqmbd.report.figures.distributions import of_surrogate
 from uqmbd.report.figures.selection import Results, nodes_of, of_output, samples_of
 from uqmbd.report.figures.surrogates import surrogate_nodes
 from uqmbd.status import Status
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Over", "Paths", "bands_over", "is_function", "over_output", "paths_over"]
+__all__ = ["Over", "Paths", "bands_over", "is_function", "over_chart", "over_output", "paths_over"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +33,12 @@ PLACES = 200
 
 MOST = 4096
 """Realisations from which bands are computed, the first ones."""
+
+BENDS = 200
+"""Points of a single realisation at most: they are context, as bands are."""
+
+STRAIGHT = 1 / 800
+"""How far lines may be from what they stand for, of the height and width of a chart: half a pixel or so."""
 
 CURVES = 60
 """Realisations that are drawn as lines where there are no bands."""
@@ -110,6 +109,92 @@ def bands_over(path: Paths, places: Array | None = None) -> tuple[Array, Array, 
     return at, values.mean(axis=0), np.quantile(values, [0.025, 0.975, 0.25, 0.75], axis=0)
 
 
+def over_chart(results: Results, output: str, over: str) -> Chart:
+    """Chart an output over another one, as `over_output` draws it.
+
+    Where bands are drawn, a chart of curves along the other output. Else one in the plane of both, with the time of the
+    page: the means at each time, and single realisations of the first method.
+
+    Raises
+    ------
+    StudyError
+        If no such output exists, or both are the same.
+    """
+    found = paths_over(results, output, over)
+    plane = Axis(over, typeset_units(found.over_units))
+    if found.banded:
+        return _banded(found.paths, output, found.units, plane)
+    first = next(iter(found.paths.values()))
+    known = np.unique(np.concatenate([path.times for path in found.paths.values()]))
+    chosen = known
+    if len(known) > MOST_TIMES:
+        lines = [np.stack([np.interp(known, path.times, one) for one in path.means]) for path in found.paths.values()]
+        chosen = known[_bends(np.stack(lines), MOST_TIMES, 0.0)]
+    curves = []
+    for k, (label, path) in enumerate(found.paths.items()):
+        x, y = (_placed(chosen, path.times, values) for values in path.means)
+        strands = _strands(path, chosen) if k == 0 and len(path.single[0]) else None
+        curves.append(Curve(label, y, (), "mean at each time", look=Look(joined=True), places=x, strands=strands))
+    start = int(np.abs(chosen - first.times[np.ptp(first.y, axis=0).argmax()]).argmin())
+    return Chart(output, chosen, curves, units=found.units, plane=plane, count=len(known), start=start)
+
+
+def _banded(paths: Mapping[str, Paths], output: str, units: str, axis: Axis) -> Chart:
+    places = np.unique(np.concatenate([bands_over(path)[0] for path in paths.values()]))
+    curves = []
+    for label, path in paths.items():
+        _, mean, (low, high, inner_low, inner_high) = bands_over(path, places)
+        bands = (Band("95 % of realisations", low, high), Band("50 % of realisations", inner_low, inner_high))
+        curves.append(Curve(label, mean, bands if path.sampled else (), "mean"))
+    return Chart(output, places, curves, units=units, along=axis)
+
+
+def _strands(path: Paths, chosen: Array) -> Strands:
+    """Return single realisations at some of the chosen times, of which lines between do not depart visibly."""
+    x, y = (values[:, np.isin(path.times, chosen)] for values in path.single)
+    at = _bends(np.stack([x, y], axis=1), BENDS, STRAIGHT)
+    own = np.flatnonzero(np.isin(chosen, path.times))
+    return Strands("single realisations", x[:, at], y[:, at], own[at])
+
+
+def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
+    """Choose points such that straight lines between them stand for lines, shape (R, 2, T).
+
+    Points are added where a line departs most, until none departs by more than the tolerance, as a share of the extent
+    of all lines along each axis, or there are ``most``: the rule of Ramer, Douglas and Peucker for many lines at once.
+    """
+    extent = np.ptp(lines, axis=(0, 2))
+    scaled = lines / np.where(extent > 0, extent, 1.0)[:, None]
+    last = scaled.shape[-1] - 1
+    chosen = {0, last}
+    waiting: list[tuple[float, int, int, int]] = []
+
+    def look(low: int, high: int) -> None:
+        if high - low < 2:
+            return
+        share = np.linspace(0, 1, high - low + 1)[1:-1]
+        ends = scaled[..., low, None], scaled[..., high, None]
+        away = np.abs(scaled[..., low + 1 : high] - (ends[0] + (ends[1] - ends[0]) * share)).max(axis=(0, 1))
+        k = int(away.argmax())
+        heapq.heappush(waiting, (-float(away[k]), low, low + 1 + k, high))
+
+    look(0, last)
+    while waiting and len(chosen) < most:
+        away, low, k, high = heapq.heappop(waiting)
+        if -away <= tolerance:
+            break
+        chosen.add(k)
+        look(low, k)
+        look(k, high)
+    return np.array(sorted(chosen))
+
+
+def _placed(chosen: Array, times: Array, values: Array) -> Array:
+    """Return values at chosen times; NaN where there are none."""
+    place = np.clip(np.searchsorted(times, chosen), 0, len(times) - 1)
+    return np.where(times[place] == chosen, values[place], np.nan)
+
+
 def over_output(results: Results, output: str, over: str, *, ax: Axes | None = None) -> Figure:
     """Draw an output over another one: each realisation is a curve in the plane of both, run through in time.
 
@@ -150,26 +235,7 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
     >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
     ('x [m]', 'y [m]')
     """
-    found = paths_over(results, output, over)
-    figure, axes = single_axes(3.6, ax)
-    handles: dict[str, Any] = {}
-    y_ends, x_ends = [np.inf, -np.inf], [np.inf, -np.inf]
-    for k, (label, path) in enumerate(found.paths.items()):
-        name = "" if len(found.paths) == 1 else f"{label}: "
-        draw = _draw_bands if found.banded else _draw_lines
-        drawn = draw(axes, path, k, len(found.paths), name, handles)
-        for ends, values in zip((x_ends, y_ends), drawn, strict=True):
-            ends[:] = min(ends[0], float(values.min())), max(ends[1], float(values.max()))
-    axes.set_xlabel(wrapped(with_units(over, found.over_units), 60))
-    axes.set_ylabel(wrapped(with_units(output, found.units), 34))
-    low, high = x_ends
-    if constant(low, high):
-        low, high = surroundings(low, high, 0.5)
-    margin = 0.0 if found.banded else 0.03 * (high - low)
-    axes.set_xlim(low - margin, high + margin)
-    widen_if_constant(axes, "y", *y_ends)
-    finish_single(figure, axes, ax, handles)
-    return figure
+    return paper(over_chart(results, output, over), ax=ax, height=3.6)
 
 
 def is_function(node: xr.DataTree, output: str, over: str) -> bool:
@@ -206,37 +272,3 @@ def _is_function(path: Paths) -> bool:
     steps = np.diff(path.x, axis=1)
     one_way = bool((steps > 0).all() or (steps < 0).all())
     return one_way and steps.shape[1] > 0 and bool(path.x.min(axis=1).max() < path.x.max(axis=1).min())
-
-
-def _draw_bands(
-    axes: Axes, path: Paths, k: int, methods: int, name: str, handles: dict[str, Any]
-) -> tuple[Array, Array]:
-    """Draw mean and bands at each value of the other output."""
-    (colour, line), width = style(k), line_width(k, methods)
-    places, mean, (low, high, inner_low, inner_high) = bands_over(path)
-    if path.sampled and k == 0:
-        outer = axes.fill_between(places, low, high, color=colour, alpha=0.16, lw=0)
-        inner = axes.fill_between(places, inner_low, inner_high, color=colour, alpha=0.30, lw=0)
-    (handles[f"{name}mean"],) = axes.plot(places, mean, color=colour, ls=line, lw=width)
-    if path.sampled and k == 0:
-        handles["50 %" if name else "50 % of realisations"] = inner
-        handles["95 %" if name else "95 % of realisations"] = outer
-    elif path.sampled:
-        handles[f"{name}mean, 95 %"] = handles.pop(f"{name}mean")
-        for edge in (low, high):
-            axes.plot(places, edge, color=colour, ls=line, lw=0.6 * width)
-    return places, np.stack([low, high, mean])
-
-
-def _draw_lines(
-    axes: Axes, path: Paths, k: int, methods: int, name: str, handles: dict[str, Any]
-) -> tuple[Array, Array]:
-    """Draw realisations of the first method as lines, and the means of both outputs at each time."""
-    (colour, line), width = style(k), line_width(k, methods)
-    x, y = path.means
-    many_x, many_y = path.single if k == 0 else (x[:0], y[:0])
-    if len(many_x):
-        thin = axes.plot(many_x.T, many_y.T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
-        handles[f"{name}single realisations"] = thin[0]
-    (handles[f"{name}mean at each time"],) = axes.plot(x, y, color=colour, ls=line, lw=width)
-    return np.append(many_x, x), np.append(many_y, y)

@@ -1,41 +1,76 @@
-"""Figures with time on the x axis: bands, standard deviation, and the time-history histogram."""
+"""Charts over time: means with bands, standard deviations, differences, and how often an output has which value."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import (
-    FAILED,
-    WIDTH,
-    arrange,
-    axes_grid,
-    constant,
-    finish_single,
-    limit_times,
-    line_width,
-    single_axes,
-    style,
-    surroundings,
-    widen_if_constant,
-    with_units,
-    wrapped,
-)
-from uqmbd.report.figures.curves import Band, Curve, draw_curve
-from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded, thinned
+from uqmbd.errors import StudyError
+from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, Look, Strands, Views, paper
+from uqmbd.report.drawing import constant, surroundings
+from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded
+from uqmbd.results import choose_reference
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["band_edges", "bands", "occurrences", "std_over_time", "time_history_histogram"]
+__all__ = [
+    "at_times",
+    "band_edges",
+    "bands",
+    "bands_chart",
+    "difference_chart",
+    "differences",
+    "occurrences",
+    "std_chart",
+    "std_over_time",
+    "time_history_histogram",
+]
+
+ERRORS = "± 2 standard errors"
 
 _MOST_TIMES, _MOST_VALUES = 200, 100
+
+
+def bands_chart(
+    nodes: Mapping[str, xr.DataTree], output: str, *, limits: Mapping[str, float] | None = None, samples: int = 0
+) -> Chart:
+    """Chart the mean, bands and standard deviation of an output over time, by each method.
+
+    ``limits``: values that the output has to stay within, by what they are called; ``samples``: how many single
+    realisations of the first method are drawn as thin lines (on paper).
+    """
+    times, statistics = _of_methods(nodes, output)
+    curves = []
+    for k, (label, data) in enumerate(statistics.items()):
+        wide, narrow, wide_name = band_edges(data)
+        some = ((wide_name, wide), ("50 % of realisations", narrow))
+        mean, std = (at_times(data, times, data[key].values) for key in ("mean", "std"))
+        curves.append(
+            Curve(
+                label,
+                mean,
+                tuple(
+                    Band(name, at_times(data, times, edges[0]), at_times(data, times, edges[1]))
+                    for name, edges in some
+                    if edges is not None
+                ),
+                "mean",
+                columns=(Column("standard deviation", std),),
+                strands=_single(nodes[label], output, samples) if k == 0 and samples else None,
+            )
+        )
+    spread = at_times(next(iter(statistics.values())), times, next(iter(statistics.values()))["std"].values)
+    start = int(np.nan_to_num(spread, nan=-1.0).argmax())
+    units = _units(statistics)
+    return Chart(output, times, curves, units=units, limits=limits or {}, start=start, follows=True)
 
 
 def bands(
@@ -82,48 +117,22 @@ def bands(
     >>> bands(node, "x").axes[0].get_ylabel()
     'x [m]'
     """
-    nodes = nodes_of(results)
-    figure, axes = single_axes(3.3, ax)
-    handles: dict[str, Any] = {}
-    low, high = np.inf, -np.inf
-    for k, (label, node) in enumerate(nodes.items()):
-        statistics = of_output(node.children["statistics"], output)
-        edges, _, _ = band_edges(statistics)
-        chosen = thinned(edges[0], edges[1])
-        statistics = statistics.isel(time=chosen)
-        times, mean = statistics["time"].values, statistics["mean"].values
-        wide, narrow, wide_name = band_edges(statistics)
-        if k == 0 and samples:
-            single = _curves(node, output, samples)[:, chosen]
-            thin = axes.plot(times, single.T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
-            if thin:
-                handles["single realisations"] = thin[0]
-        curve = Curve(
-            label,
-            mean,
-            tuple(Band(name, edge[0], edge[1]) for name, edge in ((wide_name, wide), ("50 %", narrow)) if edge),
-        )
-        drawn, areas = draw_curve(axes, times, curve, k, len(nodes))
-        if k == 0:
-            name = "" if len(nodes) == 1 else f"{label}: "
-            handles[f"{name}mean"] = drawn
-            if len(areas) > 1:
-                handles["50 %" if name else "50 % of realisations"] = areas[1]
-            handles[wide_name.split(" of")[0] if name else wide_name] = areas[0]
-        else:
-            handles[f"{label}: mean, {wide_name.split(' of')[0]}"] = drawn
-        low, high = min(low, float(wide[0].min()), mean.min()), max(high, float(wide[1].max()), mean.max())
-        axes.set_ylabel(wrapped(with_units(output, str(statistics["output_units"].item())), 34))
-        if len(times) == 1:
-            _show_single_time(axes, times[0], mean, wide, style(k)[0])
-    for name, value in (limits or {}).items():
-        handles[f"limit: {name}"] = axes.axhline(value, color=FAILED, ls=":", lw=1.6)
-        low, high = min(low, value), max(high, value)
-    axes.set_xlabel("time [s]")
-    limit_times(axes, times)
-    widen_if_constant(axes, "y", low, high)
-    finish_single(figure, axes, ax, handles)
-    return figure
+    return paper(bands_chart(nodes_of(results), output, limits=limits, samples=samples), ax=ax)
+
+
+def std_chart(nodes: Mapping[str, xr.DataTree], output: str) -> Chart:
+    """Chart the standard deviation of an output over time by each method, with its standard errors."""
+    times, statistics = _of_methods(nodes, output)
+    curves = []
+    for label, data in statistics.items():
+        std = at_times(data, times, data["std"].values)
+        bands: tuple[Band, ...] = ()
+        if "std_error_std" in data:
+            error = 2 * np.nan_to_num(at_times(data, times, data["std_error_std"].values))
+            bands = (Band(ERRORS, np.maximum(std - error, 0.0), std + error),)
+        curves.append(Curve(label, std, bands, "standard deviation"))
+    start = int(np.nan_to_num(np.asarray(curves[0].values), nan=-1.0).argmax())
+    return Chart(f"standard deviation of {output}", times, curves, units=_units(statistics), start=start)
 
 
 def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> Figure:
@@ -156,32 +165,73 @@ def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> F
     >>> len(std_over_time(node, "x").axes)
     1
     """
+    return paper(std_chart(nodes_of(results), output), ax=ax, height=2.8)
+
+
+def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: str, statistic: str) -> Chart:
+    """Chart by how much the mean or the standard deviation of methods differs from that of a reference.
+
+    The reference comes first: zero, with its own standard errors.
+    """
+    times, statistics = _of_methods(nodes, output)
+    values = {label: at_times(data, times, data[statistic].values) for label, data in statistics.items()}
+    base = statistics[reference]
+    bands: tuple[Band, ...] = ()
+    if f"std_error_{statistic}" in base:
+        error = 2 * np.nan_to_num(at_times(base, times, base[f"std_error_{statistic}"].values))
+        bands = (Band(ERRORS, -error, error),)
+    zero = np.where(np.isfinite(values[reference]), 0.0, np.nan)
+    curves = [Curve(f"{reference}, the reference", zero, bands, "difference")]
+    others = {label: one - values[reference] for label, one in values.items() if label != reference}
+    curves += [Curve(label, off, (), "difference") for label, off in others.items()]
+    largest = max((np.nan_to_num(np.abs(off)) for off in others.values()), key=lambda off: off.max())
+    what = {"mean": "mean", "std": "standard deviation"}[statistic]
+    name, axis = f"{output}: difference of the {what}", f"difference of the {what}"
+    return Chart(name, times, curves, units=_units(statistics), axis=axis, start=int(largest.argmax()))
+
+
+def differences(results: Results, output: str, *, reference: str | None = None) -> Figure:
+    """Draw by how much mean and standard deviation of methods differ, where their bands look the same.
+
+    Parameters
+    ----------
+    results : xarray.DataTree, mapping or iterable of nodes
+        At least two methods with the same times.
+    output : str
+        Name of the output.
+    reference : str, optional
+        Label of the method that is subtracted. Default: :func:`uqmbd.results.choose_reference`. Where it states
+        standard errors, a band of two of them lies about zero.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Axes: difference of the mean, and of the standard deviation.
+
+    Raises
+    ------
+    StudyError
+        If there is one method only, the reference is unknown, or outputs or times differ.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> axes = labels([("x", "m")], [], [0.0, 1.0])
+    >>> def node(label, mean):
+    ...     statistics = statistics_dataset(axes, mean=[mean], std=[[0.1, 0.1]])
+    ...     return propagator_node(label, statistics, propagator="p", realisations=1, wall_time=0.0)
+    >>> figure = differences([node("a", [0.0, 1.0]), node("b", [0.0, 1.5])], "x")
+    >>> figure.axes[0].lines[-1].get_ydata().tolist()
+    [0.0, 0.5]
+    """
     nodes = nodes_of(results)
-    figure, axes = single_axes(2.8, ax)
-    handles: dict[str, Any] = {}
-    uncertain: dict[str, Any] = {}
-    high = 0.0
-    for k, (label, node) in enumerate(nodes.items()):
-        statistics = of_output(node.children["statistics"], output)
-        statistics = statistics.isel(time=thinned(statistics["std"].values, statistics["std"].values))
-        times, std = statistics["time"].values, statistics["std"].values
-        colour, line = style(k)
-        if "std_error_std" in statistics:
-            error = 2 * np.nan_to_num(statistics["std_error_std"].values)
-            band = axes.fill_between(times, np.maximum(std - error, 0), std + error, color=colour, alpha=0.2, lw=0)
-            uncertain = uncertain or {"± 2 standard errors": band}
-            high = max(high, float((std + error).max()))
-        name = label if len(nodes) > 1 else "standard deviation"
-        marker, width = "o" if len(times) == 1 else "", line_width(k, len(nodes))
-        (handles[name],) = axes.plot(times, std, color=colour, ls=line, lw=width, marker=marker)
-        high = max(high, float(std.max()))
-        axes.set_ylabel(wrapped(with_units("standard deviation", str(statistics["output_units"].item())), 30))
-    # Without any spread the line lies on the axis: lift it, so that it is seen.
-    axes.set_ylim(*((0, high * 1.06) if high > 0 else (-0.5, 0.5)))
-    axes.set_xlabel("time [s]")
-    limit_times(axes, times)
-    finish_single(figure, axes, ax, handles | uncertain)
-    return figure
+    chosen = choose_reference(nodes) if reference is None else reference
+    if chosen not in nodes:
+        raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
+    if len(nodes) < 2:
+        raise StudyError("A difference needs at least two methods; there is one.")
+    charts = [difference_chart(nodes, output, chosen, statistic) for statistic in ("mean", "std")]
+    return paper(Views(charts, columns=1, shared=True, heights=(1.15, 1.15)))
 
 
 def time_history_histogram(node: Samples, output: str, *, mean: bool = False) -> Figure:
@@ -214,68 +264,19 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
     >>> counts.sum(axis=0).tolist()
     [2.0, 2.0]
     """
-    from matplotlib.colors import LogNorm
-
     response = succeeded(node, output)
-    times = response["time"].values
-    counts, columns, span = occurrences(response.values, times)
-    figure, (axes, bar) = axes_grid(2, 3.3, 1)
-    figure.set_figheight(3.3)
-    most = int(counts.max())
+    times, units = response["time"].values, str(response["output_units"].item())
+    counts, columns, (low, high) = occurrences(response.values, times)
     # A logarithmic scale: at one time all samples may share a bin, at another each has its own.
-    image = axes.imshow(
-        np.ma.masked_equal(counts, 0),
-        norm=LogNorm(1, max(most, 2)),
-        cmap="viridis_r",
-        extent=(columns[0], columns[-1], *span),
-        origin="lower",
-        aspect="auto",
-        interpolation="none",
+    across, up = np.array([columns[0], columns[-1]]), np.array([low, high])
+    boxes = Boxes(
+        "number of samples", "", across, up, counts, (1.0, max(float(counts.max()), 2.0)), log=True, grid=True
     )
-    if mean:
-        average = response.values.mean(axis=0)
-        chosen = thinned(average, average)
-        marker = "o" if len(times) == 1 else ""
-        (line,) = axes.plot(times[chosen], average[chosen], color="#D55E00", lw=1.1, marker=marker)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(wrapped(with_units(output, str(response["output_units"].item())), 34))
-    axes.set_xlim(columns[0], columns[-1])
-    margin = 0.03 * (span[1] - span[0])
-    axes.set_ylim(span[0] - margin, span[1] + margin)
-    arrange(figure, [axes], right=0.95, legend={"mean": line} if mean else None)
-    _stand_beside(bar, axes)
-    _colour_bar(bar, image, most)
-    return figure
-
-
-def _stand_beside(bar: Axes, axes: Axes) -> None:
-    """Let a bar stand at the right of axes, wherever these are put."""
-    from matplotlib.transforms import Bbox
-
-    def place(*_: Any) -> Bbox:
-        beside = axes.get_position()
-        return Bbox.from_bounds(beside.x1 + 0.02, beside.y0, 0.025, beside.height)
-
-    bar.set_position(place())
-    bar.set_axes_locator(place)
-
-
-def _colour_bar(bar: Axes, image: Any, most: int) -> None:
-    """Draw a colour bar for counts on a logarithmic scale; Matplotlib's own takes as long as the rest of the figure."""
-    from matplotlib.ticker import FixedFormatter, FixedLocator
-
-    bar.imshow(np.linspace(0, 1, 128)[:, None], cmap=image.cmap, extent=(0, 1, 0, 1), origin="lower", aspect="auto")
-    steps = [m * 10**k for k in range(9) for m in (1, 2, 5) if m * 10**k <= most]
-    bar.yaxis.set_major_locator(FixedLocator([float(image.norm(step)) for step in steps]))
-    bar.yaxis.set_major_formatter(FixedFormatter([str(step) for step in steps]))
-    bar.yaxis.tick_right()
-    bar.yaxis.set_label_position("right")
-    bar.set_ylabel("number of samples", fontsize=9)
-    # Beside the longest number, as `arrange` would put it.
-    bar.yaxis.set_label_coords(1 + (0.14 + 0.07 * len(str(most))) / (0.025 * WIDTH), 0.5)
-    bar.tick_params(labelsize=8)
-    bar.set_xticks([])
-    bar.spines[["top", "right"]].set_visible(True)
+    average = response.values.mean(axis=0) if mean else np.full(len(times), np.nan)
+    curve = Curve("mean", average, (), "mean" if mean else "", look=Look(1, (), 1.1))
+    ends = (low - 0.03 * (high - low), high + 0.03 * (high - low))
+    along = Axis("time", "s", (float(columns[0]), float(columns[-1])))
+    return paper(Chart(output, times, [curve], units=units, ends=ends, along=along, boxes=boxes))
 
 
 def occurrences(
@@ -351,16 +352,28 @@ def band_edges(
     return wide, pair(0.25, 0.75), "95 % of realisations"
 
 
-def _curves(node: xr.DataTree, output: str, count: int) -> NDArray[np.float64]:
+def _of_methods(nodes: Mapping[str, xr.DataTree], output: str) -> tuple[Array, dict[str, xr.Dataset]]:
+    """Return all times of some methods, and the statistics of an output by each."""
+    statistics = {label: of_output(node.children["statistics"], output) for label, node in nodes.items()}
+    times = [np.asarray(data["time"].values, dtype=float) for data in statistics.values()]
+    return np.unique(np.concatenate(times)), statistics
+
+
+def _units(statistics: Mapping[str, xr.Dataset]) -> str:
+    return str(next(iter(statistics.values()))["output_units"].item())
+
+
+def at_times(data: xr.Dataset, times: Array, values: Array) -> Array:
+    """Return values at some of their own times; NaN where there are none."""
+    own = data["time"].values
+    place = np.clip(np.searchsorted(own, times), 0, len(own) - 1)
+    return np.where(own[place] == times, np.asarray(values, dtype=float)[place], np.nan)
+
+
+def _single(node: xr.DataTree, output: str, count: int) -> Strands | None:
     if "samples" not in node.children:
-        return np.zeros((0, node.children["statistics"].sizes["time"]))
+        return None
     samples = samples_of(node)
     ok = np.flatnonzero(samples["status"].values == Status.OK)[:count]
-    return np.asarray(of_output(samples, output)["response"].values[ok], dtype=float)
-
-
-def _show_single_time(
-    axes: Axes, time: float, mean: NDArray[np.float64], wide: list[NDArray[np.float64]], colour: str
-) -> None:
-    axes.plot([time], mean, "o", color=colour)
-    axes.vlines([time], wide[0], wide[1], color=colour, lw=1.2)
+    values = np.asarray(of_output(samples, output)["response"].values[ok], dtype=float)
+    return Strands("single realisations", np.broadcast_to(samples["time"].values, values.shape), values)

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, axes_grid, few_ticks, style, wrapped
+from uqmbd.report.charts import Band, Chart, Curve, Views, paper
+from uqmbd.report.drawing import decades
+from uqmbd.report.figures.over_time import at_times
 from uqmbd.report.figures.selection import Results, nodes_of
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["MOST_REQUIREMENTS", "changing_with_time", "violated_by"]
+__all__ = ["MOST_REQUIREMENTS", "changing_with_time", "violated_by", "violations_chart", "worst_violations_chart"]
 
 MOST_REQUIREMENTS = 12
 """Requirements that are drawn."""
+
+RARE = 1.0
+"""Per cent: where nothing is violated more probably, the axis is logarithmic."""
+
+DECADES = 4
+"""Powers of ten beneath the smallest final probability that a logarithmic axis shows at most."""
 
 
 def changing_with_time(data: xr.Dataset) -> list[str]:
@@ -53,40 +63,86 @@ def violated_by(results: Results) -> Figure:
     >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04],
     ...                             times=[0, 1], violated_by=[[0, 0.02]])
     >>> node = xr.DataTree.from_dict({"requirements": data}, name="mine")
-    >>> violated_by({"mine": node}).axes[0].get_title("left")
+    >>> violated_by({"mine": node}).axes[0].get_title("right")
     'overload'
     """
-    from matplotlib.lines import Line2D
-
-    nodes = nodes_of(results)
-    found = {k: n.children["requirements"].to_dataset() for k, n in nodes.items() if "requirements" in n.children}
-    names = list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[
-        :MOST_REQUIREMENTS
-    ]
-    if not names:
+    found = violations_chart(nodes_of(results))
+    if found is None:
         raise StudyError("There are no requirements whose probability of being violated grows with time.")
-    figure, grid = axes_grid(len(names), 1.75)
-    for axes, name in zip(grid, names, strict=True):
-        highest = 0.0
-        for number, data in enumerate(found.values()):
-            if "violated_by" not in data or name not in data["requirement"].values:
-                continue
-            one, (colour, line) = data.sel(requirement=name), style(number)
-            share, times = 100 * one["violated_by"].values, one["time"].values
-            axes.plot(times, share, color=colour, ls=line, lw=1.5)
-            low, high = (100 * one["interval"].values).tolist()
-            shift = (0.015 + 0.015 * number) * float(times[-1] - times[0])
-            axes.plot([times[-1] + shift] * 2, [low, high], color=colour, lw=3, solid_capstyle="butt")
-            # an interval that says nothing leaves the curve readable
-            highest = max(highest, float(np.nanmax(share, initial=0.0)), high if high < 100 else 0.0)
-        axes.set_ylim(0, 1.08 * highest or 1)
-        axes.set_title(wrapped(name, 32), fontsize="medium", fontweight="bold", loc="left")
-        axes.set_ylabel("violated [%]")
-        axes.set_xlabel("time [s]")
-        few_ticks(axes)
-    handles: dict[str, Any] = {}
-    if len(found) > 1:
-        styles = [style(k) for k in range(len(found))]
-        handles = {name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(found, styles, strict=True)}
-    arrange(figure, grid, min(2, len(names)), legend=handles)
-    return figure
+    return paper(found)
+
+
+def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
+    """Chart how probably each requirement has been violated by a time, by each method: a chart for each requirement.
+
+    At the end stands the 95 % interval of the probability of the whole motion. None if no such probability grows.
+    """
+    found = _requirements(nodes)
+    names = _growing(found)
+    if not names:
+        return None
+    charts = []
+    for name in names:
+        curves = {label: data.sel(requirement=name) for label, data in found.items() if _told(data, name)}
+        charts.append(replace(_violation(name, curves), title=name, heading=name))
+    worst = [
+        float(max(d.sel(requirement=n)["violated_by"].max() for d in found.values() if _told(d, n))) for n in names
+    ]
+    return Views(charts, "Requirement", int(np.argmax(worst)))
+
+
+def worst_violations_chart(nodes: Mapping[str, xr.DataTree], most: int = 6) -> Chart | None:
+    """Chart how probably the most probable violations have happened by a time.
+
+    Of one requirement by each method; of several by the first method. None if no such probability grows.
+    """
+    found = _requirements(nodes)
+    names = _growing(found)
+    if len(names) == 1:
+        return _violation(names[0], {k: d.sel(requirement=names[0]) for k, d in found.items() if _told(d, names[0])})
+    data = next((one for one in found.values() if changing_with_time(one)), None)
+    if data is None:
+        return None
+    last = {name: float(data["violated_by"].sel(requirement=name).max()) for name in names if _told(data, name)}
+    chosen = sorted(last, key=lambda name: -last[name])[:most]
+    return _violation("requirements", {name: data.sel(requirement=name) for name in last if name in chosen})
+
+
+def _requirements(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
+    return {k: n.children["requirements"].to_dataset() for k, n in nodes.items() if "requirements" in n.children}
+
+
+def _growing(found: Mapping[str, xr.Dataset]) -> list[str]:
+    return list(dict.fromkeys(name for data in found.values() for name in changing_with_time(data)))[:MOST_REQUIREMENTS]
+
+
+def _told(data: xr.Dataset, name: str) -> bool:
+    """Tell whether a method says how probably a requirement has been violated by each time, constant or not."""
+    return "violated_by" in data and data.sizes.get("time", 0) > 1 and name in data["requirement"].values
+
+
+def _violation(name: str, found: Mapping[str, xr.Dataset]) -> Chart:
+    times = np.unique(np.concatenate([np.asarray(data["time"].values, dtype=float) for data in found.values()]))
+    curves, tops, last_values = [], [0.0], []
+    for label, data in found.items():
+        values = 100 * at_times(data, times, data["violated_by"].values)
+        last = len(times) - 1 - int(np.isfinite(values)[::-1].argmax())
+        interval = 100 * np.asarray(data["interval"].values, dtype=float)
+        low, high = (np.where(np.arange(len(times)) == last, end, np.nan) for end in interval)
+        curves.append(Curve(label, values, (Band("95 % interval of the whole motion", low, high, True),), "violated"))
+        # an interval that says nothing leaves the curve readable
+        tops += [float(np.nanmax(values, initial=0.0)), float(interval[1]) if interval[1] < 100 else 0.0]
+        last_values.append(float(np.nanmax(values, initial=0.0)))
+    top = max(tops)
+    has = "have" if name == "requirements" else "has"
+    positive = [value for value in last_values if value > 0]
+    rare = bool(positive) and top < RARE
+    ends = (0.0, min(1.08 * top, 100.0) or 1.0)
+    if rare:
+        every = np.concatenate([np.asarray(curve.values) for curve in curves])
+        least = max(float(every[every > 0].min()), min(positive) / 10**DECADES)
+        first, final = decades(least, top)
+        ends = float(f"1e{first}"), float(f"1e{final}")
+    name = f"probability that {name} {has} been violated"
+    looks: dict[str, Any] = {"axis": "violated", "digits": True, "start": len(times) - 1}
+    return Chart(name, times, curves, units="%", ends=ends, log=rare, **looks)

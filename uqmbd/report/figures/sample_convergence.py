@@ -5,23 +5,23 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
+from uqmbd.report.charts import Axis, Band, Chart, Curve, Views, paper
+from uqmbd.report.drawing import constant
 from uqmbd.report.figures.selection import Samples, label_of, of_output, samples_of
 from uqmbd.results.statistics import replicate_statistics, running_statistics
 from uqmbd.status import Status
-from uqmbd.wording import format_integer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["ESTIMATED", "Design", "Settling", "convergence", "design_of", "settling"]
+__all__ = ["ESTIMATED", "Design", "Settling", "convergence", "design_of", "settling", "settling_chart"]
 
 NORMAL_95 = 1.96
 _POINTS = 120
@@ -146,6 +146,41 @@ def settling(node: Samples, output: str, time: float | None = None) -> Settling:
     )
 
 
+def settling_chart(node: Samples, output: str, time: float | None = None) -> Views:
+    """Chart how the mean and the standard deviation of an output settle as samples are added.
+
+    The horizontal axis is the number of samples, or of replicates of a design.
+
+    Raises
+    ------
+    StudyError
+        If there are fewer than two samples to estimate from.
+    """
+    found = settling(node, output, time)
+    told = "samples" if found.independent else "replicates"
+    along = Axis(found.counted, log=found.independent, whole=True, told=told)
+    charts = []
+    for name, title in ESTIMATED.items():
+        centre, low, high = found.band(name)
+        drawn: Literal["line", "dotted"] = "line" if found.independent else "dotted"
+        charts.append(
+            Chart(
+                f"{title} of {output}",
+                found.counts,
+                [Curve("estimate so far", centre, (Band("95 % band", low, high),), title, drawn)],
+                f"{title} at {found.time:.4g} s",
+                found.units,
+                axis=title,
+                along=along,
+                ends=found.ends(name),
+                references={"final value": float(centre[-1])},
+                start=len(found.counts) - 1,
+                heading=f"t = {found.time:.4g} s" if name == "mean" else "",
+            )
+        )
+    return Views(charts, "What is estimated", columns=1, shared=True)
+
+
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
     """Draw mean and standard deviation against the number of samples, with the bands that hold them in 95 % of cases.
 
@@ -179,30 +214,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     >>> float(figure.axes[0].lines[-1].get_ydata()[-1]), figure.axes[1].get_xlabel()
     (24.5, 'number of samples')
     """
-    found = settling(node, output, time)
-    counts = found.counts
-    figure, grid = axes_grid(2, 1.75, 1)
-    handles: dict[str, Any] = {}
-    for axes, (name, title) in zip(grid, ESTIMATED.items(), strict=True):
-        centre, low, high = found.band(name)
-        band = axes.fill_between(counts, low, high, color=COLOURS[0], alpha=0.18, lw=0)
-        axes.axhline(centre[-1], color="0.35", lw=0.9, ls=(0, (4, 2)))
-        marker = "" if found.independent and len(counts) > 1 else "o"
-        (line,) = axes.plot(counts, centre, color=COLOURS[0], lw=1.5, marker=marker, ms=3.5)
-        axes.set_ylabel(wrapped(with_units(title, found.units), 16))
-        axes.grid(color="0.9", lw=0.7)
-        ends = found.ends(name)
-        if ends is None:
-            widen_if_constant(axes, "y", float(centre.min()), float(centre.max()))
-        else:
-            axes.set_ylim(*ends)
-        handles = {"estimate so far": line, "95 % band": band, "final value": axes.lines[0]}
-    _count_axis(grid, counts, found.independent)
-    grid[0].tick_params(labelbottom=False)
-    grid[1].set_xlabel(found.counted)
-    grid[0].set_title(f"t = {found.time:.4g} s", fontsize=9.5, y=1.0, loc="right")
-    arrange(figure, grid, legend=handles)
-    return figure
+    return paper(settling_chart(node, output, time))
 
 
 def _estimates(
@@ -222,21 +234,3 @@ def _estimates(
     if len(usable[0]) < 2:
         usable = [np.concatenate(usable)]
     return np.arange(1.0, len(usable) + 1), replicate_statistics(usable)
-
-
-def _count_axis(grid: list[Any], counts: NDArray[np.float64], independent: bool) -> None:
-    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
-
-    first, last = float(counts[0]), float(counts[-1])
-    for axes in grid:
-        if independent and last > first:
-            axes.set_xscale("log")
-            axes.xaxis.set_minor_locator(NullLocator())
-            steps = [m * 10**k for k in range(10) for m in (1, 2, 5) if first <= m * 10**k <= last]
-            axes.xaxis.set_major_locator(FixedLocator(steps if len(steps) < 9 else steps[::2]))
-            axes.set_xlim(first, last)
-        else:
-            axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
-            axes.set_xlim(first - 0.3, last + 0.3)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_integer(value)))
-        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))

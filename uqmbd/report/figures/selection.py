@@ -23,7 +23,6 @@ __all__ = [
     "runs_of",
     "samples_of",
     "succeeded",
-    "thinned",
 ]
 
 Results: TypeAlias = xr.DataTree | Mapping[str, xr.DataTree] | Iterable[xr.DataTree]
@@ -31,8 +30,6 @@ Results: TypeAlias = xr.DataTree | Mapping[str, xr.DataTree] | Iterable[xr.DataT
 
 Samples: TypeAlias = xr.DataTree | xr.Dataset
 """The node of one propagator that kept its samples, or the dataset of these."""
-
-MOST_POINTS = 600
 
 
 def nodes_of(results: Results) -> dict[str, xr.DataTree]:
@@ -106,38 +103,3 @@ def automatic_times(times: NDArray[np.float64], std: NDArray[np.float64]) -> lis
         if len(wanted) < 4 and all(abs(candidate - k) > last / 12 for k in wanted):
             wanted.add(candidate)
     return sorted(wanted)
-
-
-def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Choose at most ``most`` of many times, such that no peak between a lower and an upper curve is lost.
-
-    Parameters
-    ----------
-    low, high : array, shape (T,)
-        Lower and upper edge of what is drawn.
-    most : int
-        Four or more.
-
-    Returns
-    -------
-    array of int
-        Increasing, with the first and the last.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> curve = np.zeros(5000)
-    >>> curve[1234] = 1.0
-    >>> chosen = thinned(curve, curve)
-    >>> len(chosen) <= 600, 1234 in chosen, chosen[[0, -1]].tolist()
-    (True, True, [0, 4999])
-    """
-    count = len(low)
-    if count <= most:
-        return np.arange(count)
-    edges = np.linspace(0, count, (most - 2) // 2 + 1).astype(int)
-    chosen = {0, count - 1}
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
-        chosen.add(first + int(low[first:last].argmin()))
-        chosen.add(first + int(high[first:last].argmax()))
-    return np.array(sorted(chosen))

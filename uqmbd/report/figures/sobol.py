@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import arrange, axes_grid, limit_times, style, with_units, wrapped
-from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output, thinned
+from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, paper
+from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Indices", "has_indices", "indices_of", "node_with_indices", "shown_inputs", "sobol_indices"]
+__all__ = [
+    "Indices",
+    "has_indices",
+    "indices_chart",
+    "indices_charts",
+    "indices_of",
+    "node_with_indices",
+    "shown_inputs",
+    "sobol_indices",
+]
 
 
 NEGLIGIBLE = 0.02
@@ -28,7 +36,8 @@ NEGLIGIBLE = 0.02
 TOO_LARGE = 0.1
 """Stated error of a chaos above which another one tells better what matters."""
 OF_GERMS = "“b | a” is what b adds once a is known"
-_OTHERS, _INTERACTIONS, _QUIET = "0.45", "0.8", "#ECECEC"
+INTERACTING = 0.002
+"""Share of the variance from which on interactions are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +128,70 @@ def indices_of(node: xr.DataTree, output: str) -> Indices:
     )
 
 
+def indices_chart(found: Indices, output: str, most: int = 5) -> Chart:
+    """Chart the share of the variance of an output in which each input takes part, over time, and explains alone."""
+    named = shown_inputs(found, most)
+    quiet = np.where(found.meaningful, 0.0, np.nan)
+    curves = [
+        Curve(
+            found.names[k],
+            found.total[k] + quiet,
+            (),
+            "takes part in",
+            columns=(Column("explains alone", found.first[k] + quiet),),
+        )
+        for k in named
+    ]
+    start = int(np.nan_to_num(np.where(found.meaningful, found.std, -1.0), nan=-1.0).argmax())
+    return Chart(f"share of the variance of {output}", found.times, curves, decimals=3, start=start)
+
+
+def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
+    """Chart first-order indices, one on another, total indices, and the spread that they are shares of (on paper)."""
+    named = shown_inputs(found, most)
+    rest = [k for k in range(len(found.names)) if k not in named]
+    times, first, total, std = found.times, found.first, found.total, found.std
+    layers = [(found.names[k], first[k], total[k], _look(found, named, k)) for k in named]
+    if rest:
+        name = f"{len(rest)} others" if len(rest) > 1 else found.names[rest[0]]
+        layers.append((name, first[rest].sum(axis=0), total[rest].sum(axis=0), Look("soft", (1.0, 1.0))))
+    base = np.zeros(len(times))
+    shares = []
+    for name, alone, _, look in layers:
+        top = base + np.maximum(alone, 0.0)
+        shares.append(Curve(name, top, (Band(name, base, top),), look=look))
+        base = top
+    if np.any(np.where(found.meaningful, 1.0 - base, 0.0) > INTERACTING):
+        whole = np.maximum(1.0, base)
+        shares.append(Curve("interactions", whole, (Band("interactions", base, whole),), look=Look("quiet")))
+    totals = [Curve(name, shared, look=look) for name, _, shared, look in layers]
+    # shares of next to nothing are any number, and do not decide how high the axes reach
+    reach = np.where(found.meaningful, [one for _, _, one, _ in layers], 0.0)
+    over = float(base.max(where=found.meaningful, initial=0.0))
+    spans = tuple(Span("hardly any spread", runs) for runs in [_quiet_runs(times, found.meaningful)] if len(runs))
+    heading = f"of germs, as inputs are dependent: {OF_GERMS}" if found.of_germs else ""
+    ends = min(0.0, 1.02 * float(reach.min())), max(1.0, 1.02 * float(reach.max()))
+    highest = 1.08 * float(std.max())
+    spread = [Curve("", std, quantity="", look=Look("ink", (), 1.3))]
+    charts = [
+        Chart(
+            f"share of variance of {output}",
+            times,
+            shares,
+            ends=(0.0, max(1.0, 1.02 * over)),
+            stacked=True,
+            heading=heading,
+        ),
+        Chart("total index", times, totals, ends=ends),
+        Chart("std", times, spread, units=found.units, ends=(0.0, highest) if highest > 0 else None),
+    ]
+    charts = [
+        replace(one, spans=spans, axis=axis)
+        for one, axis in zip(charts, ("share of variance", "total index", "std"), strict=True)
+    ]
+    return Views(charts, columns=1, shared=True, heights=(1.35, 1.1, 0.65))
+
+
 def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
     r"""Draw over time which input causes which share of the variance, and how large the spread is at all.
 
@@ -156,53 +229,7 @@ def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
     >>> [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     ['share of variance', 'total index', 'std [m]']
     """
-    found = indices_of(node_with_indices(results), output)
-    named = shown_inputs(found, most)
-    rest = [k for k in range(len(found.names)) if k not in named]
-    chosen = _chosen_times(found, named)
-    times, std, meaningful = found.times[chosen], found.std[chosen], found.meaningful[chosen]
-    first, total = found.first[:, chosen], found.total[:, chosen]
-    if len(times) == 1:
-        times = times[0] + np.array([-0.5, 0.5])
-        first, total = np.repeat(first, 2, axis=1), np.repeat(total, 2, axis=1)
-        std, meaningful = np.repeat(std, 2), np.repeat(meaningful, 2)
-
-    figure, grid = axes_grid(3, 1.5, 1)
-    shares, totals, spread = grid
-    handles: dict[str, Any] = {}
-    base = np.zeros(len(times))
-    layers = [(found.names[k], first[k], total[k], *_look(found, named, k)) for k in named]
-    if rest:
-        name = f"{len(rest)} others" if len(rest) > 1 else found.names[rest[0]]
-        layers.append((name, first[rest].sum(axis=0), total[rest].sum(axis=0), _OTHERS, (0, (1, 1))))
-    for name, alone, shared, colour, line in layers:
-        top = base + np.maximum(alone, 0.0)
-        handles[name] = shares.fill_between(times, base, top, color=colour, alpha=0.75, lw=0)
-        shares.plot(times, top, color="white", lw=0.6)
-        totals.plot(times, shared, color=colour, ls=line, lw=1.6)
-        base = top
-    left = np.where(meaningful, 1.0 - base, 0.0)
-    if np.any(left > 0.002):
-        upper = np.maximum(1.0, base)
-        handles["interactions"] = shares.fill_between(times, base, upper, color=_INTERACTIONS, alpha=0.8, lw=0)
-    spread.plot(times, std, color="0.2", lw=1.3)
-    spread.set_ylim(*((0, 1.08 * float(std.max())) if std.max() > 0 else (-0.5, 0.5)))
-    for axes in grid:
-        limit_times(axes, times)
-        axes.grid(color="0.9", lw=0.7)
-        quiet = _grey_out(axes, times, meaningful)
-        if quiet is not None:
-            handles["hardly any spread"] = quiet
-    # shares of next to nothing are any number, and do not decide how high the axes reach
-    shares.set_ylim(0, max(1.0, 1.02 * float(base.max(where=meaningful, initial=0.0))))
-    together = np.array([t for _, _, t, _, _ in layers])
-    totals.set_ylim(
-        min(0.0, 1.02 * float(together.min(where=meaningful, initial=0.0))),
-        max(1.0, 1.02 * float(together.max(where=meaningful, initial=0.0))),
-    )
-    _label(found, grid)
-    arrange(figure, grid, legend=handles, heights=(1.35, 1.1, 0.65))
-    return figure
+    return paper(indices_charts(indices_of(node_with_indices(results), output), output, most))
 
 
 def shown_inputs(found: Indices, most: int) -> list[int]:
@@ -215,46 +242,16 @@ def shown_inputs(found: Indices, most: int) -> list[int]:
     return sorted(matter[:most])
 
 
-def _look(found: Indices, named: list[int], k: int) -> tuple[str, Any]:
+def _look(found: Indices, named: list[int], k: int) -> Look:
     """Return an input's colour and line: the same in all figures of a study with few inputs."""
-    return style(k if len(found.names) <= 6 else named.index(k))
+    return Look(k if len(found.names) <= 6 else named.index(k))
 
 
-def _chosen_times(found: Indices, named: list[int]) -> NDArray[np.intp]:
-    curves = [found.std, *found.first[named], *found.total[named]]
-    most = max(600 // len(curves), 24)
-    if len(found.times) <= 600:
-        return np.arange(len(found.times))
-    return np.unique(np.concatenate([thinned(curve, curve, most) for curve in curves]))
-
-
-def _grey_out(axes: Axes, times: Array, meaningful: NDArray[np.bool_]) -> Any:
-    """Cover the times at which nothing spreads, each up to half the way to its neighbours; return the cover."""
+def _quiet_runs(times: Array, meaningful: NDArray[np.bool_]) -> Array:
+    """Return the runs (R, 2) of times at which nothing spreads, each up to half the way to its neighbours."""
     quiet = np.concatenate([[False], ~meaningful, [False]])
     starts, ends = np.flatnonzero(quiet[1:] & ~quiet[:-1]), np.flatnonzero(quiet[:-1] & ~quiet[1:])
-    if not len(starts):
-        return None
     edges = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])
-    runs = [(edges[a], edges[b] - edges[a]) for a, b in zip(starts, ends, strict=True)]
-    return axes.broken_barh(
-        runs, (0, 1), transform=axes.get_xaxis_transform(), color=_QUIET, alpha=0.93, lw=0, zorder=4
-    )
-
-
-def _label(found: Indices, grid: list[Axes]) -> None:
-    from matplotlib.ticker import FixedLocator, MaxNLocator
-
-    shares, totals, spread = grid
-    if found.of_germs:
-        shares.set_title(f"of germs, as inputs are dependent: {OF_GERMS}", fontsize=9, y=1.0, loc="left")
-    shares.set_ylabel("share of\nvariance")
-    totals.set_ylabel("total index")
-    spread.set_ylabel(wrapped(with_units("std", found.units), 14))
-    for axes in (shares, totals):
-        axes.yaxis.set_major_locator(FixedLocator([0, 0.25, 0.5, 0.75, 1]))
-        axes.tick_params(labelbottom=False)
-    spread.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
-    spread.set_xlabel("time [s]")
-    if len(found.times) == 1:
-        for axes in grid:
-            axes.xaxis.set_major_locator(FixedLocator([float(found.times[0])]))
+    if len(times) == 1:
+        edges = times[0] + np.array([-0.5, 0.5])
+    return np.stack([edges[starts], edges[ends]], axis=1)

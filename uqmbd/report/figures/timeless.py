@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import (
-    arrange,
-    axes_grid,
-    few_ticks,
-    style,
-    with_units,
-    wrapped,
-)
-from uqmbd.report.figures.density import PANEL, Curve, draw_densities
-from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density_label
+from uqmbd.report.charts import Views, paper
+from uqmbd.report.figures.density import DensityCurve, densities, density_chart
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.report.view import Method
 from uqmbd.results import scalar_nodes, surrogate
@@ -28,7 +21,7 @@ from uqmbd.status import Status
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["MOST_SCALARS", "ScalarPanel", "scalar_densities", "scalar_panels"]
+__all__ = ["MOST_SCALARS", "ScalarPanel", "scalar_densities", "scalar_panels", "scalars_chart"]
 
 MOST_SCALARS = 12
 """Outputs whose densities are drawn."""
@@ -47,14 +40,14 @@ class ScalarPanel(NamedTuple):
         Samples whose histogram is drawn: of the first method with any.
     barred : str
         The label of that method; empty without one.
-    curves : list of Curve
+    curves : list of DensityCurve
     """
 
     name: str
     units: str
     bars: NDArray[np.float64] | None
     barred: str
-    curves: list[Curve]
+    curves: list[DensityCurve]
 
 
 def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | None:
@@ -70,12 +63,30 @@ def scalar_panels(results: Results) -> tuple[list[str], list[ScalarPanel]] | Non
     panels = []
     for name in names:
         curves = [
-            Curve(values[name], method, _error(inner[label], name) <= COARSE)
+            DensityCurve(values[name], method, _error(inner[label], name) <= COARSE)
             for method, (label, values) in enumerate(responses.items())
             if name in values
         ]
         panels.append(ScalarPanel(name, units[name], responses[barred].get(name) if barred else None, barred, curves))
     return list(responses), panels
+
+
+def scalars_chart(results: Results, first: str = "") -> Views | None:
+    """Chart the densities of outputs without a time by each method; ``first``: the output that is seen first.
+
+    None if no method has samples of such outputs, or a surrogate.
+    """
+    found = scalar_panels(results)
+    if found is None:
+        return None
+    labels, panels = found
+    names = [one.name for one in panels]
+    charts = []
+    for one in panels:
+        if one.curves or one.bars is not None:
+            shown, barred = densities(one.bars, one.curves), f"histogram of {one.barred}"
+            charts.append(density_chart(one.name, one.name, one.units, shown, labels, barred))
+    return Views(charts, "Output", names.index(first) if first in names else 0)
 
 
 def scalar_densities(results: Results) -> Figure:
@@ -110,24 +121,10 @@ def scalar_densities(results: Results) -> Figure:
     >>> scalar_densities(study.propagate(Collocation(order=2))).axes[0].get_xlabel()
     'frequency [Hz]'
     """
-    from matplotlib.lines import Line2D
-
-    found = scalar_panels(results)
+    found = scalars_chart(results)
     if found is None:
         raise StudyError("There are no samples of outputs without a time, and no chaos of them.")
-    labels, panels = found
-    figure, grid = axes_grid(len(panels), 1.75)
-    for axes, one in zip(grid, panels, strict=True):
-        draw_densities(axes, one.bars, one.curves)
-        few_ticks(axes)
-        axes.set_ylabel(density_label(one.units))
-        axes.set_xlabel(wrapped(with_units(one.name, one.units), 24))
-    handles: dict[str, Any] = {}
-    if len(labels) > 1:
-        styles = [style(k) for k in range(len(labels))]
-        handles = {name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(labels, styles, strict=True)}
-    arrange(figure, grid, min(2, len(panels)), legend=handles, heights=[PANEL] * -(-len(panels) // 2))
-    return figure
+    return paper(found)
 
 
 def _error(method: Method, name: str) -> float:

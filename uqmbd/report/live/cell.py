@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from uqmbd.report.live.packing import json_script
+from uqmbd.report.charts import json_script
 from uqmbd.report.live.page import page_scripts
 from uqmbd.report.live.scripts import joined_modules
 
@@ -26,7 +26,7 @@ def cell_html(fragment: str, style: str) -> str:
     mark = hashlib.sha256(fragment.encode("utf-8", "replace")).hexdigest()[:16]
     # a function of its own for each output: pages of notebooks run scripts in one scope, and never as modules of names
     lines = [
-        scripts.library,
+        scripts.uplot,
         joined_modules("cell.js"),
         f"startCell({json_script(mark)}, {json_script(scripts.style + style)});",
     ]

@@ -3,11 +3,11 @@
 import { takeChosen } from "./chart_chosen.js";
 import { boxAt, shadeColour } from "./chart_layers.js";
 import { csvText, headsOf, placeAt, rowsAt, sentenceAt } from "./chart_model.js";
-import { drawChart, svgText } from "./chart_paper.js";
+import { drawingOf, pixelsOf, svgText } from "./chart_picture.js";
 import { chartOptions, limitLook, limitName, seenIn, seriesData } from "./chart_options.js";
 import { markLook, markPath, nearestMark } from "./chart_plane.js";
 import { button, element } from "./dom.js";
-import { fileName, pictureOf, saveBlob } from "./exports.js";
+import { fileName, saveBlob } from "./exports.js";
 import { onInputs, pageInputs } from "./inputs_bus.js";
 import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken } from "./numbers.js";
 import { onTheme, palette } from "./theme.js";
@@ -19,7 +19,7 @@ const papers = [];
 /** Call `draw` whenever the page is printed. */
 export const onPaper = (draw) => papers.push(draw);
 
-/** Draw all charts for paper; in microtasks, which are done before a page is printed. */
+/** Draw all charts for paper. */
 export const drawForPaper = () => papers.forEach((draw) => draw());
 
 /** The line of a method, as a picture beside its name. */
@@ -133,11 +133,10 @@ export function makeChart(figure, model) {
     button("−", "Zoom out", () => zoomBy(2)),
     button("CSV", `Save the numbers of this chart (${model.time.length} ${linked ? "times" : "places"})`, () =>
       saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(files, "csv"))),
-    button("PNG", "Save what this chart shows as a picture", async () =>
-      (await pictureOf(model, seenIn(plot))).toBlob((blob) => saveBlob(blob, fileName(files, "png")))),
+    button("PNG", "Save what this chart shows as a picture", () =>
+      pixelsOf(model, seenIn(plot)).toBlob((blob) => saveBlob(blob, fileName(files, "png")))),
     button("SVG", "Save what this chart shows as a drawing", () =>
-      drawChart(model, seenIn(plot), (drawing) =>
-        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(files, "svg")))),
+      saveBlob(new Blob([svgText(drawingOf(model, seenIn(plot)))], { type: "image/svg+xml" }), fileName(files, "svg"))),
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
   const holder = element("div", { class: "chart", role: "group", "aria-label": described }, ...(small ? [reading, space, all] : [space, tools, reading]));
@@ -375,9 +374,7 @@ export function makeChart(figure, model) {
   }).observe(space);
   const paper = element("div", { class: "paper", role: "img", "aria-label": described });
   holder.after(paper);
-  onPaper(() => {
-    drawChart(model, seenIn(plot), (drawing) => paper.replaceChildren(drawing), true);
-  });
+  onPaper(() => paper.replaceChildren(drawingOf(model, seenIn(plot), true)));
   if (model.follows && pageInputs()) follow(pageInputs());
   else refresh();
   return plot;

@@ -5,10 +5,10 @@ import { drawLayers } from "./chart_layers.js";
 import { planeLayers } from "./chart_plane.js";
 import { axisPower, decadeTicks, formatQuantity, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
-const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
+export const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 /** Letters of an axis are no smaller than this, and rows of them this many times their size apart. */
 const SMALLEST = 10.5;
-export const LEADING = 1.2;
+const LEADING = 1.2;
 const OUTER = "2b";
 const INNER = "4d";
 
@@ -278,7 +278,7 @@ function meanPoint(model, scale) {
 }
 
 /** Rows of the label of a vertical axis, the first of them leftmost; the last one tells of the power of ten. */
-export function upRows({ rows, log }, { scales: { y } }) {
+function upRows({ rows, log }, { scales: { y } }) {
   const power = log ? "" : powerLabel(axisPower(y.min, y.max));
   return rows.map((row, k) => (k === rows.length - 1 ? row + power : row));
 }

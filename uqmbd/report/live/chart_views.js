@@ -2,7 +2,7 @@
 
 import { makeChart, onPaper } from "./chart.js";
 import { chartModel } from "./chart_model.js";
-import { drawLegend } from "./chart_paper.js";
+import { legendOf } from "./chart_picture.js";
 import { button, element } from "./dom.js";
 
 const unseen = [];
@@ -39,7 +39,7 @@ export function makeViews(figure, { choose, seen, views }) {
   }
   const bar = element("div", { class: "views", role: "group", "aria-label": choose }, ...parts.map(({ toggle }) => toggle));
   const legend = element("div", { class: "legend", "aria-hidden": "true" });
-  if (sharesLegend) onPaper(() => legend.replaceChildren(drawLegend(chartModel(views[0]))));
+  if (sharesLegend) onPaper(() => legend.replaceChildren(legendOf(chartModel(views[0]))));
   figure.prepend(...(parts.length > 1 ? [bar] : []), legend, element("div", { class: "parts" }, ...parts.map(({ part }) => part)));
   figure.classList.add("live", "several");
   show(seen);

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from uqmbd.report.live.packing import Kind, packed, unpacked
+from uqmbd.report.charts import Kind, packed, unpacked
 from uqmbd.typing import Array
 
 __all__ = ["compressed", "expanded"]

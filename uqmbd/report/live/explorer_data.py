@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.names import ANY
-from uqmbd.report.live.packing import packed
+from uqmbd.report.charts import packed
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
 from uqmbd.results import answers, propagator_nodes, surrogate_parts
 

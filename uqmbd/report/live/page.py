@@ -22,14 +22,14 @@ class PageScripts:
     ----------
     style : str
         For ``<style>``: that of the library.
-    library : str
+    uplot : str
         For ``<script>``: uPlot, with its licence as a comment.
     module : str
         For ``<script type="module">``: makes charts, players and sliders of what has data.
     """
 
     style: str
-    library: str
+    uplot: str
     module: str
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.report.charts import packed
 from uqmbd.report.drawing import ON_DARK
-from uqmbd.report.live.packing import packed
 from uqmbd.report.mechanisms import Film
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.live.packing import json_script
+from uqmbd.report.charts import json_script
 from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate, with_surrogate
 from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
 from uqmbd.results import (

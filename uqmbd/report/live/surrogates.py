@@ -10,8 +10,8 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermBox, GermSpace
+from uqmbd.report.charts import json_script, packed, unpacked
 from uqmbd.report.live.compression import compressed, expanded
-from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.tables import germ_data, input_data
 from uqmbd.results import (
     AlignedChaos,

@@ -49,20 +49,20 @@ def output_charts(result: StudyResult, names: Sequence[str]) -> str:
 
 def _of_output(result: StudyResult, name: str) -> str:
     """Draw an output over time, and over another one if the study says so; of one time its density."""
+    from uqmbd.report.charts import several, still_html
     from uqmbd.report.drawing import image_html
-    from uqmbd.report.live import json_script, still_chart
-    from uqmbd.report.sections import bands_chart, only_density, over_chart
+    from uqmbd.report.sections import bands_chart, bands_of, only_density, over_chart
 
-    found = [bands_chart(result, name, drawn=True)]
-    if "note" in found[0]:
-        holders = {label: method.node for label, method in result.holders(name).items()}
-        if density := only_density(holders, name):
-            data, words = density
-            source = still_chart(data).source()
-            found = [{"source": source, "alt": words, "caption": words, "problem": "", "chart": json_script(data)}]
-    if along := over_chart(result, name):
-        found.append(along)
-    return "".join(image_html(one, one.pop("chart", "")) for one in found)
+    found, chart = bands_chart(result, name), bands_of(result, name)
+    holders = {label: method.node for label, method in result.holders(name).items()}
+    if several(chart):
+        html = still_html(chart, found["alt"], found["caption"])
+    elif density := only_density(holders, name):
+        html = still_html(density[0], density[1], density[1])
+    else:
+        html = image_html(found)
+    along = over_chart(result, name)
+    return html + (image_html(along, along.pop("chart", "")) if along else "")
 
 
 def _folded(charts: Sequence[tuple[str, str]]) -> str:
@@ -105,8 +105,7 @@ def _nominal(study: Study) -> str:
     import warnings
 
     from uqmbd.propagation import simulate
-    from uqmbd.report.figures import Curve
-    from uqmbd.report.live import chart_html
+    from uqmbd.report.charts import Curve, chart_html
 
     with warnings.catch_warnings():
         # a run tells them

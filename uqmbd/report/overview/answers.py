@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import still_image
+from uqmbd.report import figures
+from uqmbd.report.charts import Chart, Views, charted, several
 from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
@@ -16,11 +14,6 @@ from uqmbd.report.sections import Content, TemplateSection, only_density
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_count
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from matplotlib.figure import Figure
 
 __all__ = ["ANSWERS"]
 
@@ -113,29 +106,24 @@ def _failures(result: StudyResult) -> list[str]:
 
 
 def _picture(result: StudyResult, name: str) -> Content | None:
-    """Return the drawing of the output in view, with its limit; without one, of what is asked."""
+    """Return the chart of the output in view, with its limit; without one, of what is asked."""
     if name:
         found = [holder_of(part, name) for part in populations(result)]
         holders = {method.label: method.node for method in found if method is not None}
         limits = result.limits_of(name)
         said = "; dotted, what limits it" if limits else ""
-
-        def draw() -> Figure:
-            return figures.bands(holders, name, limits=limits)
-
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
-        data = live.bands_data(holders, name, limits=limits)
-        if data is not None:
-            return _drawn(data, words, draw)
+        chart = figures.bands_chart(holders, name, limits=limits)
+        if several(chart):
+            return _charted(chart, words)
         density = only_density(holders, name)
-        return None if density is None else _drawn(*density, lambda: figures.histograms(holders, name))
+        return None if density is None else _charted(*density)
     if violated := _violations(result):
         return violated
-    data = live.scalars_data(result.nodes, name) if result.scalar_names else None
-    if data is None:
+    scalars = figures.scalars_chart(result.nodes, name) if result.scalar_names else None
+    if scalars is None:
         return None
-    words = "How the outputs without a time are distributed: the area under each density is 1."
-    return _drawn(data, words, lambda: figures.scalar_densities(result.nodes))
+    return _charted(scalars, "How the outputs without a time are distributed: the area under each density is 1.")
 
 
 def _violations(result: StudyResult) -> Content | None:
@@ -146,17 +134,13 @@ def _violations(result: StudyResult) -> Content | None:
     worst = max(found, key=lambda one: answer_of(result, one).probability)
     first = answer_of(result, worst).method
     nodes = {label: result.nodes[label] for label in dict.fromkeys([first, *result.nodes])}
-    data = live.violation_data(nodes)
-    if data is None:
+    chart = figures.worst_violations_chart(nodes)
+    if chart is None:
         return None
-    several = len(data["methods"]) > 1 and data["methods"][0]["label"] not in nodes
-    by = f", by {first}" if several else ""
-    words = f"How probably each requirement has been violated by a time{by}; bars are 95 % intervals."
-    return _drawn(data, words, lambda: figures.violated_by(result.nodes))
+    of_requirements = len(chart.curves) > 1 and chart.curves[0].name not in nodes
+    by = f", by {first}" if of_requirements else ""
+    return _charted(chart, f"How probably each requirement has been violated by a time{by}; bars are 95 % intervals.")
 
 
-def _drawn(data: Content, words: str, draw: Callable[[], Figure]) -> Content:
-    """Return a chart, and its picture for readers without scripts."""
-    return still_image(lambda: live.still_chart(data), words, words, "first-screen", draw) | {
-        "chart": live.json_script(data)
-    }
+def _charted(chart: Chart | Views, words: str) -> Content:
+    return charted(chart, words, words, "first-screen")

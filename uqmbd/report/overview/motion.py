@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 
 from uqmbd.report import live
+from uqmbd.report.charts import json_script
 from uqmbd.report.drawing import still_image
 from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.sections import Content
@@ -45,7 +46,7 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             f"{others}, at the time at which these are farthest apart."
         )
         return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
-            "player": live.json_script({**live.player_data(data), **_live(result), "caption": caption}),
+            "player": json_script({**live.player_data(data), **_live(result), "caption": caption}),
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
             "short": "At the means of the inputs" + ("; thin, other realisations." if count else "."),
         }

@@ -6,6 +6,7 @@ from uqmbd.report.sections.about_methods import ABOUT_METHODS, precision_sentenc
 from uqmbd.report.sections.about_results import (
     ABOUT_RESULTS,
     bands_chart,
+    bands_of,
     most_uncertain,
     only_density,
     over_chart,
@@ -20,6 +21,7 @@ __all__ = [
     "Section",
     "TemplateSection",
     "bands_chart",
+    "bands_of",
     "environment",
     "most_uncertain",
     "precision_sentences",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted, with_units
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
+from uqmbd.report.drawing import with_units
 from uqmbd.report.figures import ENOUGH, Reason, failure_reasons, failure_words, runs_of
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
@@ -87,11 +87,10 @@ def _of_method(method: Method) -> Content:
 
 def _figure(method: Method, group: Reason, number: int, words: list[str]) -> Content:
     return charted(
-        functools.partial(figures.failure_inputs, method.node, group),
+        lambda: figures.failures_chart(method.node, group),
         f"Inputs of the failed samples among those of the others. {' '.join(words)}",
         "Each point is a sample: pale ones succeeded, crosses failed for this reason.",
         f"failures-{method.label}-{number}",
-        lambda: live.json_script(live.failures_data(method.node, group)),
     )
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.sections.about_results import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
@@ -76,13 +75,12 @@ def _of_output(data: xr.Dataset, o: int, name: str) -> Content:
     ]
     reference = str(data.attrs.get("reference", ""))
     figure = charted(
-        functools.partial(figures.error_cost, data, name),
+        lambda: figures.cost_chart(data, name),
         f"Errors of mean and standard deviation of {name} against realisations and wall time. {' '.join(words)}",
         f"Error of {name} against {reference}, over all times, for what it costs: the mean (full lines, filled points) "
         "relative to the mean, the standard deviation (dashed, hollow points) relative to the standard deviation. A "
         "grey line is the error of the reference itself: beneath it nothing can be told.",
         f"{name}-error-against-cost",
-        lambda: live.json_script(live.error_cost_data(data, name)),
     )
     return {"name": name, "words": words, "figure": figure, "rows": rows}
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.figures import (
     chaos_nodes,
     chaos_of,
@@ -27,7 +26,7 @@ from uqmbd.report.figures import (
     varies_over_time,
 )
 from uqmbd.report.sections.about_methods.agreement import agreement
-from uqmbd.report.sections.about_results import json_chart, most_uncertain
+from uqmbd.report.sections.about_results import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import statements
@@ -144,24 +143,22 @@ def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> Conten
     label, count = method.label, method.surrogate_data.sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
     return charted(
-        functools.partial(figures.verification, method.node),
+        lambda: figures.errors_chart(method.node),
         f"Stated error of the surrogate of {label} over time, for each output. "
         + "; ".join(_verdicts(method, said)["verdicts"]),
         f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
         "deviation. A dot marks where the limit of 1 % is passed for the first time.",
         f"{label}-stated-error",
-        lambda: json_chart(live.errors_data(method.node)),
     )
 
 
 def _elements(method: Method) -> Content:
     words = elements_in_words(method.node)
     return charted(
-        functools.partial(figures.split_pattern, method.node),
+        lambda: figures.elements_chart(method.node),
         f"The elements in the plane of the inputs that were split most, or along the only one. {words}",
         f"{words} Small elements lie where the response has a kink or a jump.",
         f"{method.label}-elements",
-        lambda: json_chart(live.elements_data(method.node)),
     )
 
 
@@ -170,13 +167,12 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
     if chaos_nodes(nodes):
         drawn.append(
             charted(
-                functools.partial(figures.coefficient_decay, nodes, name),
+                lambda: figures.decay_chart(nodes, name),
                 f"Part of the standard deviation of {name} that the polynomials of each order carry.",
                 "Whether the order suffices: the part of the spread in the polynomials of each total order, and of "
                 "each degree in each input. Where it falls from order to order, what lies beyond the last one is "
                 "smaller still.",
                 f"{name}-coefficient-decay",
-                lambda: json_chart(live.decay_data(nodes, name)),
             )
         )
     words: list[str] = []
@@ -184,14 +180,13 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
         words = _convergence_words(nodes, name)
         drawn.append(
             charted(
-                functools.partial(figures.order_convergence, nodes, name),
+                lambda: figures.orders_chart(nodes, name),
                 f"Difference of mean and standard deviation of {name} to a reference, against the order and the number "
                 "of realisations. " + " ".join(words),
                 "How the error falls with the order, and with what it costs: the largest difference over time to the "
                 "surrogate of the highest order. Exponential convergence is a straight line over the order; a floor "
                 "that no order lowers is the accuracy of the time integration.",
                 f"{name}-orders",
-                lambda: json_chart(live.orders_data(nodes, name)),
             )
         )
     return {"name": name, "words": words, "figures": drawn}

@@ -10,7 +10,7 @@ from uqmbd.report.sections.about_results.output_words import stated_errors
 from uqmbd.report.sections.about_results.outputs import (
     OUTPUTS,
     bands_chart,
-    json_chart,
+    bands_of,
     most_uncertain,
     only_density,
     over_chart,
@@ -22,8 +22,8 @@ from uqmbd.report.sections.about_results.scalars import SCALARS
 __all__ = [
     "ABOUT_RESULTS",
     "bands_chart",
+    "bands_of",
     "input_rows",
-    "json_chart",
     "most_uncertain",
     "only_density",
     "over_chart",

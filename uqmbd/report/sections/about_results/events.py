@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import functools
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+import xarray as xr
+
+from uqmbd.report import figures
+from uqmbd.report.charts import Views, charted
 from uqmbd.report.figures import events_in_words, has_events
-from uqmbd.report.sections.about_results.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 
@@ -26,14 +27,17 @@ def events(result: StudyResult) -> Content | None:
             words = f"They cannot be read: {type(error).__name__}: {error}"
         drawn.append(
             charted(
-                functools.partial(figures.event_times, node),
+                functools.partial(_chart, node),
                 f"Distributions of the times of events, from samples of {label}. {words}",
                 f"When each event happens, from samples of {label}. {words}",
                 f"{label}-event-times",
-                functools.partial(lambda one: json_chart(live.events_data(one)), node),
             )
         )
     return {"figures": drawn} if drawn else None
+
+
+def _chart(node: xr.DataTree) -> Views:
+    return figures.events_chart(figures.earliest_events(node))
 
 
 EVENTS = TemplateSection("When events happen", "events", events)

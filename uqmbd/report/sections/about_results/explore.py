@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report import live
+from uqmbd.report.charts import json_script
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 
@@ -33,7 +34,7 @@ def explore(result: StudyResult) -> Content | None:
         names = ", ".join(found["still"])
         why = f"{found['method']} has no surrogate of their margins"
         notes.append(f"These requirements do not follow the inputs: {names}; {why}.")
-    return {"explorer": live.json_script(found), "moving": moving, "notes": notes}
+    return {"explorer": json_script(found), "moving": moving, "notes": notes}
 
 
 def _sampled(result: StudyResult) -> bool:

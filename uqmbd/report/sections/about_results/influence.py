@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.figures import OF_GERMS, Indices, has_indices, indices_of, label_of, node_with_indices
 from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
@@ -56,11 +56,11 @@ def influence(result: StudyResult) -> Content | None:
     shown = most_uncertain(result, list(varying))
     drawn = [
         charted(
-            functools.partial(figures.sobol_indices, node, name),
+            functools.partial(figures.indices_chart, one, name),
             f"Sobol' indices of {name} over time. {_in_words(name, one)}",
             _in_words(name, one),
             f"{name}-sobol-indices",
-            None if (data := live.indices_data(one, name)) is None else live.json_script(data),
+            on_paper=functools.partial(figures.indices_charts, one, name),
         )
         for name, one in varying.items()
         if name in shown

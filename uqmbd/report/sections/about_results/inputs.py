@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.wording import typeset_units
@@ -54,11 +54,10 @@ def _figure(methods: Mapping[str, Method]) -> Content | None:
     lines = "smooth estimates of the density" if space is None else "the densities of their distributions"
     caption = f"The inputs as {first.label} sampled them: bars are histograms, lines {lines}."
     return charted(
-        lambda: figures.inputs(first.node, space),
+        lambda: figures.inputs_chart(first.node, space),
         "Histograms of the sampled inputs.",
         caption,
         "inputs",
-        lambda: live.json_script(live.inputs_data(first.node, space)),
     )
 
 

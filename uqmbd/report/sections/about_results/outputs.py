@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import Chart, Views, charted
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
 from uqmbd.report.sections.about_results.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
@@ -20,7 +19,7 @@ from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "bands_chart", "json_chart", "most_uncertain", "only_density", "over_chart", "ranked"]
+__all__ = ["FULL", "OUTPUTS", "bands_chart", "bands_of", "most_uncertain", "only_density", "over_chart", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -114,20 +113,17 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         }
     sampled = {method.label: method for method in shown if method.sampled}
     files: list[Content] = []
-    deviation = (
-        []
-        if not whole or (spread := live.std_data(holders, name)) is None
-        else [
+    deviation: list[Content] = []
+    if whole and over_time(result, name):
+        deviation.append(
             charted(
-                lambda: figures.std_over_time(holders, name),
+                lambda: figures.std_chart(holders, name),
                 f"Standard deviation of {name} over time. " + in_words(first, name),
                 "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
                 "standard errors, where they are known.",
                 f"{name}-standard-deviation",
-                json_chart(spread),
             )
-        ]
-    )
+        )
     if sampled and whole:
         method = next(iter(sampled.values()))
         from_label = f" (samples of {method.label})" if result.several else ""
@@ -137,17 +133,16 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         drawn += [
             _densities(result, [*sampled, *surrogate_nodes(every)], name),
             charted(
-                lambda: figures.convergence(method.node, name),
+                lambda: figures.settling_chart(method.node, name),
                 f"Mean and standard deviation of {name} as samples are added. " + precision(method, name),
                 _convergence_caption(method) + from_label + ".",
                 f"{name}-samples",
-                lambda: json_chart(live.settling_data(method.node, name)),
             ),
         ]
     elif surrogate_nodes(every) and whole:
         drawn.append(_densities(result, list(surrogate_nodes(every)), name))
     compared: list[Content] = []
-    if whole and len(holders) > 1 and surrogate_nodes(holders):
+    if whole and len(holders) > 1 and surrogate_nodes(holders) and over_time(result, name):
         compared += _differences(holders, name)
     described = in_words(first, name)
     words = [
@@ -167,48 +162,46 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     }
 
 
-def bands_chart(result: StudyResult, name: str, *, drawn: bool = False) -> Content:
-    """Return the chart of an output over time; ``drawn``: with its drawing, for where no script runs."""
+def over_time(result: StudyResult, name: str) -> bool:
+    """Tell whether an output has two times, between which lines can be drawn."""
+    return max(method.of(name).sizes["time"] for method in result.holders(name).values()) > 1
+
+
+def bands_of(result: StudyResult, name: str) -> Chart:
+    """Return the chart of an output over time; of a surrogate with several orders, the highest only."""
+    holders = shown_methods({label: method.node for label, method in result.holders(name).items()})
+    return figures.bands_chart(holders, name, limits=result.limits_of(name))
+
+
+def bands_chart(result: StudyResult, name: str) -> Content:
+    """Return the chart of an output over time, with its words."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
-    limits = result.limits_of(name)
-    data = live.bands_data(holders, name, limits=limits)
-    made = charted(
-        lambda: figures.bands(holders, name, limits=limits),
+    return charted(
+        lambda: bands_of(result, name),
         f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
         + in_words(result.methods[next(iter(holders))], name),
         "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
         f"{name}-bands",
-        json_chart(data),
     )
-    return made | ({"source": live.still_chart(data).source()} if drawn and data is not None else {})
-
-
-def json_chart(data: Mapping[str, object] | None) -> str | None:
-    """Return the data of a chart as JSON for the page; None if there is none."""
-    return None if data is None else live.json_script(data)
 
 
 def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
     """Return how far methods agree: charts of means and of standard deviations, if there are times."""
     reference = choose_reference(holders)
-    made = []
-    for statistic, words in (("mean", "mean"), ("std", "standard deviation")):
-        data = live.difference_data(holders, name, reference, statistic)
-        if data is None:
-            break
-        made.append(
-            charted(
-                lambda: figures.differences(holders, name, reference=reference),
-                f"Difference of the {words} of {name} between methods, over time.",
-                f"How far the methods agree: the {words} of each, less that of {reference}. A shaded band is plus and "
-                "minus two standard errors of this, where they are known.",
-                f"{name}-differences" if statistic == "mean" else "",
-                json_chart(data),
-            )
+    charts = [figures.difference_chart(holders, name, reference, statistic) for statistic in ("mean", "std")]
+    return [
+        charted(
+            chart,
+            f"Difference of the {words} of {name} between methods, over time.",
+            f"How far the methods agree: the {words} of each, less that of {reference}. A shaded band is plus and "
+            "minus two standard errors of this, where they are known.",
+            f"{name}-differences" if words == "mean" else "",
+            on_paper=lambda: Views(charts, columns=1, shared=True, heights=(1.15, 1.15)),
         )
-    return made
+        for chart, words in zip(charts, ("mean", "standard deviation"), strict=True)
+    ]
 
 
 def over_chart(result: StudyResult, name: str) -> Content | None:
@@ -217,7 +210,7 @@ def over_chart(result: StudyResult, name: str) -> Content | None:
     over = result.over.get(name, "")
     if not over or not all(over in result.methods[label].histories for label in holders):
         return None
-    if max(result.methods[label].of(name).sizes["time"] for label in holders) < 2:
+    if not over_time(result, name):
         return None
     functions = all(figures.is_function(node, name, over) for node in holders.values())
     caption = (
@@ -229,22 +222,21 @@ def over_chart(result: StudyResult, name: str) -> Content | None:
     )
     described = f"{name} over {over}."
     return charted(
-        lambda: figures.over_output(holders, name, over),
+        lambda: figures.over_chart(holders, name, over),
         described,
         caption,
         f"{name}-over-{over}",
-        lambda: json_chart(live.over_data(holders, name, over)),
     )
 
 
-def only_density(holders: Mapping[str, xr.DataTree], name: str) -> tuple[dict[str, Any], str] | None:
-    """Return the data and words of an output's density where there is one time; None where there is nothing to draw."""
+def only_density(holders: Mapping[str, xr.DataTree], name: str) -> tuple[Chart, str] | None:
+    """Return chart and words of an output's density where there is one time; None where there is nothing to draw."""
     try:
-        data = live.densities_data(holders, name)["views"][0]
+        chart = figures.densities_chart(holders, name).charts[0]
     except StudyError:
         return None
     return (
-        data,
+        chart,
         f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1.",
     )
 
@@ -256,11 +248,10 @@ def _densities(result: StudyResult, labels: Sequence[str], name: str) -> Content
     bars = "bars are the histogram, curves a smooth estimate" if sampled else "smooth estimates"
     of_surrogates = " (of a surrogate, from samples of it)" if surrogates else ""
     return charted(
-        lambda: figures.histograms(dense, name, result.report_times),
+        lambda: figures.densities_chart(dense, name, result.report_times),
         f"Probability densities of {name} at chosen times.",
         f"How it is distributed at chosen times: {bars} of the density{of_surrogates}; the area under each is 1.",
         f"{name}-densities",
-        lambda: json_chart(live.densities_data(dense, name, result.report_times)),
     )
 
 

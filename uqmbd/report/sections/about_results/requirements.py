@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
-from uqmbd.report.sections.about_results.outputs import json_chart
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
@@ -40,12 +39,11 @@ def content(result: StudyResult) -> Content | None:
     if any(figures.changing_with_time(data) for data in _data(result).values()):
         drawn = [
             charted(
-                lambda: figures.violated_by(result.nodes),
+                lambda: figures.violations_chart(result.nodes),
                 "Probability of having been violated by a time.",
                 "How probably each requirement has been violated by a time; bars at the end are 95 % intervals of the "
                 "probability of the whole motion.",
                 "requirements",
-                lambda: json_chart(live.violations_data(result.nodes)),
             )
         ]
     return {"words": _words(result), "figures": drawn, "table": _rows(result)}

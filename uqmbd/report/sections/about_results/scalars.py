@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures, live
-from uqmbd.report.drawing import charted
+from uqmbd.report import figures
+from uqmbd.report.charts import charted
 from uqmbd.report.figures import MOST_SCALARS, failure_reasons
-from uqmbd.report.sections.about_results.outputs import json_chart
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import worst_integration_share
@@ -31,12 +30,11 @@ def scalars(result: StudyResult) -> Content | None:
     drawn = (
         [
             charted(
-                lambda: figures.scalar_densities(result.nodes),
+                lambda: figures.scalars_chart(result.nodes),
                 f"Probability densities of {', '.join(names[:MOST_SCALARS])}.",
                 "How they are distributed: bars are the histogram of the first method with samples, curves a smooth "
                 "estimate of the density (of a surrogate, from samples of it); the area under each is 1.",
                 "outputs-without-time",
-                lambda: json_chart(live.scalars_data(result.nodes)),
             )
         ]
         if any({"samples", "chaos"} & set(method.node.children) for method in inner)

@@ -1,0 +1,54 @@
+"""Charts: plain data, drawn on a page by scripts, and on paper by Matplotlib."""
+
+from __future__ import annotations
+
+from uqmbd.report.charts.checks import checked_chart
+from uqmbd.report.charts.html import chart_figure, chart_html, charted, charts_html, still_html
+from uqmbd.report.charts.model import (
+    MARKS,
+    Axis,
+    Band,
+    Boxes,
+    Chart,
+    Column,
+    Curve,
+    Look,
+    Span,
+    Strands,
+    Views,
+    several,
+)
+from uqmbd.report.charts.packing import Kind, json_script, packed, unpacked
+from uqmbd.report.charts.page import MOST_TIMES, chart_script, page_data
+from uqmbd.report.charts.paper import paper
+from uqmbd.report.charts.thinning import thinned
+
+__all__ = [
+    "Axis",
+    "Band",
+    "Boxes",
+    "Chart",
+    "Column",
+    "Curve",
+    "Kind",
+    "Look",
+    "MARKS",
+    "MOST_TIMES",
+    "Span",
+    "Strands",
+    "Views",
+    "chart_figure",
+    "chart_html",
+    "chart_script",
+    "charted",
+    "charts_html",
+    "checked_chart",
+    "json_script",
+    "packed",
+    "page_data",
+    "paper",
+    "several",
+    "still_html",
+    "thinned",
+    "unpacked",
+]

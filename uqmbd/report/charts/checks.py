@@ -1,0 +1,142 @@
+"""Whether the parts of a chart fit together: the messages say which do not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+from uqmbd.report.charts.model import Axis, Chart, Curve
+from uqmbd.typing import Array
+from uqmbd.wording import typeset_units
+
+__all__ = ["checked", "checked_chart"]
+
+
+def checked(
+    name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "", *, categories: bool = False
+) -> tuple[Array, list[Curve]]:
+    """Return the times and curves of a chart as arrays; of another axis places may be equal, and one is enough.
+
+    Bars are for categories: they are as wide as these are apart.
+
+    Raises
+    ------
+    StudyError
+        If they do not fit together; the message says which.
+    """
+    where = f"chart {name!r}"
+    if not isinstance(name, str):
+        raise StudyError(f"{where}: its name is a {type(name).__name__}; expected a text.")
+    moments = _numbers(f"{where}: times", times)
+    numbers = moments.ndim == 1 and bool(np.isfinite(moments).all())
+    if axis and not (numbers and len(moments) > 0 and np.all(np.diff(moments) >= 0)):
+        raise StudyError(
+            f"{where}: places of shape {moments.shape} along {axis!r}; expected numbers that do not decrease, or names."
+        )
+    if not axis and not (numbers and len(moments) > 1 and np.all(np.diff(moments) > 0)):
+        raise StudyError(f"{where}: times of shape {moments.shape}; expected two or more, finite and increasing, in s.")
+    if isinstance(given, Curve) or not given or not all(isinstance(curve, Curve) for curve in given):
+        raise StudyError(f"{where}: curves is {given!r:.80}; expected a sequence of one or more uqmbd.report.Curve.")
+
+    def fitting(what: str, values: ArrayLike) -> Array:
+        found = _numbers(f"{where}: {what}", values)
+        if found.shape != moments.shape or np.isinf(found).any():
+            told = "an infinity; NaN says that a value is unknown" if found.shape == moments.shape else found.shape
+            raise StudyError(f"{where}: {what} has {told}; expected numbers of the shape of times, {moments.shape}.")
+        return found
+
+    made = []
+    for curve in given:
+        texts = [curve.name, curve.quantity, *(band.name for band in curve.bands)]
+        if not all(isinstance(text, str) for text in texts):
+            raise StudyError(f"{where}: the names of a curve and its bands are {texts!r}; expected texts.")
+        if curve.drawn not in ("line", "points", "bars", "dotted", "filled"):
+            raise StudyError(
+                f"{where}: curve {curve.name!r} is drawn as {curve.drawn!r}; "
+                "expected dotted, filled, line, points or bars."
+            )
+        if curve.drawn == "bars" and not categories:
+            raise StudyError(
+                f"{where}: curve {curve.name!r} is drawn as bars along numbers; expected names as the places of a "
+                "uqmbd.report.Chart, or a curve of points."
+            )
+        if len(curve.bands) > 2:
+            raise StudyError(f"{where}: curve {curve.name!r} has {len(curve.bands)} bands; expected two at most.")
+        bands = tuple(
+            replace(
+                band,
+                low=fitting(f"the lower end of {band.name!r} of {curve.name!r}", band.low),
+                high=fitting(f"the upper end of {band.name!r} of {curve.name!r}", band.high),
+            )
+            for band in curve.bands
+        )
+        made.append(replace(curve, values=fitting(f"curve {curve.name!r}", curve.values), bands=bands))
+    names = [curve.name for curve in made]
+    if len(set(names)) < len(names):
+        raise StudyError(f"{where}: its curves are named {names}; expected a name of its own for each.")
+    return moments, made
+
+
+def _numbers(what: str, values: ArrayLike) -> Array:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"{what}: {error}; expected real numbers.") from error
+
+
+def checked_chart(chart: Chart) -> Chart:
+    """Return a chart with arrays, and with its horizontal axis in full.
+
+    Raises
+    ------
+    StudyError
+        If its parts do not fit together.
+    """
+    where = f"chart {chart.name!r}"
+    texts = {key: getattr(chart, key) for key in ("title", "units", "across", "across_units")}
+    if wrong := [f"{key} is {value!r}" for key, value in texts.items() if not isinstance(value, str)]:
+        raise StudyError(f"{where}: {', '.join(wrong)}; expected a text.")
+    names = _categories(chart)
+    places = np.arange(1.0, len(names) + 1) if names else chart.places
+    axis = chart.across or ("category" if names else "")
+    moments, found = checked(chart.name, places, chart.curves, axis, categories=bool(names))
+    if not isinstance(chart.limits, Mapping) or not all(map(_finite, chart.limits.values())):
+        raise StudyError(f"{where}: limits is {chart.limits!r}; expected finite numbers by their names.")
+    ends = chart.ends
+    if ends is not None and not (len(ends) == 2 and all(map(_finite, ends)) and ends[0] < ends[1]):
+        raise StudyError(f"{where}: ends is {ends!r}; expected two finite numbers that increase.")
+    if chart.log and (ends is None or ends[0] <= 0):
+        raise StudyError(f"{where}: a logarithmic axis has ends {ends}; expected two above zero.")
+    along = chart.along
+    units = typeset_units(chart.across_units)
+    if names:
+        along = Axis(axis, units, (0.5, len(names) + 0.5), whole=True, texts=tuple(names), categories=True)
+    elif axis:
+        along = Axis(axis, units, _ends(moments))
+    return replace(chart, places=moments, curves=found, along=along)
+
+
+def _categories(chart: Chart) -> list[str]:
+    """Return the names of categories; none where the places are numbers."""
+    if isinstance(chart.places, str):
+        raise StudyError(f"chart {chart.name!r}: places is the text {chart.places!r}; expected a list of names.")
+    given = chart.places.tolist() if isinstance(chart.places, np.ndarray) else chart.places
+    every = list(given) if isinstance(given, Sequence) else []
+    named = [isinstance(one, str) for one in every]
+    if any(named) and not all(named):
+        raise StudyError(f"chart {chart.name!r}: places is {every!r:.80}; expected names or numbers, not both.")
+    return list(map(str, every)) if any(named) else []
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and bool(np.isfinite(value))
+
+
+def _ends(places: Array) -> tuple[float, float]:
+    low, high = float(places[0]), float(places[-1])
+    room = 0.02 * (high - low) or 0.5 * abs(low) or 0.5
+    return low - room, high + room

@@ -1,0 +1,214 @@
+"""How far surrogates of several orders are from the finest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
+from uqmbd.report.drawing import line_width
+from uqmbd.report.figures.scales import percent_ends
+from uqmbd.report.figures.selection import Results, nodes_of, of_output
+from uqmbd.report.figures.surrogates import chaos_nodes, finest, order_of, series, times_of
+from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Convergence", "order_convergence", "orders_chart", "orders_of", "sampling_errors"]
+
+SMALLEST = 1e-16
+"""Differences that are rounding, and have no place on a logarithmic axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """Largest differences over time of one series of a chaos to a reference, over its largest standard deviation.
+
+    Attributes
+    ----------
+    name : str
+        Of the series.
+    orders, realisations : array of int, shape (N,)
+    mean, std : array, shape (N,)
+    """
+
+    name: str
+    orders: NDArray[np.int64]
+    realisations: NDArray[np.int64]
+    mean: Array
+    std: Array
+
+
+def orders_of(results: Results, output: str, reference: str | None = None) -> tuple[str, list[Convergence]]:
+    """Return the reference, and for each series of chaoses with several orders how far they are from it.
+
+    Parameters
+    ----------
+    results : xarray.DataTree, mapping or iterable of nodes
+    output : str
+    reference : str, optional
+        Default: the finest chaos. (A Monte Carlo reference would end the fall at its own standard error.)
+
+    Raises
+    ------
+    StudyError
+        If the reference is unknown, or no chaos is left to compare with it.
+    """
+    nodes = {label: node for label, node in nodes_of(results).items() if _has(node, output)}
+    chosen = finest(nodes) if reference is None else reference
+    base = _statistics(nodes, chosen, output)
+    scale = float(base["std"].max()) or 1.0
+    found = []
+    for name, members in series(nodes).items():
+        rows = [
+            (order_of(nodes[m]), int(nodes[m].attrs.get("realisations", 0)), *_off(nodes[m], output, base, scale))
+            for m in members
+            if m != chosen
+        ]
+        if rows:
+            orders, realisations, mean, std = (np.array(column) for column in zip(*rows, strict=True))
+            found.append(Convergence(name, orders, realisations, mean, std))
+    if not found:
+        raise StudyError(
+            f"There is no other chaos to compare {chosen!r} with; run the propagator at several orders, with labels "
+            "as 'collocation-1', 'collocation-2'."
+        )
+    return chosen, found
+
+
+def _has(node: xr.DataTree, output: str) -> bool:
+    return output in [str(n) for n in node.children["statistics"].coords["output"].values]
+
+
+def _off(node: xr.DataTree, output: str, base: xr.Dataset, scale: float) -> tuple[float, float]:
+    other = of_output(node.children["statistics"], output)
+    if not np.array_equal(times_of(other), times_of(base)):
+        raise StudyError(f"Only methods with the same times can be compared; those of {node.name!r} differ.")
+    mean, std = (float(np.abs(other[name].values - base[name].values).max()) / scale for name in ("mean", "std"))
+    return mean, std
+
+
+def orders_chart(results: Results, output: str, reference: str | None = None) -> Views:
+    """Chart how far surrogates of several orders are from the finest, in per cent of its largest standard deviation.
+
+    By the order, and by the realisations, where these are known, with the standard errors of samplings, too.
+
+    Raises
+    ------
+    StudyError
+        If no surrogate is left to compare with the finest, or times differ.
+    """
+    nodes = nodes_of(results)
+    reference, found = orders_of(nodes, output, reference)
+    sampled = sampling_errors(nodes, reference, output)
+    sizes = np.unique(
+        np.concatenate([row.realisations for row in found] + [np.array([size]) for _, size, _ in sampled])
+    )
+    orders = np.unique(np.concatenate([row.orders for row in found]))
+    known = [values for row in found for values in (row.mean, row.std)] + [np.array([error]) for *_, error in sampled]
+    seen = np.concatenate(known)
+    seen = seen[seen > SMALLEST]
+    ends = percent_ends((float(seen.min()), float(seen.max())) if len(seen) else (1e-3, 1.0))
+    charts = []
+    for word, counts, places in (("order", "orders", orders), ("realisations", "realisations", sizes)):
+        cost = counts == "realisations"
+        if cost and places[0] < 1:  # they are not known
+            continue
+        curves = []
+        for k, row in enumerate(found):
+            at = np.searchsorted(places, getattr(row, counts))
+            for name, values, dash in (("mean", row.mean, ()), ("standard deviation", row.std, (4.0, 2.0))):
+                look = Look(k, dash, 1.6)
+                shown = _placed(places, at, values)
+                curves.append(Curve(f"{row.name}: {name}", shown, (), "difference", "dotted", look))
+        if cost:
+            for k, (label, size, error) in enumerate(sampled, len(found)):
+                shown = _placed(places, np.searchsorted(places, [size]), np.array([error]))
+                look = Look(k, (), line_width(k, len(found)))
+                curves.append(Curve(f"{label}: standard error", shown, (), "difference", "dotted", look))
+        charts.append(
+            Chart(
+                f"difference of {output} to {reference}",
+                places.astype(float),
+                curves,
+                f"by {word}",
+                "%",
+                axis="difference / largest std",
+                along=Axis(word, whole=True, log=cost, told=word if cost else "", before="" if cost else f"{word} "),
+                ends=ends,
+                log=True,
+                start=len(places) - 1,
+                heading="" if cost else f"reference: {reference}",
+            )
+        )
+    return Views(charts, "Orders or realisations")
+
+
+def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> Array:
+    """Return values in per cent at some of the places; NaN elsewhere, and where a logarithm shows nothing."""
+    shown = np.full(len(places), np.nan)
+    shown[at] = np.where(values > SMALLEST, 100 * values, np.nan)
+    return shown
+
+
+def order_convergence(results: Results, output: str, *, reference: str | None = None) -> Figure:
+    """Draw how the error of a chaos falls with its order, and with the realisations that it took.
+
+    The difference of mean (full lines) and standard deviation (dashed) to a reference, largest over time, relative to
+    the largest standard deviation. Against the order the scale is logarithmic, so that exponential convergence is a
+    straight line. Of a Monte Carlo the largest standard errors are drawn, as points.
+
+    Parameters
+    ----------
+    results : xarray.DataTree, mapping or iterable of nodes
+        With several chaoses that differ in their order.
+    output : str
+        Name of the output.
+    reference : str, optional
+        Label; default: the chaos of the highest order.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    StudyError
+        If no output or reference of these names exists, or there are fewer than two chaoses.
+
+    Examples
+    --------
+    >>> order_convergence([], "x")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
+    """
+    return paper(orders_chart(results, output, reference))
+
+
+def _statistics(nodes: Mapping[str, xr.DataTree], label: str, output: str) -> xr.Dataset:
+    if label not in nodes:
+        raise StudyError(f"The reference {label!r} is not among the methods {', '.join(map(repr, nodes))}.")
+    return of_output(nodes[label].children["statistics"], output)
+
+
+def sampling_errors(nodes: Mapping[str, xr.DataTree], chosen: str, output: str) -> list[tuple[str, int, float]]:
+    """Return label, realisations, and the largest standard error of the std over the largest std, of each sampling."""
+    scale = float(_statistics(nodes, chosen, output)["std"].max()) or 1.0
+    found = []
+    for label, node in nodes.items():
+        if label in chaos_nodes(nodes) or not _has(node, output):
+            continue
+        data = _statistics(nodes, label, output)
+        error = float(np.nanmax(data["std_error_std"].values, initial=0.0)) / scale if "std_error_std" in data else 0.0
+        size = int(node.attrs.get("realisations", 0))
+        if error > 0 and size > 0:
+            found.append((label, size, error))
+    return found
