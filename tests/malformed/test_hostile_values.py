@@ -127,6 +127,16 @@ def _raw(found: list[Probe]) -> list[str]:
     return [f"{x.call}({x.argument}=<{x.payload}>): {x.fate}: {x.message}" for x in found if x.fate not in OWN]
 
 
+def _adding(component, mechanism):
+    """Return what adds a component of some values to a mechanism."""
+
+    def add(**values):
+        mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
+        return mechanism
+
+    return add
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "component",
@@ -146,11 +156,11 @@ def test_a_component_refuses_hostile_values_or_can_be_simulated(component, tmp_p
         part = case.component
         named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}
 
-        def add(mechanism=case.mechanism, **values):
-            mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
-            return mechanism
-
-        found = list(variants(component.__name__, add, (), named, tmp_path / "mark", {}, hostile, used))
+        found = list(
+            variants(
+                component.__name__, _adding(component, case.mechanism), (), named, tmp_path / "mark", {}, hostile, used
+            )
+        )
         assert len(found) == len(named) * len(HOSTILE)
         assert not _raw(found)
 
