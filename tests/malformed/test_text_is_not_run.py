@@ -140,6 +140,15 @@ def test_no_argument_of_a_public_call_is_executed(module, tmp_path):
     assert not _told([x for x in found if x.fate == "executed"])
 
 
+def adding(component, mechanism):
+    """Return what adds a component of some values to a mechanism."""
+
+    def add(**values):
+        return mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
+
+    return add
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "component",
@@ -157,12 +166,9 @@ def test_a_component_refuses_texts_in_place_of_its_numbers(component, tmp_path):
             warnings.simplefilter("ignore")
             case = next(cases(component, space, {}, np.random.default_rng(1)))
 
-        def add(mechanism=case.mechanism, **values):
-            return mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
-
         part = case.component
         named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}
-        found = list(variants(component.__name__, add, (), named, tmp_path / "mark", {}))
+        found = list(variants(component.__name__, adding(component, case.mechanism), (), named, tmp_path / "mark", {}))
         assert len(found) == len(named) * len(payloads(tmp_path))
         assert not _told([x for x in found if x.fate != "refused"])
 
