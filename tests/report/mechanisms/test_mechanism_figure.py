@@ -12,7 +12,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import uqmbd
 from uqmbd import report
 from uqmbd.mechanism.skeleton import skeleton
-from uqmbd.report.drawing.style import FAILED
 from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.canvas import canvas_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
@@ -287,7 +286,7 @@ def test_a_joint_that_is_open_is_a_red_line():
     assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(points[sketch.placed]).sheet
-    (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == FAILED)
+    (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == "limit")
     np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)
 
 

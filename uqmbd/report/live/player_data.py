@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.report.charts import packed
-from uqmbd.report.drawing import ON_DARK
+from uqmbd.report.drawing import ROLES
 from uqmbd.report.mechanisms import Film
 
 if TYPE_CHECKING:
@@ -45,12 +45,11 @@ def player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
     sketch = film.sketch
     number = {name: k for k, name in enumerate(sketch.bodies)}
     reaches = film.reaches
-    colours = list(zip([sketch.colour(body) for body in sketch.bodies], _dark(len(number)), strict=True))
     bounds = film.bounds
     return {
         "mechanism": str(data.attrs.get("mechanism", "")),
         "bodies": list(number),
-        "colours": [list(pair) for pair in colours],
+        "colours": [list(ROLES[sketch.colour(body)]) for body in sketch.bodies],
         "dimension": data.sizes["axis"],
         "width": data.sizes["coordinate"],
         "realisations": count,
@@ -81,7 +80,3 @@ def _part(part: Part, number: dict[str, int], reaches: dict[str, tuple[float, fl
         # names never contain a slash
         "planes": [list(ends) for name, ends in reaches.items() if name.startswith(f"{part.name}/")],
     }
-
-
-def _dark(count: int) -> list[str]:
-    return [ON_DARK[k % 5] for k in range(count)]

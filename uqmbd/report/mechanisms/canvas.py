@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.report.drawing import ROLES
 from uqmbd.report.mechanisms.sheet import MARGIN, VIEW, Shape, Sheet
 from uqmbd.typing import Array
 
@@ -20,12 +21,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Canvas", "canvas_for"]
+__all__ = ["Canvas", "canvas_for", "painted"]
 
 
 LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.15, 0.5, 0.34  # inches around the axes
 SIDES = 0.68  # inches around the box of a spatial view, for ticks and labels
 LOWEST, HIGHEST = 1.9, 5.2  # inches: height of plane axes
+
+
+def painted(role: str | None) -> str:
+    """Return the colour of a role on paper."""
+    return "none" if role in (None, "none") else ROLES[str(role)][0]
 
 
 @dataclass(frozen=True)
@@ -69,7 +75,7 @@ class Canvas:
             alike = kept.setdefault(looks, [])
             if taken[looks] == len(alike):
                 patch = PathPatch(
-                    path, edgecolor=shape.edge, facecolor="none" if shape.face is None else shape.face, lw=shape.width,
+                    path, edgecolor=painted(shape.edge), facecolor=painted(shape.face), lw=shape.width,
                     ls=shape.style, alpha=shape.alpha, capstyle="round", joinstyle="round", zorder=2 + shape.order,
                     transform=self.figure.dpi_scale_trans,
                 )  # fmt: skip

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing import mixed
-from uqmbd.report.mechanisms.canvas import Canvas, canvas_for
+from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
 from uqmbd.report.mechanisms.sheet import Shape, Sheet
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.report.mechanisms.symbols import hull
@@ -151,8 +151,9 @@ class Film:
         for (body, corners), outlines in zip(self.corners, self.outlines(self.canvas.sheet, frame), strict=True):
             # bodies of one point lie beneath their joint: their cloud is drawn above it
             width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
+            colour = mixed(painted(self.sketch.colour(body)), "#000000", 0.3)
             lines = LineCollection(
-                outlines, colors=[mixed(self.sketch.colour(body), "#000000", 0.3)], linewidths=width, alpha=alpha,
+                outlines, colors=[colour], linewidths=width, alpha=alpha,
                 capstyle="round", joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
             # both ends of a point's line would be moved onto the same pixel, and nothing drawn

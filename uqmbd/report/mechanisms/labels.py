@@ -28,7 +28,7 @@ class Label:
     text: str
     anchor: Array
     size: float
-    colour: str = "0.15"
+    colour: str = "ink"
     bold: bool = False
 
     @property
@@ -125,7 +125,7 @@ def placed_names(
             away = one.label.anchor - one.centre
             share = 1 / max(1.0, float(np.max(abs(away) / np.maximum(half, 1e-9))))
             start = one.centre + share * away
-            lines.append(Shape(np.array([start, one.label.anchor]), "0.6", None, 0.6, order=4.9))
+            lines.append(Shape(np.array([start, one.label.anchor]), "soft", None, 0.6, order=4.9))
     return placed, lines
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from uqmbd.report.mechanisms.canvas import Canvas, canvas_for
+from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
 from uqmbd.report.mechanisms.labels import Placed, placed_names
 from uqmbd.report.mechanisms.sheet import Shape
 from uqmbd.report.mechanisms.sketch import Sketch, world
@@ -90,7 +90,7 @@ def _write(made: Canvas, names: Sequence[Placed], lines: Sequence[Shape]) -> Non
         x, y = map(float, one.centre)
         text = made.figure.text(
             x, y, label.text, transform=made.figure.dpi_scale_trans, ha="center", va="center",
-            fontsize=label.size, color=label.colour, fontweight="bold" if label.bold else "normal", zorder=9,
+            fontsize=label.size, color=painted(label.colour), fontweight="bold" if label.bold else "normal", zorder=9,
         )  # fmt: skip
         text.set_parse_math(False)
         text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])

@@ -25,8 +25,8 @@ class Shape:
     ----------
     vertices : array, shape (N, 2)
         Inches; a line is broken where they are NaN.
-    edge, face : str or tuple, optional
-        Colours; no face: a line.
+    edge, face : str
+        Roles, which have colours on a page and on paper (`ROLES`); no face: a line, the edge "none": an area.
     width : float
         Of the line, points.
     closed : bool
@@ -40,8 +40,8 @@ class Shape:
     """
 
     vertices: Array
-    edge: Any = "0.15"
-    face: Any = None
+    edge: str = "ink"
+    face: str | None = None
     width: float = 1.0
     closed: bool = False
     style: Any = "-"

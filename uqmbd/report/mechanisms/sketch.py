@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.drawing import COLOURS, GROUND, PALE, mixed
 from uqmbd.report.mechanisms.contact import across, draw_contact, extremes, foot
 from uqmbd.report.mechanisms.labels import Label
 from uqmbd.report.mechanisms.sheet import Sheet
@@ -120,12 +119,12 @@ class Sketch:
         return [k for k, owner in enumerate(self.owners) if owner == body and self.placed[k]]
 
     def colour(self, body: str) -> str:
-        """Colour of a body."""
-        return COLOURS[:5][self.bodies.index(body) % 5] if body in self.bodies else GROUND
+        """Return the role of a body."""
+        return f"c{self.bodies.index(body) % 5}" if body in self.bodies else "ground"
 
     def light(self, body: str) -> str:
-        """Its colour, mixed with white."""
-        return mixed(self.colour(body), "#ffffff", PALE)
+        """Return the role of its faces."""
+        return f"pale-{self.colour(body)}"
 
     @cached_property
     def radii(self) -> list[float]:
@@ -335,7 +334,7 @@ class Sketch:
                 if part.symbol in ON_GROUND and part.directions:
                     where = [foot(where[0], points[part.directions[0]], where[1])]
             if where:
-                found.append(Label(_short(part.name), sheet.project(np.mean(where, axis=0)), 8.0, "0.25"))
+                found.append(Label(_short(part.name), sheet.project(np.mean(where, axis=0)), 8.0, "dark"))
         return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.report.drawing import COLOURS, FAILED, GROUND, PALE, Drawing, mixed
+from uqmbd.report.drawing import Drawing
 from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.labels import placed_names
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
@@ -24,25 +24,6 @@ __all__ = ["pose_still", "still"]
 
 INCH = 72
 WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
-
-_WHITE = "#ffffff"
-_ROLES = {
-    **{
-        "0.15": "ink",
-        "0.25": "dark",
-        "0.3": "dark",
-        "0.6": "soft",
-        "0.96": "plate",
-        "0.9": "plate",
-        "white": "paper",
-        "#B45309": "drive",
-    },
-    **dict.fromkeys(("0.35", "0.4", "0.45", "0.5", "0.55"), "ground"),
-    **{"#B45309": "drive", FAILED: "limit", GROUND: "ground", mixed(GROUND, _WHITE, PALE): "pale-ground"},
-    **{colour: f"c{k}" for k, colour in enumerate(COLOURS)},
-    **{mixed(colour, _WHITE, PALE): f"pale-c{k}" for k, colour in enumerate(COLOURS)},
-}
-"""What the colours of shapes mean."""
 
 
 def still(data: xr.Dataset) -> Drawing:
@@ -61,7 +42,7 @@ def still(data: xr.Dataset) -> Drawing:
     for (body, corners), outlines in zip(film.corners, film.outlines(sheet, frame), strict=True):
         looks: dict[str, Any] = {"stroke_width": 5 if len(corners) == 1 else 0.8, "stroke_opacity": alpha}
         for outline in outlines:
-            made.line(page(outline), _role(film.sketch.colour(body)), **looks)
+            made.line(page(outline), film.sketch.colour(body), **looks)
     _paint(made, film.shapes(sheet, frame), page)
     return made
 
@@ -87,7 +68,7 @@ def pose_still(data: xr.Dataset) -> Drawing:
         x, y = page(one.centre)
         size, weight = one.label.size, "bold" if one.label.bold else None
         made.text(
-            round(x, 1), round(y + 0.35 * size, 1), one.label.text, _role(one.label.colour), font_size=size,
+            round(x, 1), round(y + 0.35 * size, 1), one.label.text, one.label.colour, font_size=size,
             font_weight=weight, text_anchor="middle", stroke="#ffffff", stroke_width=2, paint_order="stroke",
         )  # fmt: skip
     if data.attrs["note"]:
@@ -111,18 +92,13 @@ def _empty(bounds: Array) -> tuple[Drawing, Sheet, Callable[[Array], Array]]:
 def _paint(made: Drawing, shapes: Iterable[Shape], page: Callable[[Array], Array]) -> None:
     for shape in sorted(shapes, key=lambda one: one.order):
         dashes = None if shape.style == "-" else " ".join(f"{shape.width * x:g}" for x in shape.style[1])
-        edge = None if shape.edge == "none" else _role(shape.edge)
-        face = None if shape.face is None else _role(shape.face)
+        edge = None if shape.edge == "none" else shape.edge
         opacity = None if shape.alpha == 1 else shape.alpha
         width = None if edge is None or shape.width == 1 else shape.width
         made.line(
-            page(shape.vertices), edge, face, closed=shape.closed, stroke_width=width, stroke_dasharray=dashes,
+            page(shape.vertices), edge, shape.face, closed=shape.closed, stroke_width=width, stroke_dasharray=dashes,
             opacity=opacity,
         )  # fmt: skip
-
-
-def _role(colour: str) -> str:
-    return _ROLES.get(colour, colour)
 
 
 def _height(bounds: Array) -> float:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.report.drawing import FAILED
 from uqmbd.report.mechanisms.sheet import Shape, Sheet
 from uqmbd.typing import Array
 
@@ -17,8 +16,8 @@ __all__ = ["Pen", "hull", "normals"]
 
 RADIUS = 0.06  # inches: of a pin
 PUSH = (0.5, 0.8)  # inches: shortest and longest arrow along the axis of a driver
-DARK = "0.15"
-DRIVE = "#B45309"  # what moves or loads, apart from what holds
+INK, DARK, GROUND, PLATE, PAPER = "ink", "dark", "ground", "plate", "paper"  # roles of `ROLES`
+DRIVE = "drive"  # what moves or loads, apart from what holds
 TURN = np.linspace(0, 2 * np.pi, 33)
 
 
@@ -77,22 +76,22 @@ class Pen:
     def centre_of_mass(self, point: Array) -> None:
         """Draw the circle with two black quarters."""
         centre, r = self.sheet.project(point), 0.045
-        self._add(centre + r * _circle(), "0.15", "white", 0.7, closed=True, order=5)
+        self._add(centre + r * _circle(), INK, PAPER, 0.7, closed=True, order=5)
         for first in (0, 16):
             arc = r * _circle()[first : first + 9]
-            self._add(centre + np.concatenate([[[0, 0]], arc]), "none", "0.15", 0.0, closed=True, order=5.1)
+            self._add(centre + np.concatenate([[[0, 0]], arc]), "none", INK, 0.0, closed=True, order=5.1)
 
     # -- the ground --------------------------------------------------------------------------------------------------
     def support(self, point: Array) -> None:
         """Draw what holds a point to the ground: a triangle on hatching."""
         centre = self.sheet.project(point)
         foot = centre + [[0, 0], [-0.11, -0.17], [0.11, -0.17]]
-        self._add(foot, "0.45", "0.96", 0.9, closed=True, order=1)
+        self._add(foot, GROUND, PLATE, 0.9, closed=True, order=1)
         self._hatch(centre + [-0.17, -0.17], centre + [0.17, -0.17])
 
     def _hatch(self, start: Array, end: Array) -> None:
         """Draw a line with strokes on its right side."""
-        self._add(np.array([start, end]), "0.45", None, 1.2, order=0.9)
+        self._add(np.array([start, end]), GROUND, None, 1.2, order=0.9)
         along = end - start
         length = float(np.hypot(*along))
         if length < 1e-6:
@@ -102,7 +101,7 @@ class Pen:
         tops = start + np.arange(0.04, length + 1e-9, 0.06)[:, None] * along
         # one broken line: a shape for each stroke would take most of the time of an animation
         strokes = np.stack([tops, tops + 0.05 * down - 0.04 * along, np.full_like(tops, np.nan)], axis=1)
-        self.shapes.append(Shape(strokes.reshape(-1, 2), "0.55", None, 0.7, order=0.8))
+        self.shapes.append(Shape(strokes.reshape(-1, 2), GROUND, None, 0.7, order=0.8))
 
     # -- joints ------------------------------------------------------------------------------------------------------
     def hinge(self, point: Array, axis: Array | None) -> None:
@@ -112,13 +111,13 @@ class Pen:
             return
         self._axis(point, axis, 0.26)
         self._add(
-            self.sheet.project(point + 1.5 * RADIUS * self.sheet.unit * _ring(axis)), DARK, "white", 1.3, closed=True
+            self.sheet.project(point + 1.5 * RADIUS * self.sheet.unit * _ring(axis)), INK, PAPER, 1.3, closed=True
         )
 
     def ball(self, point: Array) -> None:
         """Draw a ring around a point."""
         self._disc(point, 1.35 * RADIUS)
-        self._disc(point, 0.55 * RADIUS, face=DARK, order=4.2)
+        self._disc(point, 0.55 * RADIUS, face=INK, order=4.2)
 
     def universal(self, point: Array, axes: Sequence[Array]) -> None:
         """Draw a cross along its two axes, in a ring."""
@@ -129,16 +128,16 @@ class Pen:
     def weld(self, point: Array) -> None:
         """Draw a square."""
         square = 1.1 * RADIUS * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        self._add(self.sheet.project(point) + square, DARK, "0.35", 1.0, closed=True, order=4)
+        self._add(self.sheet.project(point) + square, INK, GROUND, 1.0, closed=True, order=4)
 
     def diamond(self, point: Array) -> None:
         """Draw the sign for what has no sign of its own."""
         diamond = 1.2 * RADIUS * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])
-        self._add(self.sheet.project(point) + diamond, DARK, "white", 1.1, closed=True, order=4)
+        self._add(self.sheet.project(point) + diamond, INK, PAPER, 1.1, closed=True, order=4)
 
     def dot(self, point: Array) -> None:
         """Draw a small filled circle."""
-        self._disc(point, 0.6 * RADIUS, face=DARK)
+        self._disc(point, 0.6 * RADIUS, face=INK)
 
     def slide(self, point: Array, axis: Array, light: Any, *, round_: bool = False) -> None:
         """Draw a box along its axis; `round_` for one that turns as well."""
@@ -147,15 +146,15 @@ class Pen:
         if not self.sheet.spatial:
             across = np.array([-axis[1], axis[0]])
             corners = [point + a * long * axis + b * high * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            self._add(self.sheet.project(np.array(corners)), DARK, light, 1.2, closed=True, order=2.8)
+            self._add(self.sheet.project(np.array(corners)), INK, light, 1.2, closed=True, order=2.8)
             return
         b, c = normals(axis)
         ends = [point + s * long * axis for s in (-1.0, 1.0)]
         section = _ring(axis) * high if round_ else np.array([b + c, c - b, -b - c, b - c]) * high * 0.85
         both = [self.sheet.project(end + section) for end in ends]
-        self._add(hull(np.concatenate(both)), DARK, light, 1.1, closed=True, order=2.8)
+        self._add(hull(np.concatenate(both)), INK, light, 1.1, closed=True, order=2.8)
         near = int(np.argmin(self.sheet.depth(np.array(ends))))
-        self._add(both[near], DARK, light, 0.9, closed=True, order=2.9)
+        self._add(both[near], INK, light, 0.9, closed=True, order=2.9)
 
     def guide(self, origin: Array, axis: Array, reach: tuple[float, float], *, grounded: bool) -> None:
         """Draw the line on which something slides, from one place along the axis to another, m."""
@@ -163,7 +162,7 @@ class Pen:
         more = 0.36 * self.sheet.unit
         ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
         if self.sheet.spatial or not grounded:
-            self._add(self.sheet.project(ends), "0.45", None, 1.0, style=(0, (7, 2, 1, 2)), order=0.7)
+            self._add(self.sheet.project(ends), GROUND, None, 1.0, style=(0, (7, 2, 1, 2)), order=0.7)
             return
         across = np.array([axis[1], -axis[0]])
         across = -across if (across[1] > 1e-9 or (abs(across[1]) <= 1e-9 and across[0] > 0)) else across
@@ -177,7 +176,7 @@ class Pen:
         axis = axis / np.linalg.norm(axis)
         more = 0.3 * self.sheet.unit
         ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
-        self._add(self.sheet.project(ends), "0.45", None, 1.0, style=(0, (5, 2)), order=0.7)
+        self._add(self.sheet.project(ends), GROUND, None, 1.0, style=(0, (5, 2)), order=0.7)
 
     def plane(self, origin: Array, normal: Array, point: Array) -> None:
         """Draw the part of a plane beneath a point; in the plane a line."""
@@ -188,7 +187,7 @@ class Pen:
             return
         b, c = (0.35 * self.sheet.unit * x for x in normals(normal))
         corners = np.array([foot + b + c, foot - b + c, foot - b - c, foot + b - c])
-        self._add(self.sheet.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+        self._add(self.sheet.project(corners), GROUND, PLATE, 0.8, closed=True, order=0.6, alpha=0.6)
 
     def ground(
         self, origin: Array, normal: Array, along: Sequence[Array], reaches: Sequence[tuple[float, float]]
@@ -201,12 +200,12 @@ class Pen:
             return
         second = np.outer([reaches[1][0] - more, reaches[1][1] + more], along[1])
         corners = np.array([first[0] + second[0], first[1] + second[0], first[1] + second[1], first[0] + second[1]])
-        self._add(self.sheet.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+        self._add(self.sheet.project(corners), GROUND, PLATE, 0.8, closed=True, order=0.6, alpha=0.6)
 
     def blade(self, point: Array, axis: Array) -> None:
         """Draw the blade of a skate: a short thick line along its axis."""
         step = 0.22 * self.sheet.unit * axis / np.linalg.norm(axis)
-        self._add(self.sheet.project(np.array([point - step, point + step])), DARK, None, 3.2, order=4.1)
+        self._add(self.sheet.project(np.array([point - step, point + step])), INK, None, 3.2, order=4.1)
 
     def circle(self, point: Array, radius: float, colour: Any, axis: Array | None = None) -> None:
         """Draw a circle or sphere of a radius, m, in space with an axis a disc; a dot where it is too small to see."""
@@ -222,19 +221,19 @@ class Pen:
 
     def rod(self, first: Array, second: Array) -> None:
         """Draw a massless rod."""
-        self._add(self.sheet.project(np.array([first, second])), "0.3", None, 2.2, order=2.5)
+        self._add(self.sheet.project(np.array([first, second])), DARK, None, 2.2, order=2.5)
         self._disc(first, 0.7 * RADIUS)
         self._disc(second, 0.7 * RADIUS)
 
     def link(self, first: Array, second: Array) -> None:
         """Draw that two places have to do with each other."""
-        self._add(self.sheet.project(np.array([first, second])), "0.5", None, 1.0, style=(0, (2, 2)), order=2.5)
+        self._add(self.sheet.project(np.array([first, second])), GROUND, None, 1.0, style=(0, (2, 2)), order=2.5)
 
     def gap(self, first: Array, second: Array) -> None:
         """Draw that two places should be one, and are not."""
         ends = self.sheet.project(np.array([first, second]))
         if np.hypot(*(ends[1] - ends[0])) > RADIUS:
-            self._add(ends, FAILED, None, 1.5, style=(0, (4, 2.5)), order=3.9)
+            self._add(ends, "limit", None, 1.5, style=(0, (4, 2.5)), order=3.9)
 
     # -- springs, drivers, loads -------------------------------------------------------------------------------------
     def spring(self, first: Array, second: Array) -> None:
@@ -243,15 +242,15 @@ class Pen:
         along = end - start
         length = float(np.hypot(*along))
         if length < 0.2:
-            self._add(start + 0.1 * _circle(), "0.3", None, 1.2, closed=True, order=3.5)
+            self._add(start + 0.1 * _circle(), DARK, None, 1.2, closed=True, order=3.5)
         else:
             across = np.array([-along[1], along[0]]) / length * min(0.075, 0.2 * length)
             turns = int(np.clip(length / 0.16, 4, 12))
             s = np.concatenate([[0.0], np.linspace(0.14, 0.86, 2 * turns + 1), [1.0]])
             side = np.array([0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0])
-            self._add(start + s[:, None] * along + side[:, None] * across, "0.3", None, 1.2, order=3.5)
-        self._disc(first, 0.45 * RADIUS, face=DARK)
-        self._disc(second, 0.45 * RADIUS, face=DARK)
+            self._add(start + s[:, None] * along + side[:, None] * across, DARK, None, 1.2, order=3.5)
+        self._disc(first, 0.45 * RADIUS, face=INK)
+        self._disc(second, 0.45 * RADIUS, face=INK)
 
     def damper(self, first: Array, second: Array) -> None:
         """Draw a piston in a cylinder between two points; a spring's small circle where they coincide."""
@@ -264,19 +263,19 @@ class Pen:
         along = along / length
         side = np.array([-along[1], along[0]]) * min(0.075, 0.2 * length)
         middle, half = (start + end) / 2, min(0.16, 0.25 * length) * along
-        self._add(np.array([start, middle - half]), "0.3", None, 1.2, order=3.5)
+        self._add(np.array([start, middle - half]), DARK, None, 1.2, order=3.5)
         pot = np.array([middle + half + side, middle - half + side, middle - half - side, middle + half - side])
-        self._add(pot, "0.3", None, 1.2, order=3.5)
-        self._add(np.array([middle - 0.8 * side, middle + 0.8 * side]), "0.3", None, 2.2, order=3.5)
-        self._add(np.array([middle, end]), "0.3", None, 1.2, order=3.5)
-        self._disc(first, 0.45 * RADIUS, face=DARK)
-        self._disc(second, 0.45 * RADIUS, face=DARK)
+        self._add(pot, DARK, None, 1.2, order=3.5)
+        self._add(np.array([middle - 0.8 * side, middle + 0.8 * side]), DARK, None, 2.2, order=3.5)
+        self._add(np.array([middle, end]), DARK, None, 1.2, order=3.5)
+        self._disc(first, 0.45 * RADIUS, face=INK)
+        self._disc(second, 0.45 * RADIUS, face=INK)
 
     def coil(self, point: Array, axis: Array | None) -> None:
         """Draw a spiral."""
         turn = np.linspace(0, 5 * np.pi, 60)
         size = 0.07 + 0.09 * turn / turn[-1]
-        self._around(point, axis, size, turn, "0.4", 1.0)
+        self._around(point, axis, size, turn, GROUND, 1.0)
 
     def arc(self, point: Array, axis: Array | None, radius: float = 0.19) -> None:
         """Draw an arrow that turns about a point."""
@@ -329,10 +328,10 @@ class Pen:
 
     def _axis(self, point: Array, axis: Array, half: float, style: Any = (0, (7, 2, 1, 2))) -> None:
         step = half * self.sheet.unit * axis / np.linalg.norm(axis)
-        self._add(self.sheet.project(np.array([point - step, point + step])), DARK, None, 0.9, style=style, order=4.3)
+        self._add(self.sheet.project(np.array([point - step, point + step])), INK, None, 0.9, style=style, order=4.3)
 
-    def _disc(self, point: Array, radius: float, face: Any = "white", order: float = 4.0) -> None:
-        self._add(self.sheet.project(point) + radius * _circle(), DARK, face, 1.3, closed=True, order=order)
+    def _disc(self, point: Array, radius: float, face: Any = PAPER, order: float = 4.0) -> None:
+        self._add(self.sheet.project(point) + radius * _circle(), INK, face, 1.3, closed=True, order=order)
 
     def _add(
         self, vertices: Array, edge: Any, face: Any, width: float, *, closed: bool = False, style: Any = "-",
