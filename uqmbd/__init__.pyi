@@ -19,10 +19,12 @@ from .dynamics import Trajectories as Trajectories
 from .dynamics import check as check
 from .dynamics import mechanism_terms as mechanism_terms
 from .errors import AssemblyError as AssemblyError
+from .errors import Finding as Finding
 from .errors import IntegrationError as IntegrationError
 from .errors import MethodFailedWarning as MethodFailedWarning
 from .errors import PluginWarning as PluginWarning
 from .errors import RedundantConstraintWarning as RedundantConstraintWarning
+from .errors import Severity as Severity
 from .errors import StudyError as StudyError
 from .errors import StudyWarning as StudyWarning
 from .errors import SurrogateWarning as SurrogateWarning
@@ -125,6 +127,7 @@ from .propagation import dense as dense
 from .propagation import doubts as doubts
 from .propagation import eigenfrequencies as eigenfrequencies
 from .propagation import errors_over_largest as errors_over_largest
+from .propagation import findings as findings
 from .propagation import fit_nodes as fit_nodes
 from .propagation import load_study as load_study
 from .propagation import nothing_random as nothing_random

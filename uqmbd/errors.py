@@ -1,16 +1,20 @@
-"""Failures and warnings that uqmbd raises: each says where, what was given, what was expected, and what to try."""
+"""Failures, warnings and findings: each says where, what was given, what was expected, and what to try."""
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 __all__ = [
     "AssemblyError",
+    "Finding",
     "IntegrationError",
     "MethodFailedWarning",
     "PluginWarning",
     "RedundantConstraintWarning",
+    "Severity",
     "StudyError",
     "StudyWarning",
     "SurrogateWarning",
@@ -145,6 +149,87 @@ class StudyWarning(UserWarning):
     ...         print(type(warning).__name__)
     UnitsWarning
     """
+
+
+class Severity(enum.Enum):
+    """How serious a `Finding` is.
+
+    Attributes
+    ----------
+    NOTE
+        It is often meant: lists show it, and a run gives no Python warning.
+    WARNING
+        It is seldom meant: a run gives a Python warning as well.
+
+    Examples
+    --------
+    >>> from uqmbd import Severity
+    >>> [one.value for one in Severity]
+    ['note', 'warning']
+    """
+
+    NOTE = "note"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is probably wrong with a study, which runs all the same; `uqmbd.findings` returns them.
+
+    Attributes
+    ----------
+    severity : Severity
+        How serious it is.
+    place : str
+        The part of the study, as ``body 'rod'``.
+    message : str
+        What was found there: a sentence that names the part, without the stop at its end.
+    remedy : str
+        What to try: a sentence without the stop at its end, or nothing.
+    category : type of Warning or None
+        Class of the Python warning that a run of the study gives; None: whatever found it gives its own. A
+        note has none.
+
+    Examples
+    --------
+    >>> from uqmbd import Finding, Severity
+    >>> finding = Finding(Severity.WARNING, "belt 'b'", "belt 'b' is drawn without tension", "Move its pulleys apart")
+    >>> print(finding)
+    Warning: belt 'b' is drawn without tension. Move its pulleys apart.
+    """
+
+    severity: Severity
+    place: str
+    message: str
+    remedy: str = ""
+    category: type[Warning] | None = field(default=StudyWarning, compare=False, repr=False)
+
+    @property
+    def text(self) -> str:
+        """Message and remedy, without the stop at their end.
+
+        Examples
+        --------
+        >>> from uqmbd import Finding, Severity
+        >>> Finding(Severity.NOTE, "body 'rod'", "body 'rod' is connected to nothing").text
+        "body 'rod' is connected to nothing"
+        """
+        return f"{self.message}. {self.remedy}" if self.remedy else self.message
+
+    @property
+    def warned(self) -> bool:
+        """Whether a run gives a Python warning of it.
+
+        Examples
+        --------
+        >>> from uqmbd import Finding, Severity
+        >>> [Finding(severity, "body 'rod'", "body 'rod' is bent").warned for severity in Severity]
+        [False, True]
+        """
+        return self.severity is Severity.WARNING and self.category is not None
+
+    def __str__(self) -> str:
+        return f"{self.severity.value.capitalize()}: {self.text}."
 
 
 class UnitsWarning(StudyWarning):

@@ -18,13 +18,12 @@ from typing import ClassVar, Literal
 import chaospy
 import numpy as np
 import pytest
-from rich.console import Console
 
 import uqmbd
 import uqmbd.report
 from uqmbd import plugins, results
 from uqmbd.cli import tables
-from uqmbd.cli.check.check import _equations, _show_apart, _show_turned
+from uqmbd.cli.check.check import _equations
 from uqmbd.cli.run.settings import apply_settings, parse_value
 from uqmbd.cli.terminal import progress
 from uqmbd_joints import Revolute
@@ -337,10 +336,11 @@ def test_check_of_bodies_that_nothing_holds():
         "6 constraint equations, 6 of them independent; 4 are the unit lengths of the bodies' half-angle pairs, "
         "not of joints"
     )
-    screen = io.StringIO()
-    _show_apart(Console(file=screen, width=200), found)
-    assert "body 'ball' is connected to nothing" in screen.getvalue()
-    assert "bodies 'one', 'two' are connected with each other only" in screen.getvalue()
+    made.output("x", held.position[0])
+    ball, pair, *more = uqmbd.findings(uqmbd.Study("parts", made, [0, 1]))
+    assert "body 'ball' is connected to nothing" in ball.message and not more
+    assert "bodies 'one', 'two' are connected with each other only" in pair.message
+    assert ball.severity is pair.severity is uqmbd.Severity.NOTE
 
 
 def test_check_of_bodies_that_are_drawn_in_degrees():
@@ -349,13 +349,13 @@ def test_check_of_bodies_that_are_drawn_in_degrees():
     tilt = uqmbd.RandomVariable("tilt", chaospy.Normal(50, 1), units="rad")
     for name, angle in (("degrees", 60), ("radians", 1.05), ("turned", -6.2), ("random", tilt)):
         made.body(name, mass=1, inertia=1, angle=angle)
-    screen = io.StringIO()
-    _show_turned(Console(file=screen, width=200), made)
-    note = "body 'degrees' is drawn at 60 rad, 9.55 turns; degrees are written math.radians(60)"
-    assert screen.getvalue().split(maxsplit=1) == ["note", f"{note}\n"]
+    made.output("x", made.bodies["degrees"].position[0])
+    (found,) = (x for x in uqmbd.findings(uqmbd.Study("parts", made, [0, 1])) if "drawn at" in x.message)
+    assert str(found) == ("Warning: body 'degrees' is drawn at 60 rad, 9.55 turns. Write degrees as math.radians(60).")
     space = uqmbd.Mechanism("space", uqmbd.Spatial())
-    space.body("cube", mass=1, inertia=(1, 1, 1))
-    _show_turned(Console(file=screen, width=200), space)
+    cube = space.body("cube", mass=1, inertia=(1, 1, 1))
+    space.output("x", cube.position[0])
+    assert uqmbd.findings(uqmbd.Study("space", space, [0, 1])) == []
 
 
 def test_check(cli, study, monkeypatch):
@@ -381,7 +381,6 @@ def test_check(cli, study, monkeypatch):
         "1 degree of freedom",
         "B.point[1] (follow from the others",
         "Normal(mu=1, sigma=0.02)",
-        "Enters nothing: mass",
         "FakeMonteCarlo",
     ):
         assert part in out

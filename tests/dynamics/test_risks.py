@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.dynamics import risks, said_of_risks
+from uqmbd.dynamics import range_findings, risks
 from uqmbd.dynamics.equations import ParameterMap, impossible, limits_of
 from uqmbd.testing.components.cases import cases
 from uqmbd_contact import PlaneImpact
@@ -132,9 +132,10 @@ def test_a_change_of_sign_is_told_and_a_sign_that_is_meant_is_not():
     below = uqmbd.RandomVariable("below", chaospy.Uniform(-3, -1), units="N/m")
     about_none = uqmbd.RandomVariable("c", chaospy.Normal(0, 1), units="N s/m")
     assert risks(body_on_springs(stiffness=below, damping=about_none)) == ()
-    (said,) = said_of_risks((buckled,), 1000)
+    (found,) = range_findings((buckled,), 1000)
+    said = found.text
     assert "the stiffness of SpringDamper 'spring' is positive in 0.62 % of the realisations, and negative at" in said
-    assert said_of_risks((buckled,), 5) == ()
+    assert range_findings((buckled,), 5) == ()
 
 
 def test_a_parameter_that_is_no_number_has_no_sign():
@@ -147,7 +148,8 @@ def test_many_numbers_are_told_in_one_sentence():
     mechanism = uqmbd.Mechanism("row", uqmbd.Translational())
     for k in range(7):
         mechanism.body(f"b{k}", mass=m)
-    (said,) = said_of_risks(risks(mechanism), 100)
+    (found,) = range_findings(risks(mechanism), 100)
+    said = found.text
     assert said.count("is outside of its range") == 4 and "3 more numbers alike: these fail" in said
     assert said.count("m = Normal(mu=1, sigma=0.5)") == 1
 
@@ -157,6 +159,6 @@ def test_limits_and_signs_of_one_study_are_two_sentences():
     c = uqmbd.RandomVariable("c", chaospy.Normal(0.2, 0.1), units="N s/m")
     mechanism = body_on_springs(damping=c)
     mechanism.add(RotationalFriction("seal", mechanism.ground, mechanism.bodies["body"], friction=0, damping=x))
-    fails, runs = said_of_risks(risks(mechanism), 100)
+    fails, runs = (found.text for found in range_findings(risks(mechanism), 100))
     assert "'seal' is outside of its range (0 or more) in 2.3 % of the realisations: these fail" in fails
     assert "'spring' is negative in 2.3 % of the realisations, and positive at the means: these run" in runs

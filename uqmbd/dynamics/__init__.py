@@ -36,7 +36,7 @@ from uqmbd.dynamics.integrators import (
 )
 from uqmbd.dynamics.margins import MarginValues, margins_of
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
-from uqmbd.dynamics.risks import Risk, risks, said_of_risks
+from uqmbd.dynamics.risks import Risk, range_findings, risks
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
@@ -52,8 +52,6 @@ from uqmbd.dynamics.summaries import running_minimum
 
 __all__ = [
     "Risk",
-    "risks",
-    "said_of_risks",
     "Capabilities",
     "Capability",
     "Check",
@@ -95,9 +93,11 @@ __all__ = [
     "off_constraints",
     "position_jumps",
     "positions",
+    "range_findings",
     "referenced",
     "require",
     "require_for",
+    "risks",
     "running_minimum",
     "scalars_of",
     "static_equilibria",

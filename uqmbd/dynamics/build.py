@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,15 @@ import sympy
 
 from uqmbd.compiled import cached
 from uqmbd.dynamics.assembly import (
-    dropped_in_dead_centre,
     independent_rows,
     not_unique,
     positions,
     reaction_symbols,
     require_conditions,
 )
-from uqmbd.dynamics.control import loops_of, require_controllers, unused_commands
+from uqmbd.dynamics.control import loops_of, require_controllers
 from uqmbd.dynamics.digest import digest_of
+from uqmbd.dynamics.drawn_pose import size_of
 from uqmbd.dynamics.equations import (
     FUSED_LIMIT,
     TIME,
@@ -42,11 +43,11 @@ from uqmbd.dynamics.equations import (
     output_map,
     state_arguments,
 )
-from uqmbd.dynamics.facts import facts_of
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
-from uqmbd.dynamics.margins import margin_map, undetermined_margins
-from uqmbd.dynamics.notices import deep_contacts, hidden_turns, looked_at, moved_bodies, size_of
+from uqmbd.dynamics.margins import margin_map
+from uqmbd.dynamics.model_checks import Assembled, looked_at, model_findings
+from uqmbd.dynamics.model_key import model_key
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
@@ -55,10 +56,6 @@ from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
-
-
-NAMED = 40
-"""Redundant equations that a warning names; `uqmbd.check` names them all."""
 
 
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
@@ -294,7 +291,7 @@ def _corners(instance: Instance) -> bool:
 
 
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
-    """Make the complete model of a mechanism, or take it from the cache where its facts are the same.
+    """Make the complete model of a mechanism, or take it from the cache where one of the same parts is stored.
 
     Parameters
     ----------
@@ -319,42 +316,20 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     uqmbd.AssemblyError, uqmbd.StudyError
         If it cannot be assembled at the means, or a body can be accelerated by no force.
     """
-    made: list[Model] = []
-
-    def make() -> Model:
-        made.append(_built(mechanism, time, fuse))
-        return made[0]
-
-    facts = facts_of(mechanism, time, fuse, rows=looked_at(mechanism))
-    model: Model = make() if facts is None else cached(("model", facts), make)
-    if not made:
-        _tell_redundant(mechanism, model, time)
+    key = model_key(mechanism, time, fuse, rows=looked_at(mechanism))
+    make = partial(_built, mechanism, time, fuse)
+    model: Model = make() if key is None else cached(("model", key), make)
+    for finding in model.findings:
+        if finding.category is RedundantConstraintWarning:
+            warnings.warn(f"{finding.text}.", RedundantConstraintWarning, stacklevel=3)
     prepare(model)
     return model
-
-
-def _tell_redundant(mechanism: Mechanism, model: Model, time: float) -> None:
-    """Warn of equations that depend on others, in every pose or in the drawn one only."""
-    redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
-    if not len(redundant):
-        return
-    names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
-    more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
-    effect = dropped_in_dead_centre(model, model.parameters(mechanism.inputs.means[None, :]), time)
-    effect = effect or "The motion is not affected; some reactions are not unique (`uqmbd check` names them)."
-    warnings.warn(
-        f"mechanism {model.name!r}: {len(redundant)} of {model.layout.constraints} constraint equations "
-        f"are redundant and are dropped: {names}{more}. {effect}",
-        RedundantConstraintWarning,
-        stacklevel=4,
-    )
 
 
 def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     """Make the complete model of a mechanism from the terms of its components."""
     model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
-    _tell_redundant(mechanism, model, time)
     count = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)
@@ -381,26 +356,17 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
     q, _ = positions(model, drawn, time, parameters, layout.kept_holonomic)
-    unconditioned, _ = positions(replace(model, conditions=None), drawn, time, parameters, layout.kept_holonomic)
-    notices = (
-        *moved_bodies(mechanism, model, drawn[0], unconditioned[0]),
-        *hidden_turns(mechanism, model),
-        *deep_contacts(mechanism, model, instances, q[0], parameters[0]),
-        *unused_commands(mechanism),
-    )
-    model = replace(model, notices=notices)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
     if layout.constraints > layout.rank:
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])
-        undetermined = undetermined_margins(model, q[0], time, parameters[0])
-        model = replace(model, outputs=replace(outputs, not_unique=unsettled), notices=(*notices, *undetermined))
+        model = replace(model, outputs=replace(outputs, not_unique=unsettled))
     body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
     if body:
         raise StudyError(
             f"body {body!r} can be accelerated without any force: its mass or inertia is zero in a direction "
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
-    return model
+    return replace(model, findings=model_findings(Assembled(mechanism, model, instances, parameters, drawn, q)))
 
 
 def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:

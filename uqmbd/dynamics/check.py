@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
-from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.notices import Move, moves, size_of
+from uqmbd.dynamics.drawn_pose import Move, apart, moved
 from uqmbd.mechanism import Controller, Mechanism, unit_findings
 from uqmbd.names import checked
 
@@ -129,8 +127,8 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
         unit_lengths=len(model.norms),
-        apart=_apart(mechanism),
-        moved=_moved(mechanism, model, time),
+        apart=apart(mechanism),
+        moved=moved(mechanism, model),
         units=unit_findings(mechanism),
         velocity_equations=len(layout.nonholonomic),
         velocity_mobility=layout.coordinates - layout.rank,
@@ -149,24 +147,3 @@ def _controller(controller: Controller) -> tuple[str, str, str, str]:
         ", ".join(map(str, controller.measured)),
         ", ".join(commands),
     )
-
-
-def _moved(mechanism: Mechanism, model: Model, time: float) -> tuple[Move, ...]:
-    """Return the bodies that assembly moved noticeably, at the means."""
-    parameters = model.parameters(mechanism.inputs.means[None, :])
-    drawn = parameters[:, model.drawn]
-    # what start conditions move is meant
-    q, _ = positions(replace(model, conditions=None), drawn, time, parameters, model.layout.kept_holonomic)
-    limit = max(0.01 * size_of(mechanism), 1e-9)
-    return tuple(m for m in moves(model, drawn[0], q[0]) if m.distance > limit or m.turn > np.radians(1))
-
-
-def _apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
-    """Return groups of bodies that no component connects with each other or the ground."""
-    group = {name: {name} for name in ("ground", *mechanism.bodies)}
-    for component in mechanism.components.values():
-        names = [str(getattr(component.attached[role], "name", "ground")) for role in component.bodies]
-        joined = set().union(*(group[name] for name in names))
-        group |= dict.fromkeys(joined, joined)
-    found = {name: tuple(n for n in mechanism.bodies if n in group[name]) for name in mechanism.bodies}
-    return tuple(dict.fromkeys(names for name, names in found.items() if name not in group["ground"]))

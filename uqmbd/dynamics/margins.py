@@ -15,6 +15,7 @@ from uqmbd.dynamics.equations import Model, OutputMap, output_map
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.statics import ScalarMap, scalar_map, scalars_of
 from uqmbd.dynamics.summaries import Domain, domain_map, running_minimum
+from uqmbd.errors import Finding, Severity
 from uqmbd.mechanism import Mechanism, Requirement
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
@@ -117,13 +118,18 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
     return MarginMap(requirements, compiled, scalar_map(still, *places), domain)
 
 
-def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[str, ...]:
-    """Say which requirements limit what redundant constraints leave undetermined; arguments as of `not_unique`."""
+def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[Finding, ...]:
+    """Find the requirements on what redundant constraints leave undetermined; arguments as of `not_unique`."""
     moving = None if model.margins is None else model.margins.moving
     names = () if moving is None else not_unique(model, moving, q, time, parameters)
     return tuple(
-        f"requirement {name!r} limits a reaction that redundant constraints leave undetermined, so that its "
-        "probability means nothing; take out the redundant constraint, which `uqmbd check` names, or limit another one"
+        Finding(
+            Severity.WARNING,
+            f"requirement {name!r}",
+            f"requirement {name!r} limits a reaction that redundant constraints leave undetermined, so that its "
+            "probability means nothing",
+            "Take out the redundant constraint, which `uqmbd check` names, or limit another one",
+        )
         for name in names
     )
 

@@ -12,18 +12,29 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.equations import Limit, ParameterMap, limits_of, signs_of
+from uqmbd.dynamics.equations import Limit, ParameterMap, limits_of, signs_of, squares_of
+from uqmbd.errors import Finding, Severity
 from uqmbd.mechanism import Mechanism, is_tensor_of_body
 from uqmbd.randomness import JointInput, Law, RandomVariable
 from uqmbd.wording import format_percent
 
-__all__ = ["Risk", "risks", "said_of_risks"]
+__all__ = ["Risk", "range_findings", "risks"]
 
 SAMPLES = 10_000
 """Points at which expressions are evaluated whose distribution is not known."""
 
 EXPECTED = 0.05
 """A risk is told from that many realisations on that are to be expected: of rarer ones 19 of 20 studies have none."""
+
+OFTEN = 1e-4
+"""A risk of a number that may not leave its range is reported from this probability on, for any number of them."""
+
+EFFECTS = {
+    "fail": "these fail",
+    "sign": "these run, and are driven by what is to hold or to damp them",
+    "square": "these run with an impossible number, whose square hides it",
+}
+"""What becomes of realisations in which a number leaves its range or changes its sign."""
 
 NAMED = 4
 """Numbers, and inputs, that a sentence names."""
@@ -52,6 +63,13 @@ class Risk:
     probability: float
     inputs: tuple[RandomVariable, ...]
     fails: bool = True
+    squared: bool = False
+    """Whether only even powers of it enter a number that is positive, so that its sign is seen nowhere."""
+
+    def counts(self, realisations: int) -> bool:
+        """Whether it is reported where so many realisations are planned."""
+        often = (self.fails or self.squared) and self.probability > OFTEN
+        return often or self.probability * realisations >= EXPECTED
 
 
 def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
@@ -76,24 +94,27 @@ def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
     """
     expressions: list[sympy.Expr] = []
     limits, tensors = limits_of(mechanism, expressions)
-    signs = signs_of(mechanism, expressions)
+    signs, squares = signs_of(mechanism, expressions), squares_of(mechanism, expressions)
     found: list[Risk] = []
-    others: list[tuple[Limit, bool]] = []
-    for limit, fails in [*((x, True) for x in limits), *((x, False) for x in signs)]:
+    others: list[tuple[Limit, dict[str, bool]]] = []
+    kinds: tuple[tuple[tuple[Limit, ...], dict[str, bool]], ...]
+    kinds = ((limits, {}), (signs, {"fails": False}), (squares, {"fails": False, "squared": True}))
+    for limit, kind in ((limit, kind) for some, kind in kinds for limit in some):
         exact = _exact(limit, expressions[limit.index])
         if exact is None:
-            others.append((limit, fails))
+            others.append((limit, kind))
         elif exact > 0:
             variables = tuple(sorted(expressions[limit.index].free_symbols, key=str))
-            found.append(Risk(limit.name, limit.expected, exact, variables, fails))
+            found.append(Risk(limit.name, limit.expected, exact, variables, **kind))
     if not others and not tensors:
         return tuple(found)
     inputs = JointInput.of({v for e in expressions for v in e.free_symbols})
     own = {v.name: v for v in inputs.variables}
     values = ParameterMap.of(expressions, inputs.variables)(inputs.from_uniform(_spread(len(inputs))))
-    for limit, fails in others:
+    for limit, kind in others:
         share = float(limit.outside(values[:, limit.index]).mean())
-        found.append(Risk(limit.name, limit.expected, share, tuple(own[name] for name, _ in limit.inputs), fails))
+        variables = tuple(own[name] for name, _ in limit.inputs)
+        found.append(Risk(limit.name, limit.expected, share, variables, **kind))
     for tensor in tensors:
         share = float((~is_tensor_of_body(tensor.moments(values))).mean())
         about = (f"inertia of body {tensor.body!r}", "that of a body", share)
@@ -101,40 +122,41 @@ def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
     return tuple(one for one in found if one.probability > 0)
 
 
-def said_of_risks(found: tuple[Risk, ...], realisations: int) -> tuple[str, ...]:
-    """Say what is to be expected among so many realisations: a sentence on those that fail, one on those that run.
+def range_findings(found: tuple[Risk, ...], realisations: int) -> tuple[Finding, ...]:
+    """Return what is to be expected among so many realisations: at most one finding for each of `EFFECTS`.
 
     Parameters
     ----------
     found : tuple of Risk
         From `risks`.
     realisations : int
-        As many are planned; risks of which they have fewer than `EXPECTED` on average are not told.
+        As many are planned: see `Risk.counts`.
 
     Examples
     --------
     >>> import chaospy
     >>> import uqmbd
     >>> k = uqmbd.RandomVariable("k", chaospy.Normal(1000, 400), units="N/m")
-    >>> print(*said_of_risks((Risk("stiffness of SpringDamper 's'", "0 or more", 0.0062, (k,), fails=False),), 100))
-    the stiffness of SpringDamper 's' is negative in 0.62 % of the realisations, and positive at the means: these run...
-    >>> said_of_risks((Risk("stiffness of SpringDamper 's'", "0 or more", 1e-9, (k,), fails=False),), 100)
+    >>> weak = Risk("stiffness of SpringDamper 's'", "0 or more", 0.0062, (k,), fails=False)
+    >>> print(*range_findings((weak,), 100))
+    Warning: the stiffness of SpringDamper 's' is negative in 0.62 % of the realisations, and positive at the means: ...
+    >>> range_findings((weak,), 5)
     ()
     """
-    told = [one for one in found if one.probability * realisations >= EXPECTED]
-    return tuple(
-        _said([one for one in told if one.fails is fails], fails)
-        for fails in (True, False)
-        if any(one.fails is fails for one in told)
-    )
+    groups: dict[str, list[Risk]] = {}
+    for one in found:
+        if one.counts(realisations):
+            groups.setdefault("fail" if one.fails else "square" if one.squared else "sign", []).append(one)
+    return tuple(_finding(groups[kind], effect) for kind, effect in EFFECTS.items() if kind in groups)
 
 
-def _said(found: list[Risk], fails: bool) -> str:
+def _finding(found: list[Risk], effect: str) -> Finding:
     """Say which numbers are outside in which share of the realisations, what becomes of these, and what to try."""
     parts = []
-    for one in sorted(found, key=lambda x: -x.probability)[:NAMED]:
+    ordered = sorted(found, key=lambda x: -x.probability)
+    for one in ordered[:NAMED]:
         share = f"in {format_percent(one.probability)} of the realisations"
-        if fails:
+        if one.fails:
             parts.append(f"the {one.name} is outside of its range ({one.expected}) {share}")
         else:
             wrong, usual = ("negative", "positive") if one.expected == "0 or more" else ("positive", "negative")
@@ -142,10 +164,12 @@ def _said(found: list[Risk], fails: bool) -> str:
     more = [f"{len(found) - NAMED} more numbers alike"] if len(found) > NAMED else []
     inputs = {v.name: f"{v.name} = {v.description}" for one in found for v in one.inputs}
     listed = [*list(inputs.values())[:NAMED], *(["..."] if len(inputs) > NAMED else [])]
-    what = "these fail" if fails else "these run, and are driven by what is to hold or to damp them"
-    return (
-        f"{'; '.join([*parts, *more])}: {what}. It follows from {', '.join(listed)}; try a distribution that ends "
-        "where the quantity does, as chaospy.Trunc(...), chaospy.LogNormal or chaospy.Gamma"
+    return Finding(
+        Severity.WARNING,
+        "; ".join([*(one.name for one in ordered[:NAMED]), *more]),
+        f"{'; '.join([*parts, *more])}: {effect}. It follows from {', '.join(listed)}",
+        "Try a distribution that ends where the quantity does, as chaospy.Trunc(...), chaospy.LogNormal or "
+        "chaospy.Gamma",
     )
 
 

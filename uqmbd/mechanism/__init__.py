@@ -13,7 +13,6 @@ from uqmbd.mechanism.bodies import (
     random_inertia,
 )
 from uqmbd.mechanism.components import (
-    BEGUN,
     AngleSymbol,
     Auxiliary,
     Component,
@@ -115,7 +114,7 @@ from uqmbd.mechanism.imported import (
     from_urdf,
 )
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.mechanism.skeleton import Mark, skeleton
 from uqmbd.mechanism.unit_findings import unit_findings
 
 __all__ = [
@@ -140,7 +139,6 @@ __all__ = [
     "AtEquilibrium",
     "AtSteady",
     "Auxiliary",
-    "BEGUN",
     "Body",
     "BodyTerms",
     "Component",
@@ -161,6 +159,7 @@ __all__ = [
     "LARGEST",
     "Line",
     "Local",
+    "Mark",
     "MassProperties",
     "Mechanism",
     "ModeShape",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from uqmbd.errors import Finding, Severity
 from uqmbd.mechanism.mechanism import Mechanism
 
 __all__ = ["forgotten"]
 
 
-def forgotten(mechanism: Mechanism) -> tuple[str, ...]:
-    """Name the components that touch bodies of a mechanism and were never given to its `add`, a sentence each.
+def forgotten(mechanism: Mechanism) -> tuple[Finding, ...]:
+    """Name the components that touch bodies of a mechanism and were never given to its `add`.
 
     One that was replaced by another of its name, or refused, is none of them.
 
@@ -25,7 +26,7 @@ def forgotten(mechanism: Mechanism) -> tuple[str, ...]:
     >>> stone = mechanism.body("stone", mass=1)
     >>> push = PointForce("push", stone, (0, 0), (1, 0))
     >>> print(*forgotten(mechanism))
-    PointForce 'push' of body 'stone' was made and never added, so that it has no effect; call ...
+    Warning: PointForce 'push' of body 'stone' was made and never added, so that it has no effect. Call ...
     >>> push = mechanism.add(push)
     >>> forgotten(mechanism)
     ()
@@ -36,7 +37,12 @@ def forgotten(mechanism: Mechanism) -> tuple[str, ...]:
             if name not in mechanism.components:
                 touched.setdefault((name, kind), []).append(repr(body.name))
     return tuple(
-        f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was made and never "
-        "added, so that it has no effect; call mechanism.add(...) with it"
+        Finding(
+            Severity.WARNING,
+            f"{kind} {name!r}",
+            f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was made and never "
+            "added, so that it has no effect",
+            "Call mechanism.add(...) with it",
+        )
         for (name, kind), bodies in sorted(touched.items())
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.declared import unseen_numbers
-from uqmbd.mechanism.expressions import findings, flatten
+from uqmbd.mechanism.expressions import flatten, mismatches
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.units import spelling
 
@@ -39,5 +39,5 @@ def unit_findings(mechanism: Mechanism) -> tuple[str, ...]:
     texts = [(f"random variable {x.name!r}", x.units) for x in mechanism.inputs.variables]
     texts += [(where, units) for where, _, units in stated]
     told = [sentence for where, units in texts if (sentence := spelling(where, units))]
-    told += [x.text for where, value, units in stated for x in findings(where, value, units, unseen)]
+    told += [x.text for where, value, units in stated for x in mismatches(where, value, units, unseen)]
     return tuple(dict.fromkeys(told))

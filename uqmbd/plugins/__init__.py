@@ -1,7 +1,7 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-seven hooks, each of which returns classes::
+eight hooks, each of which returns classes::
 
     import uqmbd
 
@@ -24,6 +24,7 @@ from uqmbd.plugins.command import Command, command_line
 from uqmbd.plugins.hooks import KINDS, Kind, hookimpl, integrator_problem
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged, offered_by_core, registered_name
 from uqmbd.plugins.registry import (
+    checks,
     commands,
     component,
     components,
@@ -45,6 +46,7 @@ __all__ = [
     "Kind",
     "PluginInfo",
     "Registry",
+    "checks",
     "command_line",
     "commands",
     "component",

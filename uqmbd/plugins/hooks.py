@@ -61,6 +61,13 @@ class _Hooks:
         """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
 
     @_hookspec
+    def uqmbd_checks(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Offer checks of studies, classes made without arguments, known by the name of the class.
+
+        The method ``find(study)`` returns an iterable of `uqmbd.Finding`.  The core registers its own by this hook.
+        """
+
+    @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer commands of the command line, classes as `uqmbd.Command` says, made without arguments.
 
@@ -138,6 +145,7 @@ KINDS = {
     ),
     "readers": Kind("uqmbd_readers", "reader of model files", None, True, "read"),
     "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
+    "checks": Kind("uqmbd_checks", "check of studies", None, False, "find"),
     "commands": Kind(
         "uqmbd_commands",
         "command",

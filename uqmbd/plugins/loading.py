@@ -32,7 +32,7 @@ class PluginInfo:
         ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
     hooks : tuple of str
         Hooks that the plugin implements.
-    components, propagators, integrators, designs, readers, report_sections, commands : tuple of str
+    components, propagators, integrators, designs, readers, report_sections, checks, commands : tuple of str
         Names that the plugin registered.
     errors : tuple of str
         Why the plugin, or a part of it, cannot be used.
@@ -49,6 +49,7 @@ class PluginInfo:
     designs: tuple[str, ...] = ()
     readers: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
+    checks: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
 
@@ -104,7 +105,7 @@ def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
     ----------
     implementation : object
         Implements the hook.
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "commands"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "checks", "commands"}
     """
     manager = plugin_manager()
     manager.register(implementation)

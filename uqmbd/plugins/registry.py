@@ -12,6 +12,7 @@ from uqmbd.plugins.hooks import COMMANDS_GROUP, GROUP, KINDS
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged
 
 __all__ = [
+    "checks",
     "commands",
     "component",
     "components",
@@ -60,6 +61,11 @@ def report_sections() -> dict[str, type]:
     return dict(registered().classes["report_sections"])
 
 
+def checks() -> dict[str, type]:
+    """Return the checks of studies that plugins offer by class name; those of the core are not among them."""
+    return dict(registered().classes.get("checks", {}))
+
+
 def commands() -> dict[str, type]:
     """Return the commands that plugins offer by name, in the order of registration; no other plugin is loaded."""
     return dict(registered_commands().classes["commands"])
@@ -106,7 +112,7 @@ def owner(kind: str, name: str) -> str:
 
     Parameters
     ----------
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "commands"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "checks", "commands"}
     name : str
     """
     found = registered_commands() if kind == "commands" else registered()

@@ -42,7 +42,7 @@ from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
-from uqmbd.propagation.studies import Study, load_study
+from uqmbd.propagation.studies import Study, findings, load_study, warning_of
 
 __all__ = [
     "Bounds",
@@ -82,6 +82,7 @@ __all__ = [
     "accuracy_of",
     "allowed_of",
     "budget_of",
+    "findings",
     "fit_nodes",
     "nothing_random",
     "pool",
@@ -96,6 +97,7 @@ __all__ = [
     "stepped",
     "store_name",
     "timing_of",
+    "warning_of",
     "watched_angles",
     "writable",
 ]

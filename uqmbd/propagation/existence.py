@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -85,11 +85,14 @@ class Existence:
                 kept[variable].attrs = {**values.attrs, "comment": comment}
                 reasons = {name: f"it does not exist: {_blamed([self.causes[name]])}" for name in missing}
                 kept[variable] = with_reasons(kept[variable], reasons)
-        return kept, tuple(
-            self._sentence(cause, names) for cause in dict.fromkeys(self.causes[n] for n in names if n in self.orders)
-        )
+        return kept, self.sentences(names)
 
-    def _sentence(self, cause: str, names: list[str]) -> str:
+    def sentences(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Say which moments of these outputs do not exist, a sentence for each input that is to blame."""
+        causes = dict.fromkeys(self.causes[name] for name in names if name in self.orders)
+        return tuple(self._sentence(cause, names) for cause in causes)
+
+    def _sentence(self, cause: str, names: Sequence[str]) -> str:
         hit = [name for name in names if self.causes.get(name) == cause]
         order = self.orders[hit[0]]
         words = ("mean", "standard deviation", "skewness", "kurtosis")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.errors import Finding, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import as_symbolic
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Component, Mechanism
 
 __all__ = [
+    "finding_attributes",
     "mechanism_attributes",
     "not_unique_attribute",
-    "notices_attribute",
     "observed_model",
     "refuse_jumps",
     "step_attributes",
     "stepped",
+    "warn_of",
 ]
 
 
@@ -43,7 +44,10 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
             "e.g. mechanism.require('clearance', body.position[0] <= 0.47)."
         )
     means = mechanism.inputs.means
-    model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
+    with warnings.catch_warnings():
+        # they are among the findings, of which each run warns
+        warnings.simplefilter("ignore", RedundantConstraintWarning)
+        model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
     if start != "drawn":
         posed = [name for name, condition in mechanism.conditions.items() if not condition.of_velocities]
         if posed:
@@ -54,10 +58,15 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
         built = model
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
     if missing := forgotten(mechanism):
-        model = replace(model, notices=(*missing, *model.notices))
-    for notice in model.notices:
-        warnings.warn(f"{notice}.", StudyWarning, stacklevel=3)
+        model = replace(model, findings=(*missing, *model.findings))
     return model
+
+
+def warn_of(model: Model, stacklevel: int) -> None:
+    """Give the Python warnings of what was found when a model was made."""
+    for finding in model.findings:
+        if finding.warned:
+            warnings.warn(f"{finding.text}.", finding.category, stacklevel=stacklevel + 1)
 
 
 def stepped(model: Model, max_step: float, breaks: tuple[float, ...]) -> Model:
@@ -86,10 +95,12 @@ def not_unique_attribute(model: Model) -> dict[str, str]:
     return {"not_unique": ", ".join(names)} if names else {}
 
 
-def notices_attribute(model: Model, foretold: Sequence[str] = ()) -> dict[str, str]:
-    """Return the attribute that holds what was warned of, as JSON, if there is anything."""
-    told = [*model.notices, *foretold]
-    return {"warnings": json.dumps(told)} if told else {}
+def finding_attributes(findings: Sequence[Finding]) -> dict[str, str]:
+    """Return the attributes that hold findings, as JSON, if there are any: all, and the texts of those warned of."""
+    names = ("place", "message", "remedy")
+    found = [{"severity": x.severity.value, **{name: getattr(x, name) for name in names}} for x in findings]
+    warned = [x.text for x in findings if x.warned]
+    return {name: json.dumps(value) for name, value in (("findings", found), ("warnings", warned)) if value}
 
 
 LONGEST = 60

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
+from uqmbd.errors import Finding, Severity
 from uqmbd.results import failed_methods, propagator_nodes, surrogate_parts, varies
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
@@ -263,14 +264,15 @@ class StudyResult:
         return said + ([f"The methods could not be compared: {problem}"] if problem else [])
 
     @property
-    def warnings(self) -> list[str]:
-        """What the study was warned of, each once: of the mechanism, then of each method, with its label."""
-        found = _warnings_of(self.tree)
-        known = set(found)
+    def findings(self) -> list[Finding]:
+        """What is probably wrong with the study, each once: of the study, then of each method, with its label."""
+        found = _findings_of(self.tree)
+        known = {one.text for one in found}
         for label, method in self.methods.items():
             for part in method.node.subtree:
-                found += [f"{label}: {said}" for said in _warnings_of(part) if said not in known]
-                known.update(_warnings_of(part))
+                mine = [one for one in _findings_of(part) if one.text not in known]
+                found += [replace(one, place=label, message=f"{label}: {one.message}") for one in mine]
+                known.update(one.text for one in mine)
         return found
 
 
@@ -313,9 +315,14 @@ def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return found
 
 
-def _warnings_of(node: xr.DataTree) -> list[str]:
-    try:
-        found = json.loads(node.attrs.get("warnings", "[]"))
-    except (TypeError, ValueError):
-        return []
-    return [str(said) for said in found] if isinstance(found, list) else []
+def _findings_of(node: xr.DataTree) -> list[Finding]:
+    """Read the findings that a node stores; earlier versions, and methods, store texts of warnings."""
+    for name in ("findings", "warnings"):
+        try:
+            stored = json.loads(node.attrs[name])
+            if name == "findings":
+                return [Finding(Severity(one.pop("severity")), **one) for one in stored]
+            return [Finding(Severity.WARNING, "", str(said)) for said in stored] if isinstance(stored, list) else []
+        except (AttributeError, KeyError, TypeError, ValueError):  # there are none, or somebody else wrote them
+            continue
+    return []

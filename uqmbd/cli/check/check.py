@@ -18,8 +18,8 @@ from uqmbd.cli.tables import console, plain_table
 from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.mechanism import ImportedMechanism, Mechanism
-from uqmbd.propagation import Estimate, Propagator, Timing, load_study, obstacle_of, readable, timing_of
+from uqmbd.mechanism import ImportedMechanism
+from uqmbd.propagation import Estimate, Propagator, Timing, findings, load_study, obstacle_of, readable, timing_of
 from uqmbd.wording import format_count, format_duration, format_integer, typeset_units
 
 if TYPE_CHECKING:
@@ -78,21 +78,16 @@ def _show_check(script: Path, figure: Path | None) -> None:
     if found.not_unique:
         undetermined = ", ".join(found.not_unique)
         screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
-    if found.moved:
-        moved = ", ".join(map(str, found.moved))
-        screen.print(f"  moved       {moved} (by assembly, from where drawn)", markup=False)
     if found.mobility:
         _show_frequencies(screen, study)
-    _show_apart(screen, found)
-    _show_turned(screen, study.mechanism)
-    _show_omissions(screen, study.mechanism)
+    if isinstance(study.mechanism, ImportedMechanism):
+        screen.print(f"  read from   {study.mechanism.source}, by {study.mechanism.read_by}", markup=False)
     _show_components(screen, found.components)
     _show_controllers(screen, getattr(found, "controllers", ()))
-    _show_inputs(screen, found.inputs, found.unused_inputs)
+    _show_inputs(screen, found.inputs)
     _show_requirements(screen, study)
-    _show_units(screen, getattr(found, "units", ()))
-    _show_ranges(screen, study)
     _show_propagators(screen, study)
+    _show_findings(screen, study)
 
 
 def _require_integrator(study: Study) -> None:
@@ -140,39 +135,6 @@ def _equations(found: Any) -> str:
         return f"{text}; one is the unit length of the body's {pair}, not of a joint"
     which = "all" if count == units else str(units)
     return f"{text}; {which} are the unit lengths of the bodies' {pair}s, not of joints"
-
-
-def _show_apart(screen: Console, found: Any) -> None:
-    """Note bodies that nothing connects with the ground; no components at all are told elsewhere."""
-    for names in getattr(found, "apart", ()) if found.components else ():
-        if len(names) == 1:
-            note = f"body {names[0]!r} is connected to nothing: no component leads to another body or the ground"
-        else:
-            every = ", ".join(map(repr, names))
-            note = f"bodies {every} are connected with each other only: no component leads to the ground"
-        screen.print(f"  note        {note}", markup=False)
-
-
-def _show_turned(screen: Console, mechanism: Mechanism) -> None:
-    """Note bodies that are drawn by more than a turn, as by degrees in the place of radians."""
-    for name, body in mechanism.bodies.items():
-        angle = body.pose.angle
-        if getattr(angle, "is_number", True) and abs(float(angle)) > 2 * math.pi:
-            drawn, turns = f"{float(angle):g}", f"{float(angle) / (2 * math.pi):.3g} turns"
-            note = f"body {name!r} is drawn at {drawn} rad, {turns}; degrees are written math.radians({drawn})"
-            screen.print(f"  note        {note}", markup=False)
-
-
-def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
-    """Print what a mechanism that was read from a file does not have of it."""
-    if not isinstance(mechanism, ImportedMechanism):
-        return
-    screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
-    table = plain_table("not taken, or changed", "count", "which", "why")
-    for row in mechanism.not_taken:
-        table.add_row(Text(row.what), str(row.count), Text(row.listed), Text(row.why))
-    screen.print()
-    screen.print(table if len(mechanism.not_taken) else "All that the file says was taken.")
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:
@@ -231,14 +193,12 @@ def _show_controllers(screen: Console, controllers: tuple[tuple[str, str, str, s
         screen.print(table)
 
 
-def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...], unused: tuple[str, ...]) -> None:
+def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...]) -> None:
     table = plain_table("random input", "distribution", "units")
     for name, distribution, units in inputs:
         table.add_row(Text(name), Text(distribution), Text(typeset_units(units)))
     screen.print()
     screen.print(table if inputs else "No random inputs: every realisation is the same.")
-    if unused:
-        screen.print(f"Enters nothing: {', '.join(unused)}", markup=False)
 
 
 def _show_requirements(screen: Console, study: Study) -> None:
@@ -252,22 +212,13 @@ def _show_requirements(screen: Console, study: Study) -> None:
         screen.print(table)
 
 
-def _show_units(screen: Console, found: tuple[str, ...]) -> None:
-    """Print what is wrong with units."""
-    if found:
-        screen.print()
-    for sentence in found:
-        screen.print(f"Units: {sentence}", markup=False)
-
-
-def _show_ranges(screen: Console, study: Study) -> None:
-    """Print which numbers leave their range in realisations that are to be expected, if the study tells."""
-    foretold = getattr(study, "foretold", None)
-    sentences = foretold() if callable(foretold) else ()
-    if sentences:
-        screen.print()
-    for sentence in sentences:
-        screen.print(f"Ranges: {sentence}", markup=False)
+def _show_findings(screen: Console, study: Study) -> None:
+    """Print what is probably wrong with the study."""
+    found = findings(study)
+    screen.print()
+    screen.print(f"Findings: {len(found) or 'none'}")
+    for finding in found:
+        screen.print(str(finding), markup=False, soft_wrap=True)
 
 
 def _show_propagators(screen: Console, study: Study) -> None:

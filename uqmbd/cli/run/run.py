@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shlex
 import sys
 import time
@@ -20,9 +21,18 @@ from uqmbd.cli.run.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.cli.terminal import FAILED, UNMET, Staged, shown_derivation, shown_progress
 from uqmbd.clusters import Workers
-from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
+from uqmbd.errors import MethodFailedWarning, Severity, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.propagation import allowed_of, claimed, load_study, set_aside, store_name, writable
+from uqmbd.propagation import (
+    allowed_of,
+    claimed,
+    findings,
+    load_study,
+    set_aside,
+    store_name,
+    warning_of,
+    writable,
+)
 from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration, format_probability
 
@@ -161,6 +171,19 @@ def _run(
         return _delivered(tree, study, out, script, progress, about=about, report=report, figures=figures)
 
 
+def _list_findings(study: Study, only: Sequence[str]) -> list[str]:
+    """Print what is probably wrong with a study, as `uqmbd check` does; return the texts."""
+    study = study.with_propagators(p for p in study.propagators if not only or p.node_name in only)
+    found = findings(study)
+    for finding in found:
+        if finding.severity is Severity.WARNING:
+            # whatever the filters of the script are
+            warnings.showwarning(UserWarning(warning_of(study, finding)), UserWarning, "", 0)
+        else:
+            print(str(finding), file=sys.stderr, flush=True)
+    return [finding.text for finding in found]
+
+
 def _computed(
     study: Study,
     executor: int | Executor,
@@ -179,6 +202,9 @@ def _computed(
         with warnings.catch_warnings():
             # they are told at the end
             warnings.simplefilter("ignore", MethodFailedWarning)
+            for text in _list_findings(study, only):
+                # a method says it again of itself
+                warnings.filterwarnings("ignore", f".*: {re.escape(text)}")
             # curves of error against cost may take long: what is found before them is stored before them
             grows = getattr(study, "convergence", None) is not None and not only
             before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}

@@ -12,7 +12,7 @@ import sympy
 
 from uqmbd.dynamics.control.shipping import Shipped
 from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, Placement, output_map
-from uqmbd.errors import StudyError
+from uqmbd.errors import Finding, Severity, StudyError
 from uqmbd.mechanism import Controller, HeldStates, HeldSymbol, Mechanism, Output, flatten
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
@@ -121,23 +121,22 @@ def require_controllers(mechanism: Mechanism) -> None:
             _output(mechanism, controller, k, entry)
 
 
-def unused_commands(mechanism: Mechanism) -> tuple[str, ...]:
-    """Say which commands nothing uses, a sentence for each controller."""
+def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
+    """Find the commands that nothing uses, of each controller."""
     used: set[Any] = set()
     for component in mechanism.all_components():
         used |= _held(_entries(component.values.values()))
     used |= _held([o.expression for o in mechanism.observed()])
     used |= _held([x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)])
-    found: list[str] = []
+    found: list[Finding] = []
     for controller in mechanism.controllers.values():
         idle = [name for name in controller.commands if controller.command(name) not in used]
         if idle:
             listed = " and ".join(map(repr, idle))
             verb = "is" if len(idle) == 1 else "are"
-            found.append(
-                f"{controller.where}: its command{'s' * (len(idle) > 1)} {listed} {verb} used nowhere; give "
-                f"controller.command({idle[0]!r}) to a component, such as the torque of a Torque"
-            )
+            message = f"{controller.where}: its command{'s' * (len(idle) > 1)} {listed} {verb} used nowhere"
+            remedy = f"Give controller.command({idle[0]!r}) to a component, such as the torque of a Torque"
+            found.append(Finding(Severity.WARNING, controller.where, message, remedy))
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
-from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of
+from uqmbd.dynamics.equations.limits import Limit, impossible, limits_of, signs_of, squares_of
 from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
 from uqmbd.dynamics.equations.parameters import ParameterMap
@@ -50,5 +50,6 @@ __all__ = [
     "output_map",
     "plain",
     "signs_of",
+    "squares_of",
     "state_arguments",
 ]

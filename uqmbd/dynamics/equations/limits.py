@@ -15,7 +15,7 @@ from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 from uqmbd.wording import format_number, format_quantity
 
-__all__ = ["Limit", "Tensor", "impossible", "limits_of", "signs_of"]
+__all__ = ["Limit", "Tensor", "impossible", "limits_of", "signs_of", "squares_of"]
 
 Inputs = tuple[tuple[str, int], ...]
 
@@ -171,6 +171,39 @@ def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit
         if at_means:
             found.append(Limit(name, _placed(entry, expressions, places), parameter.units, *ends, inputs=inputs))
     return tuple(found)
+
+
+def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
+    """Collect the factors of masses, inertias and numbers with a range whose even power hides that they change sign.
+
+    A moment of inertia ``m length**2 / 12`` is positive for lengths below zero, too.  A sum, as that of a distance of
+    axes, does not vanish with the square in it: there an offset may have either sign.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look into.
+    expressions : list of expressions
+        As of `limits_of`.
+    """
+    entries: list[tuple[str, sympy.Expr]] = []
+    for body in mechanism.bodies.values():
+        moments = [as_symbolic(x) for x in body.terms.values["inertia"] or ()]
+        entries += [(f"inertia of body {body.name!r}", x) for x in moments if _random(x)]
+        mass = as_symbolic(body.terms.values["mass"])
+        entries += [(f"mass of body {body.name!r}", mass)] if _random(mass) else []
+    entries += [(name, entry) for name, entry, parameter in _numbers(mechanism) if parameter.ranged]
+    found: dict[tuple[str, sympy.Expr], Limit] = {}
+    places: dict[sympy.Expr, int] = {}
+    for name, entry in entries:
+        for base, power in (x.as_base_exp() for x in sympy.Mul.make_args(sympy.factor_terms(entry))):
+            if not (power.is_even and base.free_symbols and (at_means := nominal(base))):
+                continue
+            ends = (0.0, math.inf) if at_means > 0 else (-math.inf, 0.0)
+            inputs = tuple((str(v), _placed(v, expressions, places)) for v in sorted(base.free_symbols, key=str))
+            place = _placed(base, expressions, places)
+            found[name, base] = Limit(f"{base} in the {name}", place, "", *ends, inputs=inputs)
+    return tuple(found.values())
 
 
 def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: Array) -> list[str]:

@@ -15,6 +15,7 @@ from uqmbd.dynamics.equations.evaluators import Evaluators
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.errors import Finding
 from uqmbd.mechanism import Spline
 from uqmbd.typing import Array, Index
 
@@ -95,8 +96,8 @@ class Model:
     """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
     rough: bool = False
     """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
-    notices: tuple[str, ...] = ()
-    """What may be meant and often is not, a sentence each."""
+    findings: tuple[Finding, ...] = ()
+    """What is probably wrong with the mechanism."""
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)

@@ -20,7 +20,6 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
-from uqmbd.mechanism.components.declaration import BEGUN
 from uqmbd.mechanism.components.effects import effective_parameters, known_effects, no_effect, require_effects
 from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in, told_by
 from uqmbd.mechanism.components.parameter import range_text
@@ -34,7 +33,6 @@ from uqmbd.mechanism.components.user_law import law_at, law_values
 __all__ = [
     "AngleSymbol",
     "Auxiliary",
-    "BEGUN",
     "Component",
     "Constraint",
     "Event",

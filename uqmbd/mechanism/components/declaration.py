@@ -6,7 +6,6 @@ import inspect
 import re
 import sys
 import textwrap
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,10 +15,7 @@ from uqmbd.mechanism.components.parameter import Parameter
 from uqmbd.mechanism.components.world_pose import KEYWORDS, Declared, replaced
 from uqmbd.mechanism.geometry import NamedFrame
 
-__all__ = ["BEGUN", "declare", "require_annotated"]
-
-BEGUN = time.time()
-"""When a component could be written first, s: code that is edited later may not be what runs."""
+__all__ = ["declare", "require_annotated"]
 
 SYMBOLS = (
     "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",

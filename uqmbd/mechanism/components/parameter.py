@@ -18,7 +18,15 @@ if TYPE_CHECKING:
 else:
     Given = TypeVar("Given")
 
-_REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
+
+class _Required:
+    """The default of a parameter that has none."""
+
+    def __repr__(self) -> str:
+        return "required"
+
+
+_REQUIRED: Any = _Required()
 
 Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "numbers", "option"]
 

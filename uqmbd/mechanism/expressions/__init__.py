@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
-from uqmbd.mechanism.expressions.dimensions import check_dimensions, findings, units_of
+from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
 from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
@@ -96,7 +96,7 @@ __all__ = [
     "domain_of",
     "eigenfrequency",
     "event_name",
-    "findings",
+    "mismatches",
     "flatten",
     "foreign_part",
     "is_scalar",

@@ -56,7 +56,7 @@ from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 Unseen = Iterable[Dimension]
 """Of numbers that are 1."""
 
-__all__ = ["Finding", "check_dimensions", "findings", "units_of"]
+__all__ = ["Mismatch", "check_dimensions", "mismatches", "units_of"]
 
 SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
 """How to say that something is right after all."""
@@ -72,7 +72,7 @@ _OF_NUMBERS = tuple(f for f in FUNCTIONS if f not in (*_KEEPING, *_SIGNS, *_ALIK
 
 
 @dataclass(frozen=True)
-class Finding:
+class Mismatch:
     """What is wrong with the units of an expression.
 
     Attributes
@@ -122,13 +122,13 @@ def check_dimensions(where: str, expression: Any, units: str = "", unseen: Calla
     uqmbd.errors.StudyError: output 'gap': gap is in mm, and its units are to be m, so that its numbers are wrong by a
     factor of 1000; write gap/1000, or state the units that it is in.
     """
-    for found in findings(where, expression, units, unseen):
+    for found in mismatches(where, expression, units, unseen):
         if found.certain:
             raise StudyError(found.text)
         warn(found.text)
 
 
-def findings(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> list[Finding]:
+def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> list[Mismatch]:
     """Return what is wrong with the units of an expression; see `check_dimensions`."""
     if not isinstance(expression, sympy.Basic) or isinstance(expression, sympy.Number) or not expression.free_symbols:
         return []
@@ -162,7 +162,7 @@ class _Walk:
 
     where: str
     unseen: Callable[[], Unseen]
-    found: list[Finding] = field(default_factory=list)
+    found: list[Mismatch] = field(default_factory=list)
     known: dict[Any, Measure] = field(default_factory=dict)
 
     def measure(self, part: Any) -> Measure:
@@ -249,7 +249,7 @@ class _Walk:
             if is_off(measure, Unit()):
                 ratio = measure.unit.factor
                 self.found.append(
-                    Finding(
+                    Mismatch(
                         f"{self.where}: {what}, and {_short(part)} is in {_own(part, measure.unit)}; multiply it by "
                         f"{factor_in_words(ratio)}.",
                         certain=True,
@@ -257,7 +257,7 @@ class _Walk:
                 )
         elif not measure.free and not self._explained([measure.unit.dimension, PURE]):
             self.found.append(
-                Finding(
+                Mismatch(
                     f"{self.where}: {what}, and {_short(part)} is in {in_words(measure.unit.dimension)}; divide it by "
                     f"what it is to be compared with, or look at the units of what is in it. {SEEN}"
                 )
@@ -298,7 +298,7 @@ class _Walk:
         words = [in_words(measure.unit.dimension) for _, measure in (one, other)]
         verb = "adds" if getattr(whole, "is_Add", False) else "compares"
         self.found.append(
-            Finding(
+            Mismatch(
                 f"{self.where}: {_short(whole)} {verb} {_short(one[0])}, which is in {words[0]}, and "
                 f"{_short(other[0])}, which is in {words[1]}; look at both, and at the units of what is random. "
                 f"{SEEN}"
@@ -321,7 +321,7 @@ class _Walk:
             return False
         ratio = a.unit.factor / b.unit.factor
         self.found.append(
-            Finding(
+            Mismatch(
                 f"{self.where}: {_short(one[0])} is in {_own(one[0], a.unit)}, and {_short(other[0])} in "
                 f"{_own(other[0], b.unit)}; multiply the former by {factor_in_words(ratio)}.",
                 certain=True,
@@ -335,7 +335,7 @@ class _Walk:
         if found.unit.dimension != declared.dimension:
             if not found.free and not self._explained([found.unit.dimension, declared.dimension]):
                 self.found.append(
-                    Finding(
+                    Mismatch(
                         f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}; "
                         f"look at both, and at the units of what is random. {SEEN}"
                     )
@@ -343,7 +343,7 @@ class _Walk:
         elif is_off(found, declared):
             ratio = found.unit.factor / declared.factor
             self.found.append(
-                Finding(
+                Mismatch(
                     f"{self.where}: {text} is in {_own(expression, found.unit)}, and its units are to be {units}, so "
                     f"that its numbers are wrong by a factor of {_size(ratio)}; write {_scaled(expression, ratio)}, or "
                     "state the units that it is in.",

@@ -25,6 +25,9 @@ class Studied(Protocol):
     times: Array
     rtol: float
     integrator: str
+    start: str
+    max_step: float
+    breaks: tuple[float, ...]
     propagators: tuple[Propagator, ...]
     convergence: Mapping[str, Any] | None
 

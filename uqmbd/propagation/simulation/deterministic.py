@@ -20,12 +20,13 @@ from uqmbd.errors import (
 from uqmbd.names import checked
 from uqmbd.propagation.integration_error import LONG_NAME, deviation, tighter
 from uqmbd.propagation.observed_model import (
+    finding_attributes,
     not_unique_attribute,
-    notices_attribute,
     observed_model,
     refuse_jumps,
     step_attributes,
     stepped,
+    warn_of,
 )
 from uqmbd.propagation.options import (
     check_breaks,
@@ -126,6 +127,7 @@ def simulate(
     point = input_point(where, mechanism, values)
     longest, added = check_max_step(max_step, where), check_breaks(breaks, where)
     model = stepped(observed_model(mechanism, float(grid[0]), start), longest, added)
+    warn_of(model, stacklevel=3)
     require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     moved = [one for one in (model.scalars, model.margins) if one is not None]
@@ -154,7 +156,7 @@ def simulate(
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,
         **not_unique_attribute(model),
-        **notices_attribute(model),
+        **finding_attributes(model.findings),
     }
     variables = variables_of(model, response, "time")
     if model.scalars is not None:

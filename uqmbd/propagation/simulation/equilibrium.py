@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
-from uqmbd.propagation.observed_model import observed_model
+from uqmbd.propagation.observed_model import observed_model, warn_of
 from uqmbd.propagation.simulation.deterministic import input_point, variables_of
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def static_equilibrium(
     where = f"static_equilibrium {_named(mechanism, 'static_equilibrium')!r}"
     point = input_point(where, mechanism, values)
     model = observed_model(mechanism, _moment(time, where))
+    warn_of(model, stacklevel=3)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     found = _found(mechanism, ensemble)
     states = np.concatenate([found.q, found.s, np.zeros_like(found.q)], axis=1)
@@ -181,7 +182,9 @@ def _any_model(mechanism: Mechanism, time: float) -> Model:
     from uqmbd.dynamics import build
 
     if mechanism.outputs:
-        return observed_model(mechanism, time)
+        model = observed_model(mechanism, time)
+        warn_of(model, stacklevel=4)
+        return model
     return mechanism.remembered(("model without outputs", time), lambda: build(mechanism, time))
 
 

@@ -17,18 +17,17 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from uqmbd.display import html_of
-from uqmbd.errors import StudyError, StudyWarning, UnusedInputWarning
+from uqmbd.errors import Finding, StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.existence import existence_of
-from uqmbd.propagation.idle_inputs import POINTS, affordable, idle_inputs
 from uqmbd.propagation.methods import Propagator, run_method
 from uqmbd.propagation.observed_model import (
+    finding_attributes,
     mechanism_attributes,
-    notices_attribute,
     observed_model,
     refuse_jumps,
     step_attributes,
@@ -44,7 +43,8 @@ from uqmbd.propagation.options import (
     check_still,
     check_times,
 )
-from uqmbd.propagation.studies.run_methods import joined, planned, run_methods
+from uqmbd.propagation.studies.checks import findings, ranges, warning_of
+from uqmbd.propagation.studies.run_methods import joined, run_methods
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -373,11 +373,9 @@ class Study:
         [[0.0, 0.2, 0.4]]
         """
         self._checked([propagator])
-        self._foretell((propagator,))
+        self._warned((propagator,))
         with pool(workers) as executor:
-            node = run_method(propagator, self.problem(propagator, executor, progress))
-        self._tell_idle((propagator,))
-        return node
+            return run_method(propagator, self.problem(propagator, executor, progress))
 
     @checked
     def run(
@@ -474,11 +472,10 @@ class Study:
                 begin(folder, resume=resume)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
-            foretold = self._foretell(chosen)
+            found = self._warned(chosen)
             outcome = run_methods(self, chosen, crew, progress, folder, terms, resume=resume)
             outcome.told(self.name, stacklevel=2)
-            idle = self._tell_idle(chosen)
-            tree = joined(self, outcome, self._attributes((*foretold, *idle)))
+            tree = joined(self, outcome, self._attributes(found))
             if finished is not None:
                 finished(tree)
             if only is None:
@@ -514,39 +511,18 @@ class Study:
         >>> study.foretold()[0][:79]
         "the mass of body 'stone' is outside of its range (0 or more) in 2.3 % of the re"
         """
-        from uqmbd.dynamics import risks, said_of_risks
+        other = self if propagators is None else self.with_propagators(propagators)
+        return tuple(finding.text for finding in ranges(other))
 
-        found = self.mechanism.remembered("risks", lambda: risks(self.mechanism))
-        return said_of_risks(found, planned(self, propagators or self.propagators)) if found else ()
-
-    def _foretell(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
-        """Warn of what is foretold."""
-        found = self.foretold(propagators)
-        for sentence in found:
-            warnings.warn(f"study {self.name!r}: {sentence}.", StudyWarning, stacklevel=4)
+    def _warned(self, propagators: Sequence[Propagator]) -> list[Finding]:
+        """Warn of what is found where these methods run."""
+        found = findings(self.with_propagators(propagators))
+        for finding in found:
+            if finding.warned:
+                warnings.warn(warning_of(self, finding), finding.category, stacklevel=4)
         return found
 
-    def _tell_idle(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
-        """Warn of inputs that no output depends on."""
-        idle = tuple(
-            f"no output depends on the random input {name!r}; changed alone, from {POINTS + 1} points, it changed "
-            "nothing. Leave it out, or observe what it changes"
-            for name in self._idle(propagators)
-        )
-        for sentence in idle:
-            warnings.warn(f"study {self.name!r}: {sentence}.", UnusedInputWarning, stacklevel=4)
-        return idle
-
-    def _idle(self, propagators: Sequence[Propagator]) -> tuple[str, ...]:
-        """Name the inputs that no output depends on, where the methods compute enough to look at them."""
-        inputs = self.mechanism.inputs
-        if not affordable(len(inputs), planned(self, propagators)):
-            return ()
-        about = (self.times, self.rtol, self.integrator)
-        key = ("idle", self.times.tobytes(), self.rtol, self.integrator, self.start, self.max_step, self.breaks)
-        return self.mechanism.remembered(key, lambda: idle_inputs(self.model, inputs, *about))
-
-    def _attributes(self, foretold: Sequence[str] = ()) -> dict[str, Any]:
+    def _attributes(self, found: Sequence[Finding]) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
         shown: dict[str, Any] = {"report_times": list(self.report_times)} if self.report_times else {}
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
@@ -556,7 +532,7 @@ class Study:
             **steps,
             **shown,
             **mechanism_attributes(self.mechanism),
-            **notices_attribute(self.model, foretold),
+            **finding_attributes(found),
         }
 
     @checked

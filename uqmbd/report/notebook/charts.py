@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from uqmbd.report.view import StudyResult
     from uqmbd.results import PolynomialChaos
 
-__all__ = ["alive", "motion_charts", "output_charts", "surrogate_charts"]
+__all__ = ["alive", "motion_charts", "noted", "output_charts", "surrogate_charts", "too_large"]
 
 
 OPEN = 3
@@ -74,7 +74,11 @@ def _folded(charts: Sequence[tuple[str, str]]) -> str:
 
 def surrogate_charts(chaos: PolynomialChaos) -> str:
     """Draw means and bands of a surrogate's outputs over time."""
-    return "" if chaos.labels.times is None else _noted("Its outputs over time", lambda: _of_surrogate(chaos))
+    return (
+        ""
+        if chaos.labels.times is None
+        else noted("Its outputs over time cannot be drawn", lambda: _of_surrogate(chaos))
+    )
 
 
 def _of_surrogate(chaos: PolynomialChaos) -> str:
@@ -94,11 +98,16 @@ def motion_charts(study: Study) -> str:
     """Draw the outputs of a study over time, at the means of its inputs."""
     if len(study.times) < 2 or not study.mechanism.outputs:
         return ""
-    if len(study.times) * len(study.mechanism.bodies) > LARGE:
+    if too_large(study):
         return (
             "<p>It is large: its motion at the means of the inputs is not computed for this. uqmbd.simulate does.</p>"
         )
-    return _noted("The motion at the means of the inputs", lambda: _nominal(study))
+    return noted("The motion at the means of the inputs cannot be drawn", lambda: _nominal(study))
+
+
+def too_large(study: Study) -> bool:
+    """Whether a study does not compute anything merely to be shown."""
+    return len(study.times) * len(study.mechanism.bodies) > LARGE
 
 
 def _nominal(study: Study) -> str:
@@ -123,9 +132,9 @@ def _nominal(study: Study) -> str:
     return _folded(charts)
 
 
-def _noted(what: str, make: Callable[[], str]) -> str:
+def noted(what: str, make: Callable[[], str]) -> str:
     """Return what can be made, or a note in its place: tables stand without it."""
     try:
         return make()
     except Exception as error:  # noqa: BLE001 - to show an object must not fail
-        return f"<p>{escape(what)} cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
+        return f"<p>{escape(what)}: {escape(f'{type(error).__name__}: {error}')}</p>"

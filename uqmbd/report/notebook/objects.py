@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.report.notebook.charts import alive, motion_charts, output_charts, surrogate_charts
+from uqmbd.report.notebook.charts import alive, motion_charts, noted, output_charts, surrogate_charts, too_large
 from uqmbd.report.notebook.tables import mechanism_tables, options_of, page, picture, table
 from uqmbd.wording import format_duration, format_integer, format_number, typeset_units
 
@@ -62,8 +62,23 @@ def study_html(study: Study) -> str:
     ]
     methods = [(p.node_name, type(p).__name__, options_of(p)) for p in study.propagators]
     parts = [table("", ("study", ""), facts), table("Methods", ("label", "type", "options"), methods)]
+    parts.append(noted("What is probably wrong with it is not known", lambda: _findings(study)))
     inner = f"<details><summary>{escape(study.mechanism.name)}</summary>{mechanism_html(study.mechanism)}</details>"
     return alive(page(f"{study.name} – study", "".join(parts), "") + inner + motion_charts(study))
+
+
+def _findings(study: Study) -> str:
+    """Return what is probably wrong with a study, a paragraph each."""
+    import warnings
+
+    from uqmbd.propagation import findings
+
+    if too_large(study):
+        return "<p>It is large: what is probably wrong with it is not looked for. uqmbd.findings does.</p>"
+    with warnings.catch_warnings():
+        # a run gives them
+        warnings.simplefilter("ignore")
+        return "".join(f"<p>{escape(str(one))}</p>" for one in findings(study))
 
 
 def chaos_html(chaos: PolynomialChaos) -> str:
@@ -133,7 +148,7 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
         for label, m in result.scalars.items()
         for name, of in ((name, m.of(name)) for name in m.names if outputs is None or name in outputs)
     ]
-    said = [*result.problems, *(f"{sentence}." for sentence in differing(result.nodes)), *result.warnings]
+    said = [*result.problems, *(f"{sentence}." for sentence in differing(result.nodes)), *map(str, result.findings)]
     parts = [
         *(f"<p>{escape(text)}</p>" for text in said),
         table("Methods", ("label", "realisations", "failed", "time"), methods),

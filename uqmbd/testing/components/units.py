@@ -19,7 +19,7 @@ from uqmbd.mechanism import (
     VirtualWork,
     as_symbolic,
 )
-from uqmbd.mechanism.expressions import findings, flatten, t, units_of
+from uqmbd.mechanism.expressions import flatten, mismatches, t, units_of
 from uqmbd.units import read_units
 
 __all__ = ["check_units"]
@@ -120,7 +120,7 @@ def _require(title: str, what: str, expression: sympy.Expr, units: str) -> None:
     )
     stated = f"Stated are {', '.join(f'{name} in {own}' for name, own in given if own)}."
     if all(power.exp.is_number for power in expression.atoms(sympy.Pow)):
-        wrong = findings(f"{title}: {what}", expression, units)
+        wrong = mismatches(f"{title}: {what}", expression, units)
         assert not wrong, f"{wrong[0].text} {stated}"
 
 

@@ -59,7 +59,7 @@ def _sentences(result: StudyResult) -> list[str]:
     if constant:
         does = "does" if len(constant) == 1 else "do"
         text.append(f"{', '.join(constant)} {does} not vary beyond the integration error.")
-    return text + [f"Note: {said}." for said in result.warnings]
+    return text + list(map(str, result.findings))
 
 
 def _populations(result: StudyResult) -> list[str]:

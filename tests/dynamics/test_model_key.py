@@ -1,4 +1,4 @@
-"""Models from the cache: their key changes with whatever they are made from, and they are those that were built."""
+"""Models from the cache: their key changes with all that they are made from, and they are those that were built."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.compiled import compilations
 from uqmbd.dynamics import build
-from uqmbd.dynamics.facts import OWN, _original, facts_of
+from uqmbd.dynamics.model_key import _Digests, model_key
 from uqmbd.laws import length
 from uqmbd_contact import ContactLaw, PlaneContact, depth
 from uqmbd_drivers import RotationDriver
@@ -120,7 +120,7 @@ def machine(spec: Mapping[str, Any], *, otherwise: bool = False) -> uqmbd.Mechan
 
 def facts(spec: Mapping[str, Any], **options: Any) -> str | None:
     s = {**USUAL, **spec}
-    return facts_of(machine(spec, **options), s["time"], s["fuse"])
+    return model_key(machine(spec, **options), s["time"], s["fuse"])
 
 
 def seen(spec: Mapping[str, Any]) -> dict[str, Any]:
@@ -165,35 +165,109 @@ def test_each_place_alone_changes_the_facts(key: str) -> None:
     assert None not in known
 
 
-def test_what_others_write_has_no_facts(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Other(SpringDamper):
-        """Written here."""
+GAIN = 2.0
+TABLE = {"gain": 3.0}
 
+
+def shaped(value: Any) -> Any:
+    """A helper that components of third parties call."""
+    return value * GAIN
+
+
+class Shape:
+    """An object with a state, as third parties hold it."""
+
+    def __init__(self, power: int) -> None:
+        self.power = power
+
+
+SHAPE = Shape(2)
+
+
+def cart(kind: type[uqmbd.Component], **attributes: Any) -> uqmbd.Mechanism:
+    m = uqmbd.Mechanism("cart", uqmbd.Translational())
+    body = m.body("cart", mass=1, position=(1, 0))
+    spring = m.add(kind("spring", m.ground, body, (0, 0), (0, 0), 5))
+    vars(spring).update(attributes)
+    m.output("x", body.position[0])
+    return m
+
+
+def third_party(factor: float = 1.0, default: float = 0.0) -> type[uqmbd.Component]:
+    """A component with a closure, a default, a helper, and globals."""
+
+    class Third(SpringDamper):
+        share = 0.5
+
+        def terms(self, p: Any, extra: float = default) -> Any:
+            scale = shaped(factor) + TABLE["gain"] + SHAPE.power + self.share + extra
+            return [uqmbd.Potential(scale * term.energy) if isinstance(term, uqmbd.Potential) else term
+                    for term in SpringDamper.terms(self, p)]  # fmt: skip
+
+    Third.__qualname__ = "Third"
+    return Third
+
+
+def test_components_of_third_parties_have_keys_that_follow_their_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same code with the same values has one key; each part of it that the equations may depend on another."""
+    usual = model_key(cart(third_party()))
+    assert usual is not None and usual == model_key(cart(third_party()))
+    assert usual != model_key(cart(SpringDamper))
+    found = [usual, model_key(cart(third_party(factor=1.5))), model_key(cart(third_party(default=1.0)))]
+    found.append(model_key(cart(third_party(), gain=3)))
+    here = sys.modules[__name__]
+    changes: list[tuple[Any, str, Any]] = [
+        (here, "GAIN", 2.5),
+        (here, "TABLE", {"gain": 3.5}),
+        (here, "SHAPE", Shape(3)),
+        (here, "shaped", lambda value: value),
+        (Shape, "scale", 2.0),
+    ]
+    for target, name, value in changes:
+        with monkeypatch.context() as patch:
+            patch.setattr(target, name, value, raising=False)
+            found.append(model_key(cart(third_party())))
+    assert len(set(found)) == len(found) and None not in found
+    with monkeypatch.context() as patch:
+        kind = third_party()
+        patch.setattr(kind, "share", 0.6)
+        assert model_key(cart(kind)) not in (None, *found)
+    assert model_key(cart(third_party())) == usual
+
+
+def test_what_is_not_known_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = sys.modules[__name__]
+    source = open(__file__, encoding="utf-8")  # noqa: SIM115 - an object of a compiled library
+    with source:
+        for unknown in (source, iter([1]), sys.modules["chaospy"], lambda: __import__("chaospy"), importing):
+            with monkeypatch.context() as patch:
+                patch.setattr(here, "SHAPE", unknown)
+                assert model_key(cart(third_party())) is None, unknown
+    controlled = cart(SpringDamper)
+    body = controlled.bodies["cart"]
+    controlled.add(uqmbd.Controller("c", [body.position[0]], ["u"], 10.0, lambda time, measured: measured))
+    assert model_key(controlled) is None
+
+
+def importing() -> Any:
+    """Code of another package, which has no version in the key."""
+    import chaospy
+
+    return chaospy
+
+
+def test_patches_change_the_key_or_leave_none(monkeypatch: pytest.MonkeyPatch) -> None:
     class Mine:
         """What can be called."""
 
         def __call__(self, *_: object) -> list[Any]:
             return []
 
-    def cart(kind: type[uqmbd.Component], **attributes: Any) -> uqmbd.Mechanism:
-        m = uqmbd.Mechanism("cart", uqmbd.Translational())
-        body = m.body("cart", mass=1, position=(1, 0))
-        spring = m.add(kind("spring", m.ground, body, (0, 0), (0, 0), 5))
-        vars(spring).update(attributes)
-        m.output("x", body.position[0])
-        return m
-
     plain = cart(SpringDamper)
-    known = facts_of(plain)
+    known = model_key(plain)
     assert known is not None
-    assert facts_of(cart(Other)) is None
-    assert facts_of(cart(SpringDamper, gain=3)) is None
     posing = type("SpringDamper", (SpringDamper,), {"__module__": SpringDamper.__module__})
-    assert facts_of(cart(posing)) is None
-    controlled = cart(SpringDamper)
-    body = controlled.bodies["cart"]
-    controlled.add(uqmbd.Controller("c", [body.position[0]], ["u"], 10.0, lambda time, measured: measured))
-    assert facts_of(controlled) is None
+    assert model_key(cart(posing)) != known
     original, own = SpringDamper.terms, SpringDamper.prepare
 
     @functools.wraps(original)
@@ -206,18 +280,21 @@ def test_what_others_write_has_no_facts(monkeypatch: pytest.MonkeyPatch) -> None
     }
     for name, values in patches.items():
         for value in values:
-            with monkeypatch.context() as patch:
-                patch.setattr(SpringDamper, name, value)
-                assert facts_of(plain) is None, (name, value)
-    assert facts_of(plain) == known
-    for place in ("uqmbd_springs.spring.law_at", "uqmbd.dynamics.equations.block.settled_expression"):
-        with monkeypatch.context() as patch:
-            patch.setattr(place, lambda *_: 0, raising=False)
-            assert facts_of(plain) is None, place
+            for kind in (SpringDamper, uqmbd.Component):
+                with monkeypatch.context() as patch:
+                    patch.setattr(kind, name, value)
+                    assert model_key(plain) != known, (kind, name, value)
+    assert model_key(plain) == known
+    with monkeypatch.context() as patch:
+        patch.setattr("uqmbd_springs.spring.law_at", lambda *_: 0, raising=False)
+        assert model_key(cart(SpringDamper)) != known or "law_at" not in SpringDamper.terms.__code__.co_names
+    with monkeypatch.context() as patch:
+        patch.setattr("uqmbd.dynamics.equations.block.settled_expression", lambda *_: 0, raising=False)
+        assert model_key(plain) is None
     with monkeypatch.context() as patch:
         patch.setattr(SpringDamper, "symbol", "coil" if SpringDamper.symbol != "coil" else "damper")
-        assert facts_of(plain) not in (None, known)
-    assert facts_of(plain) == known
+        assert model_key(plain) not in (None, known)
+    assert model_key(plain) == known
 
 
 def pendulum(stiffness: Any = 20.0) -> uqmbd.Mechanism:
@@ -255,7 +332,7 @@ def test_a_model_from_the_cache_is_the_one_that_was_built(
         assert motion(integrator=integrator) == before
     finally:
         sys.setprofile(None)
-    assert "facts_of" in called
+    assert "model_key" in called
     assert not called & {"stated", "terms", "_built"}
     assert compilations[0] == compiled
 
@@ -283,9 +360,9 @@ def test_what_only_some_integrators_take_is_compiled_for_them(tmp_path: Path, mo
         model.evaluators["nothing"]
 
 
-FACTS = """
+KEY = """
 import uqmbd
-from uqmbd.dynamics.facts import OWN, _original, facts_of
+from uqmbd.dynamics.model_key import model_key
 from uqmbd_springs import SpringDamper
 
 mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
@@ -293,41 +370,40 @@ body = mechanism.body("cart", mass=2, position=(1, 0))
 mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), 5))
 mechanism.output("x", body.position[0])
 {after}
-print(facts_of(mechanism))
+print(model_key(mechanism))
 """
 
 
 @pytest.mark.thorough
-def test_the_code_of_components_is_in_the_facts(tmp_path: Path) -> None:
-    """It changes them; and a program that runs while it changes has none."""
+def test_the_code_that_runs_is_in_the_key(tmp_path: Path) -> None:
+    """An edit changes it in the next program; a comment, and an edit while a program runs, do not."""
     package = tmp_path / "uqmbd_springs"
     package.mkdir()
     for file in (PLUGINS / "uqmbd_springs").glob("*.py"):
         (package / file.name).write_bytes(file.read_bytes())
-        os.utime(package / file.name, (1e9, 1e9))
     edited = package / "spring.py"
 
     def told(after: str = "") -> str:
         path = os.pathsep.join([str(tmp_path), str(ROOT), str(PLUGINS), os.environ.get("PYTHONPATH", "")])
         environment = dict(os.environ, PYTHONPATH=path, PYTHONDONTWRITEBYTECODE="1")
-        command = [sys.executable, "-c", FACTS.format(after=after)]
+        command = [sys.executable, "-c", KEY.format(after=after)]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
     before = told()
-    assert before == told() != "None"
-    assert told(f"import pathlib; pathlib.Path({str(edited)!r}).touch()") == "None"
-    os.utime(edited, (1e9, 1e9))
-    edited.write_bytes(edited.read_bytes() + b"\n")
-    os.utime(edited, (1e9 + 1, 1e9 + 1))
+    assert before != "None"
+    edited.write_text(edited.read_text() + "\n# a comment\n")
+    assert told() == before == told(f"open({str(edited)!r}, 'a').write('# another one')")
+    edited.write_text(edited.read_text() + "\n\nSpringDamper.terms = lambda self, p: []\n")
     assert told() not in (before, "None")
 
 
 def test_what_uqmbd_has_itself_is_known() -> None:
     """No component or space of its own goes the long way."""
-    packages = [importlib.import_module(x) for x in OWN[1:]]
+    plain = driven_slider_crank(0.3)
+    packages = [importlib.import_module(x) for x in ("uqmbd_contact", "uqmbd_drivers", "uqmbd_joints", "uqmbd_springs")]
     offered = [x for p in packages for x in vars(p).values() if isinstance(x, type) and issubclass(x, uqmbd.Component)]
     assert len(offered) > 30
     for kind in (*offered, uqmbd.Spatial, uqmbd.Planar, uqmbd.Translational, uqmbd.Line, uqmbd.Mechanism):
-        known = [x for x in kind.__mro__ if x.__module__.partition(".")[0] in OWN]
-        assert all(map(_original, known)), kind
-    assert facts_of(driven_slider_crank(0.3)) is not None
+        found = _Digests(plain)
+        assert found.of(kind) and found.code(), kind
+    assert model_key(plain) is not None

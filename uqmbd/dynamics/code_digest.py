@@ -1,0 +1,228 @@
+"""What functions and classes do, in plain data: their code, and all that it refers to.
+
+A function is its code object, its defaults, what its closure holds, and the globals that it names; a class is its bases
+and attributes.  Packages whose versions are in every key of the cache (`LIBRARIES`) are known by names.  Anything that
+has no such content, as an object of a compiled library, is `Unknown`.
+"""
+
+from __future__ import annotations
+
+import dis
+import sys
+import types
+from collections.abc import Iterator, Sequence
+from functools import cache, cached_property, partial, partialmethod
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+__all__ = ["Unknown", "code_of", "is_library", "unpatched"]
+
+LIBRARIES = frozenset({"numpy", "pluggy", "scipy", "sympy", "symengine", "uqmbd", *sys.stdlib_module_names})
+"""Packages whose versions, or sources, are in every key."""
+
+PURE = frozenset(
+    {
+        "__future__", "abc", "builtins", "cmath", "collections", "contextlib", "copy", "dataclasses", "decimal", "enum",
+        "fractions", "functools", "itertools", "math", "numbers", "numpy", "operator", "pluggy", "re", "scipy",
+        "statistics", "string", "symengine", "sympy", "types", "typing", "uqmbd", "warnings",
+    }
+)  # fmt: skip
+"""Those of them whose functions return the same for the same arguments, but for `IMPURE` ones."""
+
+IMPURE = frozenset(
+    {
+        "__import__", "compile", "default_rng", "eval", "exec", "fromfile", "genfromtxt", "globals",
+        "import_module", "loadtxt", "memmap", "open", "random",
+    }
+)  # fmt: skip
+"""Names of what depends on more than its arguments."""
+
+WRITING = ("uqmbd.compiled", "uqmbd.dynamics", "uqmbd.mechanism")
+"""Parts of the core that write equations."""
+
+UNSEEN = frozenset(
+    {
+        "__abstractmethods__", "__annotations__", "__dataclass_fields__", "__dataclass_params__", "__dict__", "__doc__",
+        "__firstlineno__", "__match_args__", "__module__", "__orig_bases__", "__parameters__", "__qualname__",
+        "__signature__", "__slots__", "__static_attributes__", "__weakref__", "_abc_impl",
+    }
+)  # fmt: skip
+"""Attributes of classes that say nothing of what their methods do."""
+
+LOADS = (dis.opmap["LOAD_GLOBAL"], dis.opmap["LOAD_NAME"])
+IMPORT, EXTENDED = dis.opmap["IMPORT_NAME"], dis.opmap["EXTENDED_ARG"]
+FUNCTIONS = (FunctionType, partial, type(cache(len)))
+SLOTS = (types.GetSetDescriptorType, types.MemberDescriptorType)
+COMPILED = (
+    types.BuiltinFunctionType, types.MethodDescriptorType, types.WrapperDescriptorType, types.MethodWrapperType,
+    types.ClassMethodDescriptorType,
+)  # fmt: skip
+
+Content = tuple[object, Sequence[Any]]
+"""What is plain, and parts that have a content in turn."""
+
+
+class Unknown(Exception):  # noqa: N818 - no error: there is no digest
+    """Something has no content that is known."""
+
+
+def is_library(name: str | None, packages: frozenset[str] = PURE) -> bool:
+    """Whether a module belongs to a package that is known by its version."""
+    return str(name).partition(".")[0] in packages
+
+
+def code_of(value: Any) -> Content | None:
+    """Return the content of a function, class, module or descriptor; None of other values.
+
+    Raises
+    ------
+    Unknown
+        If it is one of them, and its content is not known.
+    """
+    if isinstance(value, FunctionType):
+        return _function(value)
+    if isinstance(value, type):
+        return _class(value)
+    if isinstance(value, (classmethod, staticmethod)):
+        return type(value).__name__, [value.__func__]
+    if isinstance(value, property):
+        return "property", [value.fget, value.fset, value.fdel]
+    if isinstance(value, cached_property):
+        return "cached property", [value.func]
+    if isinstance(value, (partial, partialmethod)):
+        return type(value).__name__, [value.func, value.args, dict(value.keywords)]
+    if isinstance(value, types.MethodType):
+        return "method", [value.__func__, value.__self__]
+    if hasattr(type(value), "cache_info"):
+        return "cached", [value.__wrapped__]
+    if isinstance(value, COMPILED):
+        owner = getattr(value, "__objclass__", None)
+        module = owner.__module__ if owner is not None else getattr(value, "__module__", None)
+        if not is_library(module) or isinstance(getattr(value, "__self__", None), types.MethodWrapperType):
+            raise Unknown
+        return ("compiled", module, value.__qualname__), ()
+    if isinstance(value, ModuleType):
+        raise Unknown  # what is taken of it is not known
+    return None
+
+
+def _function(value: FunctionType) -> Content:
+    scope, code = value.__globals__, value.__code__
+    wrapped = [x for x in map(_held, value.__closure__ or ()) if isinstance(x, (FunctionType, partial, type))]
+    if is_library(scope.get("__name__")):
+        # what the core holds beside functions are names and signatures of these
+        cells = wrapped if scope["__name__"].startswith("uqmbd.") else [_held(x) for x in value.__closure__ or ()]
+        return ("library", scope["__name__"], value.__qualname__, _head(code) if cells else ()), cells
+    loaded, attributes = _names(code)
+    parts: list[Any] = [value.__defaults__, value.__kwdefaults__, *map(_held, value.__closure__ or ())]
+    for name in loaded:
+        if name in scope:
+            parts += [name, *_taken(scope[name], attributes, known="getattr" not in loaded)]
+    return ("function", _head(code)), parts
+
+
+def _class(value: type) -> Content:
+    name = (value.__module__, value.__qualname__)
+    if is_library(value.__module__):
+        if value.__module__.startswith("uqmbd.") and not _as_written(value):
+            raise Unknown
+        return ("class", *name), ()
+    own = {key: x for key, x in vars(value).items() if key not in UNSEEN and not isinstance(x, SLOTS)}
+    return ("class", *name, sorted(own)), [*value.__mro__[1:], type(value), *(own[key] for key in sorted(own))]
+
+
+def _taken(value: Any, attributes: frozenset[str], *, known: bool) -> Iterator[Any]:
+    """Return what code takes of a global: of a module of others the attributes that the code may mean."""
+    if not isinstance(value, ModuleType):
+        yield value
+    elif is_library(value.__name__):
+        yield value.__name__
+    elif not known or "__getattr__" in vars(value) or is_library(value.__name__, LIBRARIES):
+        raise Unknown
+    else:
+        for name in sorted(attributes & vars(value).keys()):
+            yield name
+            yield from _taken(vars(value)[name], attributes, known=known)
+
+
+def _held(cell: Any) -> Any:
+    """Return what a cell of a closure holds."""
+    try:
+        return cell.cell_contents
+    except ValueError:  # it is empty
+        return ()
+
+
+@cache
+def _head(code: CodeType) -> tuple[object, ...]:
+    """Return what a code object does, with the code within it, without names of files and lines."""
+    constants = [_head(x) if isinstance(x, CodeType) else (type(x).__name__, _constant(x)) for x in code.co_consts]
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
+    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
+    return code.co_code, getattr(code, "co_exceptiontable", b""), counts, names, tuple(constants)
+
+
+def _constant(value: object) -> str:
+    """Write a constant, sets in one order."""
+    return repr(sorted(map(repr, value))) if isinstance(value, frozenset) else repr(value)
+
+
+@cache
+def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Return the globals that code reads, and all names in it; what it imports must be a library."""
+    loaded, extended = set(), 0
+    for op, low in zip(code.co_code[::2], code.co_code[1::2], strict=True):
+        argument, extended = low | extended, (low | extended) << 8 if op == EXTENDED else 0
+        if op in LOADS:
+            # the lowest bit of the first says how it is called
+            loaded.add(code.co_names[argument >> 1 if op == LOADS[0] else argument])
+        elif op == IMPORT and not is_library(code.co_names[argument]):
+            raise Unknown
+    attributes = set(code.co_names)
+    if attributes & IMPURE:
+        raise Unknown
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            more, others = _names(inner)
+            loaded |= set(more)
+            attributes |= others
+    return tuple(sorted(loaded)), frozenset(attributes)
+
+
+def unpatched() -> bool:
+    """Whether functions of all modules that write equations are those of the core, or of a library."""
+    for name, module in list(sys.modules.items()):
+        scope = vars(module) if name.startswith(WRITING) else {}
+        for value in list(scope.values()):
+            if isinstance(value, FunctionType):
+                own = value.__globals__ is scope and not value.__closure__
+            else:
+                own = not isinstance(value, FUNCTIONS)
+            if not (own or _written(value)):
+                return False
+    return True
+
+
+def _as_written(kind: type) -> bool:
+    """Whether a class of the core is the one that its module defined, with the methods that it had."""
+    found: Any = sys.modules.get(kind.__module__)
+    for name in kind.__qualname__.split("."):
+        found = getattr(found, name, None)
+    return found is kind and all(
+        _written(x) and not isinstance(x, (partial, partialmethod)) for x in vars(kind).values()
+    )
+
+
+def _written(value: Any) -> bool:
+    """Whether functions in a value were written in the core, or in a library; data are."""
+    if isinstance(value, FunctionType):
+        inner = [getattr(value, "__wrapped__", None), *map(_held, value.__closure__ or ())]
+        return is_library(value.__globals__.get("__name__"), LIBRARIES) and all(
+            _written(x) for x in inner if isinstance(x, (FunctionType, partial))
+        )
+    if isinstance(value, (property, classmethod, staticmethod, cached_property, partial, partialmethod)):
+        inner = [getattr(value, x, None) for x in ("fget", "fset", "fdel", "__func__", "func")]
+        return all(x is None or (_written(x) and not isinstance(x, type)) for x in inner)
+    if hasattr(type(value), "cache_info"):
+        return _written(value.__wrapped__)
+    return is_library(type(value).__module__, LIBRARIES) or not (callable(value) or hasattr(type(value), "__get__"))

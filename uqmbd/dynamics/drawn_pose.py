@@ -1,0 +1,113 @@
+"""The drawn pose: known points of bodies, the size of the mechanism, and how far assembly moves its bodies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy
+
+from uqmbd.dynamics.assembly import positions
+from uqmbd.dynamics.equations import Model
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import Frame, Mark, Mechanism, nominal, skeleton
+from uqmbd.typing import Array
+
+__all__ = ["Move", "apart", "extent_of", "known_places", "moved", "moves", "size_of"]
+
+MOVED = 0.01
+"""A body that assembly moves by less than this, in sizes of the drawn mechanism, is drawn where it is meant."""
+
+TILTED = np.radians(1)
+"""One that it turns by less than this, rad, as well."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """How far assembly moved a body from where it was drawn, at the means of the inputs.
+
+    Attributes
+    ----------
+    body : str
+        Its name.
+    distance : float
+        Of the frame's origin, m.
+    turn : float
+        Angle of the rotation, rad, from 0 to pi.
+    """
+
+    body: str
+    distance: float
+    turn: float
+
+    def __str__(self) -> str:
+        parts = [f"by {self.distance:.3g} m"] if self.distance > 0 else []
+        parts += [f"by {np.degrees(self.turn):.3g} degrees"] if self.turn > 1e-3 else []
+        return f"{self.body!r} {' and '.join(parts)}"
+
+
+def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
+    """Compare poses, one of each, shape (coordinate,); one move for each body."""
+    d, found = model.dimension, []
+    pairs = zip(drawn.reshape(-1, model.size), assembled.reshape(-1, model.size), strict=True)
+    for name, (before, after) in zip(model.bodies, pairs, strict=True):
+        e, f = (x[d:] / (np.linalg.norm(x[d:]) or 1.0) for x in (before, after))
+        apart, together = sorted((float(np.linalg.norm(e - f)), float(np.linalg.norm(e + f))))  # of either sign
+        turn = 4 * math.atan2(apart, together)
+        found.append(Move(name, float(np.linalg.norm(after[:d] - before[:d])), turn))
+    return tuple(found)
+
+
+def known_places(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
+    """Known points of each body as drawn, m, at the means; a point without a finite place is left out."""
+    poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
+    poses["ground"] = mechanism.ground.q
+    frames: dict[str, Frame] = {}
+    found: dict[str, list[tuple[Mark, Array]]] = {}
+    for mark in skeleton(mechanism):
+        if mark.kind == "direction":
+            continue
+        try:
+            if mark.body not in frames:  # numbers first: SymPy takes long to turn expressions
+                frames[mark.body] = Frame(mechanism.space, [nominal(x) for x in poses[mark.body]])
+            place = [float(x) for x in frames[mark.body].point([nominal(x) for x in mark.local])]
+        except StudyError:  # no finite number at the means: told elsewhere
+            continue
+        found.setdefault(mark.body, []).append((mark, np.array(place)))
+    return found
+
+
+def extent_of(places: Sequence[Array]) -> float:
+    """Return the diagonal of the box around places, m; 0 of none."""
+    return float(np.linalg.norm(np.ptp(np.array(places), axis=0))) if places else 0.0
+
+
+def size_of(mechanism: Mechanism) -> float:
+    """Largest extent of the mechanism as drawn, m, at the means: of all points that are known of its bodies."""
+    return extent_of([place for found in known_places(mechanism).values() for _, place in found])
+
+
+def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tuple[Move, ...]:
+    """Return the bodies that assembly moved noticeably, at the means; what start conditions move is meant."""
+    parameters = model.parameters(mechanism.inputs.means[None, :])
+    drawn = parameters[:, model.drawn]
+    free = replace(model, conditions=None)
+    q, _ = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
+    found = [m for m in moves(model, drawn[0], q[0]) if m.turn > TILTED or m.distance > 1e-9]
+    limit = 0.0
+    if found:  # which takes SymPy long
+        limit = MOVED * (size_of(mechanism) if size is None else size)
+    return tuple(m for m in found if m.turn > TILTED or m.distance > max(limit, 1e-9))
+
+
+def apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
+    """Return groups of bodies that no component connects with each other or the ground."""
+    group = {name: {name} for name in ("ground", *mechanism.bodies)}
+    for component in mechanism.components.values():
+        names = [str(getattr(component.attached[role], "name", "ground")) for role in component.bodies]
+        joined = set().union(*(group[name] for name in names))
+        group |= dict.fromkeys(joined, joined)
+    found = {name: tuple(n for n in mechanism.bodies if n in group[name]) for name in mechanism.bodies}
+    return tuple(dict.fromkeys(names for name, names in found.items() if name not in group["ground"]))

@@ -1,0 +1,369 @@
+"""Checks of an assembled mechanism, which are made once and stored with its model.
+
+A new one is a function from `Assembled` to findings, and its name in `CHECKS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import sympy
+
+from uqmbd.dynamics.assembly import dropped_in_dead_centre, positions
+from uqmbd.dynamics.control import unused_commands
+from uqmbd.dynamics.drawn_pose import apart, extent_of, known_places, moved
+from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
+from uqmbd.dynamics.margins import undetermined_margins
+from uqmbd.errors import Finding, RedundantConstraintWarning, Severity
+from uqmbd.mechanism import (
+    AngleSymbol,
+    Component,
+    Mark,
+    Mechanism,
+    angles_in,
+    joint_frames,
+    nominal,
+    relative_quaternion,
+    t,
+    unit_findings,
+)
+from uqmbd.typing import Array
+
+__all__ = ["Assembled", "looked_at", "model_findings"]
+
+
+FAR = 1.0
+"""A body that assembly moves by more than this, in sizes of the drawn mechanism, is a warning; of less a note."""
+
+TURNED = np.pi / 4
+"""The same of a turn, rad."""
+
+DEEP = 0.1
+"""The same of the depth of a contact of points, in sizes of the mechanism."""
+
+REALISATIONS = 256
+"""Realisations that are looked at for angles of drivers that start more than half a turn from the drawn pose."""
+
+LEAST = 1.0
+"""Mechanisms are taken to be this large at least, m."""
+
+SPREAD = 10.0
+"""Largest radius of gyration of a body, in its extents: that of a dumb-bell is half of its own."""
+
+SCALES = 1e4
+"""Largest ratio of two lengths of a mechanism."""
+
+NAMED = 40
+"""Redundant equations that a finding names; `uqmbd.check` names them all."""
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """An assembled mechanism, at the means of its inputs.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    model : Model
+    instances : sequence of Instance
+        Its components, in the order of the parameters.
+    parameters : array, shape (1, parameter)
+    drawn, pose : array, shape (1, coordinate)
+        As drawn, and as the motion starts.
+    """
+
+    mechanism: Mechanism
+    model: Model
+    instances: Sequence[Instance]
+    parameters: Array
+    drawn: Array
+    pose: Array
+
+    @cached_property
+    def places(self) -> dict[str, list[tuple[Mark, Array]]]:
+        """Known points of each body, as drawn, in the world frame, m."""
+        return known_places(self.mechanism)
+
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of the mechanism as drawn, m."""
+        return extent_of([place for found in self.places.values() for _, place in found])
+
+    def values(self) -> Iterator[tuple[Instance, list[float]]]:
+        """Yield each component with its parameters."""
+        first = 0
+        for instance in self.instances:
+            chosen = self.parameters[0, first : first + len(instance.parameters)]
+            first += len(instance.parameters)
+            yield instance, chosen.tolist()
+
+
+def model_findings(assembled: Assembled) -> tuple[Finding, ...]:
+    """Make all checks of an assembled mechanism."""
+    return tuple(finding for check in CHECKS for finding in check(assembled))
+
+
+def _redundant(a: Assembled) -> Iterator[Finding]:
+    """Equations that depend on others, in every pose or in the drawn one only."""
+    model = a.model
+    redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
+    if not len(redundant):
+        return
+    names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
+    more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
+    effect = dropped_in_dead_centre(model, a.parameters, model.time)
+    effect = effect or "The motion is not affected; some reactions are not unique (`uqmbd check` names them)."
+    message = (
+        f"mechanism {model.name!r}: {len(redundant)} of {model.layout.constraints} constraint equations "
+        f"are redundant and are dropped: {names}{more}"
+    )
+    where = f"mechanism {model.name!r}"
+    yield Finding(Severity.WARNING, where, message, effect.removesuffix("."), RedundantConstraintWarning)
+
+
+def _moved(a: Assembled) -> Iterator[Finding]:
+    """Bodies that assembly moved from where they are drawn: a warning of those far away, and a note of others."""
+    found = moved(a.mechanism, a.model, a.size)
+    far = [m for m in found if m.turn > TURNED or m.distance > FAR * a.size + 1e-9]
+    near = [m for m in found if m not in far]
+    for severity, some in ((Severity.WARNING, far), (Severity.NOTE, near)):
+        if some:
+            bodies, were, it = ("bodies", "they were", "them") if len(some) > 1 else ("body", "it was", "it")
+            yield Finding(
+                severity,
+                f"{bodies} {', '.join(repr(m.body) for m in some)}",
+                f"mechanism {a.mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, some))} from where "
+                f"{were} drawn",
+                f"Draw {it} closer to the pose that is meant (uqmbd check --figure shows the mechanism)",
+            )
+
+
+def _turned(a: Assembled) -> Iterator[Finding]:
+    """Bodies that are drawn by more than a turn, as by degrees in the place of radians."""
+    for name, body in a.mechanism.bodies.items():
+        angle = body.pose.angle
+        if getattr(angle, "is_number", True) and abs(float(angle)) > 2 * math.pi:
+            shown, turns = f"{float(angle):g}", f"{abs(float(angle)) / (2 * math.pi):.3g} turns"
+            message = f"body {name!r} is drawn at {shown} rad, {turns}"
+            yield Finding(Severity.WARNING, f"body {name!r}", message, f"Write degrees as math.radians({shown})")
+
+
+def _apart(a: Assembled) -> Iterator[Finding]:
+    """Bodies that nothing connects with the ground, where there are components."""
+    for names in apart(a.mechanism) if a.mechanism.components else ():
+        every = ", ".join(map(repr, names))
+        if len(names) == 1:
+            message = f"body {every} is connected to nothing: no component leads to another body or the ground"
+        else:
+            message = f"bodies {every} are connected with each other only: no component leads to the ground"
+        yield Finding(Severity.NOTE, message.partition(" are ")[0].partition(" is ")[0], message)
+
+
+def _spread(a: Assembled) -> Iterator[Finding]:
+    """Bodies whose radius of gyration is beyond all that is known of their shape, as by wrong units of the inertia."""
+    for name, body in a.mechanism.bodies.items():
+        known = a.places.get(name, [])
+        reach = max((abs(float(nominal(mark.radius))) for mark, _ in known), default=0.0)
+        extent = max(extent_of([place for _, place in known]), 2 * reach)
+        mass, *moments = (float(nominal(x)) for x in (body.terms.values["mass"], *(body.terms.values["inertia"] or ())))
+        if not extent or not moments or mass <= 0:
+            continue
+        gyration = math.sqrt(max(0.0, *moments[:3]) / mass)
+        # next to a mechanism points of a body may be close together, as axle and centre of mass of a rotor
+        if gyration > max(SPREAD * extent, a.size):
+            yield Finding(
+                Severity.NOTE,
+                f"body {name!r}",
+                f"body {name!r} has a radius of gyration of {gyration:.3g} m, {gyration / extent:.2g} times the extent "
+                f"of its known points, {extent:.3g} m",
+                "Look at the units of its mass (kg), inertia (kg m^2) and points (m)",
+            )
+
+
+def _scales(a: Assembled) -> Iterator[Finding]:
+    """Lengths of one mechanism that differ by orders of magnitude, as by millimetres in the place of metres."""
+    lengths = {f"body {name!r}": extent_of([place for _, place in found]) for name, found in a.places.items()}
+    lengths = {name: length for name, length in lengths.items() if length > 0}
+    lengths |= {f"mechanism {a.mechanism.name!r}": a.size} if a.size > 0 else {}
+    if not lengths:
+        return
+    (short, least), (long, most) = (pick(lengths.items(), key=lambda x: x[1]) for pick in (min, max))
+    if most > SCALES * least:
+        yield Finding(
+            Severity.NOTE,
+            short,
+            f"the known points of {short} extend over {least:.3g} m, and those of {long} over {most:.3g} m: lengths "
+            f"that differ by more than a factor of {SCALES:g}",
+            "Look at the units of its points: all lengths are in metres",
+        )
+
+
+def _units(a: Assembled) -> Iterator[Finding]:
+    """Units that do not fit, of which statements have warned."""
+    for sentence in unit_findings(a.mechanism):
+        yield Finding(Severity.WARNING, sentence.partition(": ")[0], sentence.removesuffix("."), category=None)
+
+
+def _hidden_turns(a: Assembled) -> Iterator[Finding]:
+    """Drivers that start whole turns away from the angles that are counted.
+
+    Counted angles start within half a turn of the drawn pose.  A driver whose angle is a function of time starts at the
+    value of that function; a driver that follows other joints, at its value in the assembled pose.
+    """
+    mechanism, model = a.mechanism, a.model
+    seen = [x for o in mechanism.outputs.values() for x in o.expression.free_symbols]
+    if not (model.layout.states or any(isinstance(x, AngleSymbol) for x in seen)):
+        return
+    drivers = [x for x in mechanism.all_components() if x.prescribed_angle and not _turns_are_stated(mechanism, x)]
+    starts = [(x, *angles) for x, angles in zip(drivers, _starts(mechanism, model, drivers), strict=True)]
+    for component, angles, poses in starts:
+        far = np.abs(angles - poses) > np.pi * (1 + 1e-9)
+        if not far.any():
+            continue
+        share = "" if far.all() else f" in {100 * far.mean():.2g} % of the realisations"
+        advice = "Draw the body there, or state" if model.dimension == 2 else "State"
+        followed = " and ".join(map(str, _followed(component)))
+        others = f". State {followed} as well, which the driver follows" if followed else ""
+        yield Finding(
+            Severity.WARNING,
+            f"driver {component.name!r}",
+            f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
+            f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; whole turns between them are not counted "
+            "by angles of bodies and joints, and by springs",
+            f"{advice} the turns by mechanism.start(joint.angle, value), with the value at which the driver starts"
+            f"{others}",
+        )
+
+
+def _turns_are_stated(mechanism: Mechanism, component: Component) -> bool:
+    """Whether start conditions hold an angle of the driven bodies, and all angles that the driver follows.
+
+    A follower alone does not decide: its condition moves what it follows.
+    """
+    conditions = [c for c in mechanism.conditions.values() if not c.of_velocities]
+    stated, followed = angles_in([c.residual for c in conditions]), _followed(component)
+    bodies = [component.attached[role] for role in ("body_i", "body_j")]
+    driven = [x for x in stated if x not in followed and any(getattr(s, "owner", None) in bodies for s in x.states)]
+    return bool(driven) and all(x in stated for x in followed)
+
+
+def _followed(component: Component) -> list[AngleSymbol]:
+    """Return the counted angles in the expression of a driver's angle."""
+    return angles_in([component.values[component.prescribed_angle]])
+
+
+def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
+    """Angles at which drivers start and are drawn, rad, in the realisations that are looked at."""
+    if not drivers:
+        return []
+    rows = looked_at(mechanism)
+    places = [x for body in mechanism.bodies.values() for x in body.q]
+    expressions = [(_angle_at_start(x, model.time), plain(_drawn_angle(x))) for x in drivers]
+    symbols, known = list(mechanism.inputs.variables), rows
+    if any(start.free_symbols & set(places) for start, _ in expressions):
+        parameters = model.parameters(rows)
+        # start conditions move followed joints and their followers together, and turns are counted on the way
+        drawn, free = parameters[:, model.drawn], replace(model, conditions=None)
+        q, messages = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
+        assembled = np.flatnonzero([not message for message in messages])
+        symbols, known = [*symbols, *places], np.concatenate([rows, q], axis=1)[assembled]
+    values = [ParameterMap.of(pair, symbols)(known) for pair in expressions]
+    return [(x[:, 0], x[:, 1]) for x in values]
+
+
+def _angle_at_start(component: Component, time: float) -> sympy.Expr:
+    """Angle of a driver at the initial time, rad, in inputs and coordinates; followed angles as their counts begin."""
+    counted = {
+        x: x.angle.at_start(x.angle.whole(x.angle.cosine), x.angle.whole(x.angle.sine), x.angle.near)
+        for x in _followed(component)
+    }
+    angle = plain(component.values[component.prescribed_angle]).xreplace(counted)
+    return plain(angle.xreplace({t: sympy.Float(time)}))
+
+
+def looked_at(mechanism: Mechanism) -> Array:
+    """Return the values of the inputs that notices depend on, shape (K, input): the means, and where drivers turn more.
+
+    The latter where an angle is prescribed, at points that are spread over the inputs.
+    """
+    inputs = mechanism.inputs
+    means = inputs.means[None, :]
+    if not len(inputs) or not any(component.prescribed_angle for component in mechanism.all_components()):
+        return means
+    from scipy.stats import qmc
+
+    points = qmc.Halton(len(inputs), scramble=False).random(REALISATIONS + 1)[1:]
+    return np.concatenate([means, inputs.from_uniform(points)])
+
+
+def _drawn_angle(component: Component) -> sympy.Expr:
+    """Angle that two bodies are drawn at, as a driver of rotation understands it, rad; in space at the means."""
+    i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
+    if i.space.dimension == 2:
+        return component.drawn_angle()
+    frames = joint_frames(component.values["axis_i"], component.values["axis_j"])
+    r = relative_quaternion(*(f.attitude(x) for f, x in zip((i, j), frames, strict=True)))
+    half = float(np.arctan2(float(nominal(r[-1])), float(nominal(r[0]))))
+    return sympy.Float((2 * half + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _deep_contacts(a: Assembled) -> Iterator[Finding]:
+    """Contacts that start deep."""
+    if not any(instance.type.gaps for instance in a.instances):
+        return
+    model, size = a.model, max(LEAST, a.size)
+    order = {name: k for k, name in enumerate(a.mechanism.bodies)}
+    for instance, numbers in a.values():
+        if not instance.type.gaps:
+            continue
+        local = np.concatenate([a.pose[0][order[b.name] * model.size :][: model.size] for b in instance.bodies])
+        values = {sympy.Symbol(f"_p{k}", real=True): sympy.Float(x) for k, x in enumerate(numbers)}
+        values |= {sympy.Symbol(f"_q{k}", real=True): sympy.Float(x) for k, x in enumerate(local.tolist())}
+        values[TIME] = sympy.Float(model.time)
+        for gap, reach in instance.type.gaps:
+            depth, usual = (_number(instance.type.whole(e).xreplace(values)) for e in (-gap, reach))
+            usual = min(usual, DEEP * size) if usual > 0 else DEEP * size
+            if depth > usual:
+                where = f"{type(instance.component).__name__} {instance.component.name!r}"
+                yield Finding(
+                    Severity.WARNING,
+                    where,
+                    f"{where} starts {depth:.3g} m deep: bodies overlap before anything has happened, and are thrown "
+                    "apart",
+                    "Look at its points, normal and radii, and at the drawn poses",
+                )
+
+
+def _undetermined(a: Assembled) -> Iterable[Finding]:
+    """Find the requirements on what redundant constraints leave undetermined."""
+    if a.model.layout.constraints == a.model.layout.rank:
+        return ()
+    return undetermined_margins(a.model, a.pose[0], a.model.time, a.parameters[0])
+
+
+def _number(value: sympy.Expr) -> float:
+    """Return a number; NaN for what has none, as a gap that depends on states of its own."""
+    try:
+        return float(value.doit())
+    except TypeError:
+        return float("nan")
+
+
+CHECKS = (
+    _redundant,
+    _moved,
+    _hidden_turns,
+    _deep_contacts,
+    lambda a: unused_commands(a.mechanism),
+    _undetermined,
+    _turned,
+    _apart,
+    _spread,
+    _scales,
+    _units,
+)
+"""All of them, in the order in which findings are listed."""

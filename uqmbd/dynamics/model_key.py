@@ -1,0 +1,224 @@
+"""Keys of models: a digest of all that a model is made from, without asking its components for their terms.
+
+What a component states follows from the code of its class, whoever wrote it, and from its values.  A mechanism with a
+part whose code or value is not known has no key, and its model is stored nowhere.  Nor has one with controllers, whose
+functions are the user's.
+
+SymPy's own text (`sympy.srepr`) takes ten times as long, and leaves out what random variables and angles stand for.
+"""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+import sympy
+from sympy.core.singleton import Singleton
+
+from uqmbd.dynamics.code_digest import Content, Unknown, code_of, is_library, unpatched
+from uqmbd.mechanism import (
+    AngleSymbol,
+    Component,
+    EventTime,
+    Mechanism,
+    ReactionSymbol,
+    ScalarSymbol,
+    SplineTable,
+    StateSymbol,
+    t,
+)
+from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array
+
+__all__ = ["model_key"]
+
+PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), type(NotImplemented))
+
+OF_OBJECTS = frozenset(
+    {"name", "world_pose", "attached", "given", "values", "read", "prepared_from", "settled", "stating", "_told"}
+)
+"""What every component has: its equations follow from its name, what it is attached to, its values, and all else."""
+
+
+def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
+    """Return a digest of a mechanism, or None where not all of it is known.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look at.
+    *others : plain data
+        What else a model depends on.
+    rows : array, optional
+        Values of its inputs that are looked at besides the means.
+    """
+    if mechanism.controllers or not unpatched():
+        return None
+    try:
+        digests = _Digests(mechanism)
+        about = digests.of((*others, rows, scipy.__version__, *digests.mechanism()))
+        return hashlib.sha256(about + digests.code()).hexdigest()
+    except Unknown:
+        return None
+
+
+class _Digests:
+    """Digests of the parts of a mechanism; that of a part depends on nothing but its content.
+
+    Classes and functions refer to each other in circles: a digest has their numbers, in the order in which they are
+    met, and `code` is the digest of them all.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.of_mechanism = mechanism
+        named: list[tuple[str, Any]] = [("ground", mechanism.ground)]
+        named += [(f"body {name}", body) for name, body in mechanism.bodies.items()]
+        named += [(f"terms {name}", body.terms) for name, body in mechanism.bodies.items()]
+        named += [(f"component {name}", component) for name, component in mechanism.components.items()]
+        self.owners = {id(value): name for name, value in named}
+        self.inputs = frozenset(mechanism.inputs.variables)
+        self.numbers: dict[int, int] = {}
+        self.contents: list[Content] = []
+        """Of classes and functions, by number."""
+        self.known: dict[int, tuple[Any, bytes]] = {}
+        """What was looked at, and its digest, by identity: it stays alive as long as its number means it."""
+        self.open: set[int] = set()
+
+    def mechanism(self) -> Sequence[Any]:
+        """Return all that makes a mechanism, as data that `of` takes."""
+        m = self.of_mechanism
+        inputs = m.inputs
+        bodies = [(name, type(b), b.pose) for name, b in m.bodies.items()]
+        components = [self.component(c) for c in m.all_components()]
+        described = [list(x.items()) for x in (m.outputs, m.scalars, m.requirements, m.margins, m.conditions)]
+        units = [v.units for v in inputs.variables]
+        return type(m), m.name, m.space, bodies, components, described, inputs.names, units, inputs.means
+
+    def component(self, component: Component) -> Sequence[Any]:
+        """Return all that makes a component."""
+        attached = [(role, self.owner(frame)) for role, frame in component.attached.items()]
+        more = sorted(vars(component).keys() - OF_OBJECTS)
+        declared = [(key, parameter) for key, parameter in component.parameters().items()]
+        own = [(key, vars(component)[key]) for key in more]
+        return type(component), component.name, attached, list(component.values.items()), declared, own
+
+    def owner(self, value: object) -> str:
+        """Name a body, the ground or a component."""
+        name = self.owners.get(id(value))
+        if name is None:
+            raise Unknown
+        return name
+
+    def code(self) -> bytes:
+        """Return the digest of all classes and functions that were met, and of what they refer to."""
+        text, done = hashlib.sha256(), 0
+        while done < len(self.contents):
+            head, parts = self.contents[done]
+            text.update(repr((head, len(parts))).encode() + b"".join([self.of(x) for x in parts]))
+            done += 1
+        return text.digest()
+
+    def of(self, value: Any) -> bytes:
+        """Digest of a value."""
+        found = self.known.get(id(value))
+        if found is None:
+            head, parts = self.parts(value)
+            if id(value) in self.open:
+                raise Unknown  # a value that holds itself
+            self.open.add(id(value))
+            content = repr((head, len(parts))).encode() + b"".join([self.of(x) for x in parts])
+            self.open.discard(id(value))
+            found = self.known[id(value)] = value, hashlib.sha256(content).digest()
+        return found[1]
+
+    def parts(self, value: Any) -> Content:
+        """Return what is plain about a value, and its parts."""
+        kind = type(value)
+        if kind in PLAIN:
+            return (kind.__name__, value), ()
+        if kind in (tuple, list):
+            return kind.__name__, value
+        if kind is dict:
+            return "dict", [x for pair in value.items() for x in pair]
+        if kind in (set, frozenset):
+            return (kind.__name__, sorted(self.of(x) for x in value)), ()
+        if isinstance(value, sympy.Basic):
+            return self.expression(value)
+        if isinstance(value, sympy.MatrixBase):
+            return ("matrix", value.shape), value.flat()
+        if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biufc":
+            return ("array", value.dtype.str, value.shape, value.tobytes()), ()
+        if id(value) in self.owners:
+            return ("owner", self.owner(value)), ()
+        if isinstance(value, enum.Enum):
+            return ("member", value.name), [kind, value.value]
+        if (content := code_of(value)) is not None:
+            return ("code", self.number(value, content)), ()
+        if is_dataclass(value):
+            names = [x.name for x in fields(value)]
+            return ("data", names), [kind, *(getattr(value, x) for x in names)]
+        if is_library(kind.__module__) and vars_of(value):
+            raise Unknown
+        return ("object", sorted(vars_of(value))), [kind, *(x for _, x in sorted(vars_of(value).items()))]
+
+    def number(self, value: Any, content: Content) -> int:
+        """Return the number of a class or function, which is kept alive."""
+        if id(value) not in self.numbers:
+            self.numbers[id(value)] = len(self.contents)
+            self.contents.append(content)
+        return self.numbers[id(value)]
+
+    def expression(self, value: sympy.Basic) -> Content:
+        """Do the same for what belongs to SymPy."""
+        kind: Any = type(value)
+        if value.is_Symbol:
+            return self.symbol(value)
+        if isinstance(value, sympy.Float):
+            return ("Float", value._mpf_, value._prec), ()
+        if isinstance(value, sympy.Rational):
+            return ("Rational", value.p, value.q), ()
+        if isinstance(value, SplineTable):
+            return ("table", value.digest), ()
+        if isinstance(kind, Singleton):
+            return ("singleton", kind.__name__), ()
+        if not value.args or not isinstance(kind.__module__, str):
+            raise Unknown
+        return (kind.__module__, kind.__name__), value.args if is_library(kind.__module__) else [kind, *value.args]
+
+    def symbol(self, value: Any) -> Content:
+        """Do the same for a symbol."""
+        kind = type(value)
+        if value is t:
+            return "time", ()
+        if kind is sympy.Symbol:
+            return ("symbol", value._hashable_content()), ()
+        about = (kind.__module__, kind.__qualname__, value.name)
+        if not is_library(kind.__module__):
+            raise Unknown
+        if isinstance(value, RandomVariable):
+            if value not in self.inputs:
+                raise Unknown
+            return about, ()
+        if isinstance(value, StateSymbol):
+            return (*about, self.owner(value.owner), value.quantity, value.index), ()
+        if isinstance(value, ReactionSymbol):
+            return (*about, self.owner(value.component), value.quantity, value.index), ()
+        if isinstance(value, AngleSymbol):
+            return (*about, self.owner(value.owner)), (value.angle,)
+        if isinstance(value, EventTime):
+            return (*about, self.owner(value.component), value.label), ()
+        if isinstance(value, ScalarSymbol):
+            return (*about, value.quantity, value.number, value.at), ()
+        raise Unknown
+
+
+def vars_of(value: Any) -> dict[str, Any]:
+    """Return the attributes of an object; one whose attributes are elsewhere is not known."""
+    if not hasattr(value, "__dict__"):
+        raise Unknown
+    return dict(vars(value))

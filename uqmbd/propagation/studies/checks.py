@@ -1,0 +1,170 @@
+"""Checks of a study before its methods run: the registry of those of the core and of plugins, and what they find.
+
+Checks of the assembled mechanism, which are stored with its model, are in `uqmbd.dynamics.model_checks`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import Any
+
+from uqmbd import plugins
+from uqmbd.errors import Finding, PluginWarning, Severity, UnusedInputWarning
+from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
+from uqmbd.mechanism import ImportedMechanism, Mechanism
+from uqmbd.names import checked
+from uqmbd.propagation.existence import existence_of
+from uqmbd.propagation.idle_inputs import POINTS, affordable, idle_inputs
+from uqmbd.propagation.methods import Studied
+from uqmbd.propagation.studies.run_methods import planned
+
+__all__ = ["findings", "ranges", "warning_of"]
+
+
+@checked
+def findings(study: Studied) -> list[Finding]:
+    """Find what is probably wrong with a study: `uqmbd check`, a run, its results, notebook and report list the same.
+
+    Parameters
+    ----------
+    study : Study
+        It need not have been run.  A few realisations are computed, to find random inputs without effect.
+
+    Returns
+    -------
+    list of Finding
+        Those of the mechanism first.
+
+    Raises
+    ------
+    uqmbd.UqmbdError
+        If the mechanism cannot be used, as where it cannot be assembled.
+
+    Warns
+    -----
+    uqmbd.PluginWarning
+        If the check of a plugin fails; the others are made.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_joints import Revolute
+    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    >>> rod = mechanism.body("rod", mass=1, inertia=1 / 12, angle=-90)
+    >>> pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (0, 0)))
+    >>> mechanism.output("angle", rod.angle, units="rad")
+    >>> (finding,) = uqmbd.findings(uqmbd.Study("swing", mechanism, [0, 1]))
+    >>> finding.place, finding.message, finding.remedy
+    ("body 'rod'", "body 'rod' is drawn at -90 rad, 14.3 turns", 'Write degrees as math.radians(-90)')
+    """
+    mechanism: Any = study.mechanism
+    if not isinstance(mechanism, Mechanism):
+        return []  # a study of another make
+    found = [finding for kind in _built_in().values() for finding in kind().find(study)]
+    for name, kind in plugins.checks().items():
+        mine: list[Any] = []
+        with Isolated(*ERRORS_AND_EXITS) as work:
+            mine = list(kind().find(study))
+        reason = work.reason if work.failed else ""
+        if not reason and not all(isinstance(one, Finding) for one in mine):
+            reason = f"it returned {mine!r}; expected findings (uqmbd.Finding)"
+        if reason:
+            owner = plugins.owner("checks", name)
+            warnings.warn(f"check {name!r} of {owner} was not made: {reason}", PluginWarning, stacklevel=2)
+        else:
+            found += mine
+    return list(dict.fromkeys(found))
+
+
+def warning_of(study: Studied, finding: Finding) -> str:
+    """Return the text of the Python warning of a finding: what does not name the mechanism names the study."""
+    return f"{'' if finding in study.model.findings else f'study {study.name!r}: '}{finding.text}."
+
+
+def ranges(study: Studied) -> tuple[Finding, ...]:
+    """Find the numbers that leave their range, or change their sign, in realisations that are to be expected."""
+    from uqmbd.dynamics import range_findings, risks
+
+    found = study.mechanism.remembered("risks", lambda: risks(study.mechanism))
+    return range_findings(found, planned(study, study.propagators)) if found else ()
+
+
+class OfMechanism:
+    """Findings of the assembled mechanism."""
+
+    def find(self, study: Studied) -> Sequence[Finding]:
+        """Return those of its model."""
+        return study.model.findings
+
+
+class Omissions:
+    """What a mechanism does not have of the file that it was read from."""
+
+    def find(self, study: Studied) -> Iterable[Finding]:
+        """Find an omission of each kind."""
+        mechanism = study.mechanism
+        if isinstance(mechanism, ImportedMechanism):
+            for row in mechanism.not_taken:
+                message = f"{mechanism.source}: not taken, or changed: {row.count} {row.what} ({row.listed}): {row.why}"
+                yield Finding(Severity.NOTE, str(mechanism.source), message)
+
+
+class Ranges:
+    """Random numbers that leave their range, or change their sign."""
+
+    def find(self, study: Studied) -> Sequence[Finding]:
+        """Find those that are to be expected among the realisations of the methods."""
+        return ranges(study)
+
+
+class IdleInputs:
+    """Random inputs that no output depends on, where the methods compute enough to look at them."""
+
+    def find(self, study: Studied) -> Iterable[Finding]:
+        """Change each input alone."""
+        mechanism, inputs = study.mechanism, study.mechanism.inputs
+        used = mechanism.used_inputs()
+        for name in inputs.names:
+            if name not in used:
+                message = f"the random input {name!r} enters nothing: it is declared together with others that do"
+                yield Finding(Severity.NOTE, f"random input {name!r}", message)
+        if not affordable(len(inputs), planned(study, study.propagators)):
+            return
+        settings = (study.times.tobytes(), study.rtol, study.integrator, study.start, study.max_step, study.breaks)
+        about = (study.model, inputs, study.times, study.rtol, study.integrator)
+        for name in mechanism.remembered(("idle", *settings), lambda: idle_inputs(*about)):
+            if name in used:
+                yield Finding(
+                    Severity.WARNING,
+                    f"random input {name!r}",
+                    f"no output depends on the random input {name!r}; changed alone, from {POINTS + 1} points, it "
+                    "changed nothing",
+                    "Leave it out, or observe what it changes",
+                    UnusedInputWarning,
+                )
+
+
+class Moments:
+    """Moments of outputs that do not exist; each method warns of those that it was to state."""
+
+    def find(self, study: Studied) -> Iterable[Finding]:
+        """Find the outputs that grow with an input of a heavy tail."""
+        found = study.mechanism.remembered("existence", lambda: existence_of(study.mechanism))
+        for message in found.sentences(list(found.orders)):
+            yield Finding(Severity.WARNING, "random inputs", message, category=None)
+
+
+class CoreChecks:
+    """Checks of the core."""
+
+    @plugins.hookimpl
+    def uqmbd_checks(self) -> Sequence[type]:
+        """Offer them, in the order in which their findings are listed."""
+        return [OfMechanism, Omissions, Ranges, IdleInputs, Moments]
+
+
+@cache
+def _built_in() -> dict[str, type[Any]]:
+    return plugins.offered_by_core(CoreChecks(), "checks")
