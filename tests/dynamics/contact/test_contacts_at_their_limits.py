@@ -118,8 +118,9 @@ def test_a_box_dropped_flat_on_its_feet(restitution):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("legs", [3, 4])
-def test_a_table_that_is_pushed_obliquely(legs):
+@pytest.mark.parametrize("rtol", [1e-5, 3e-6, 1e-6, 1e-7])
+@pytest.mark.parametrize("legs", [3, 4, 5])
+def test_a_table_that_is_pushed_obliquely(legs, rtol):
     """However the load is shared among the legs, the table slips when all of them are at their limit."""
     rng, mu, times = np.random.default_rng(legs), 0.5, np.linspace(0, 1, 5)
     mechanism = uqmbd.Mechanism("table", uqmbd.Spatial(gravity=(0, 0, -G)))
@@ -132,11 +133,11 @@ def test_a_table_that_is_pushed_obliquely(legs):
         mechanism.add(PlaneImpact(f"leg{k}", mechanism.ground, body, (0, 0, 0), place, (0, 0, 1), **law))
     along = np.array([np.cos(0.7), np.sin(0.7), 0])
     mechanism.add(PointForce("F", body, (0, 0, -0.05), tuple(x * RATE * uqmbd.t for x in along.tolist())))
-    found = integrate(Ensemble(build(mechanism), np.zeros((1, 0))), times, 1e-6)
-    assert found.messages == ("",)
+    found = integrate(Ensemble(build(mechanism), np.zeros((1, 0))), times, rtol)
+    assert found.messages == ("",) and found.counters.steps < 5000
     # the direction of sliding is stiff where it begins
     expected = pushed_way(mu, times)[:, None] * along + [0, 0, 0.1]
-    np.testing.assert_allclose(found.states[0, :, :3], expected, atol=1e-4)
+    np.testing.assert_allclose(found.states[0, :, :3], expected, atol=100 * rtol)
     for k in range(legs):
         np.testing.assert_allclose(found.scalars[f"leg{k}: slip 1"], mu * G / RATE, rtol=1e-8)
 

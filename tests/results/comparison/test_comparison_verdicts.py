@@ -324,7 +324,7 @@ def test_error_against_cost() -> None:
     expected = np.sqrt(np.trapezoid(off**2) / np.trapezoid(whole**2))
     assert found["std_error_l2"].values[0, 0, 0] == pytest.approx(expected, rel=1e-4)
     assert found["std_error_l2"].values[0, 1, 0] < 1e-6
-    assert "order 9999 with 1 inputs takes" in found["problem"].values[0, 2] and np.isnan(
+    assert "order is 9999; expected a whole number" in found["problem"].values[0, 2] and np.isnan(
         found["std_error_l2"].values[0, 2, 0]
     )
     assert found["realisations"].values[1, :2].tolist() == [50, 800]
@@ -334,7 +334,8 @@ def test_error_against_cost() -> None:
     for axes in drawn.axes:  # no point lies on an axis
         for line in (one for one in axes.lines if one.get_marker() != "None"):
             for values, (low, high) in ((line.get_xdata(), axes.get_xlim()), (line.get_ydata(), axes.get_ylim())):
-                assert np.all((low < values) & (values < high))
+                known = np.asarray(values)[np.isfinite(values)]  # a level that failed is a gap
+                assert len(known) and np.all((low < known) & (known < high))
     with pytest.raises(StudyError, match="has no option tolerances"):
         study.converge(Collocation, tolerances=[1])
     with pytest.raises(StudyError, match="give the levels"):

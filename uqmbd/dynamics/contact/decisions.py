@@ -93,6 +93,7 @@ class Decisions:
         self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
         self.until = np.full(len(batch), np.inf)
         self.at_limit: dict[int, AtLimit] = {}
+        self.turning: dict[int, float] = {}
 
     def slow(self, member: int) -> float:
         """Speed that is none, m/s."""
@@ -137,9 +138,18 @@ class Decisions:
             if fast > self.slow(member):  # it has only turned
                 self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
-            z = self.settle(member, time, z)
+            settled = self.settle(member, time, z)
             begins = self._modes(member).get(k) == "slip"
             self.starting[member] = self.coarse[member] if begins else 0.0
+            at_once = time - self.turning.get(member, -np.inf) <= AT_ONCE * max(1.0, abs(time))
+            turns = self._modes(member) == before and fast > float(self.chatter.slow(np.array([member]))[0])
+            if turns and not at_once:
+                self.turning[member] = time
+                # a slide that begins turns in space: it goes on, as to stop it each time would hold the bodies
+                lasting = self.lasting[member]
+                self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
+                return z
+            z = settled
         else:
             z = self._slipping(member, time, z, k, contacts)
         self._changed(member, time, before, contacts)

@@ -29,6 +29,9 @@ LIMIT = 0.1
 FACTOR = 3.0
 """Errors up to so many integration errors are none of the surrogate: the latter are measured at few realisations."""
 
+OF_SIZE = 10.0
+"""Tolerances of the integration, times the largest mean, by which two integrations may differ."""
+
 CHANCE = 1e-3
 """Probability with which the mean of a distribution may be outside the range of independent samples of it."""
 
@@ -120,6 +123,9 @@ def _outside(
     # where all realisations come to nearly the same, as at a common start, a fit misses it by a little
     spread = reference_spread(std)
     slack = np.maximum(FACTOR * integration_error(statistics, rtol), SPREAD_FLOOR * spread)
+    # of an output that hardly varies, the mean and the realisations may come from different integrations
+    largest = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1, initial=0.0)
+    slack = np.maximum(slack, OF_SIZE * rtol * largest[:, None])
     if count <= verified:
         trials = max(verified_trials(node), 1.0)
         slack = slack + np.sqrt(np.expm1(-np.log(CHANCE) / trials)) * std
