@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.mechanism import unit_findings
-from uqmbd.mechanism.expressions import findings
+from uqmbd.mechanism.expressions import mismatches
 from uqmbd.units import in_words, read_units
 from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce, SpringDamper
@@ -35,13 +35,13 @@ def test_thousands_of_one_dimension_are_left_alone(data):
 def whole_expressions(data):
     dimension = data.draw(st.sampled_from(list(COHERENT)))
     whole = data.draw(expressions(dimension, data.draw(st.integers(0, 3))))
-    assert findings("it", whole, COHERENT[dimension]) == []
+    assert mismatches("it", whole, COHERENT[dimension]) == []
     converted = data.draw(st.sampled_from([u for u in FACTORS if read_units(u).dimension == dimension] or ["s"]))
     if read_units(converted).dimension == dimension:
-        assert findings("it", whole / FACTORS[converted], converted) == []
+        assert mismatches("it", whole / FACTORS[converted], converted) == []
     factor = data.draw(st.sampled_from([sympy.Float(9.81), sympy.Integer(2), sympy.Rational(-1, 3), sympy.pi]))
     for units in UNITS:  # a number may have any dimension
-        assert findings("it", factor * symbol_of(dimension), units) == []
+        assert mismatches("it", factor * symbol_of(dimension), units) == []
 
 
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
@@ -61,11 +61,11 @@ def broken_expressions(data):
     dimension, broken = data.draw(st.sampled_from(list(COHERENT))), []
     whole = data.draw(expressions(dimension, data.draw(st.integers(1, 3)), broken))
     if broken:
-        found = findings("it", whole)
+        found = mismatches("it", whole)
         assert found and not any(one.certain for one in found)
     other = data.draw(st.sampled_from([d for d in COHERENT if d != dimension]))
     simple = symbol_of(dimension) * symbol_of(other) / symbol_of(other)
-    (one,) = findings("it", simple, COHERENT[other])
+    (one,) = mismatches("it", simple, COHERENT[other])
     assert in_words(dimension) in one.text or COHERENT[dimension] in one.text
 
 
@@ -218,10 +218,10 @@ def test_a_number_one_of_the_mechanism_may_have_been_in_a_product():
 
 def test_powers():
     x = Measured("m")
-    assert findings("it", x ** sympy.Rational(3, 2), "m^1.5") == []
-    assert findings("it", x**1.5 / Measured("m^(1/2)"), "m") == []
-    assert findings("it", x**2, "m")
-    assert findings("it", sympy.Pow(2, x))
+    assert mismatches("it", x ** sympy.Rational(3, 2), "m^1.5") == []
+    assert mismatches("it", x**1.5 / Measured("m^(1/2)"), "m") == []
+    assert mismatches("it", x**2, "m")
+    assert mismatches("it", sympy.Pow(2, x))
     assert read_units("m^1.5").dimension[0] == Fraction(3, 2)
 
 
