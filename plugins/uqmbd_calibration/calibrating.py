@@ -113,7 +113,7 @@ def calibrate(
     if realisations is None:
         realisations = max(FEW, EACH * len(study.mechanism.inputs))
     _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
-    if isinstance(individual, str) or not isinstance(individual, Sequence):
+    if isinstance(individual, (str, bytes)) or not isinstance(individual, Sequence):
         raise uqmbd.StudyError(
             f"calibrate: individual is {short(individual)}; expected a list of names of inputs, as ['stiffness']."
         )

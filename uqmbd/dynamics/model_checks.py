@@ -142,14 +142,25 @@ def _moved(a: Assembled) -> Iterator[Finding]:
             )
 
 
+SPUN, PARTS = 2.0, 24
+"""Turns below which an angle is only noted, and parts of a turn whose multiples are only noted, too."""
+
+
 def _turned(a: Assembled) -> Iterator[Finding]:
     """Bodies that are drawn by more than a turn, as by degrees in the place of radians."""
     for name, body in a.mechanism.bodies.items():
         angle = body.pose.angle
-        if getattr(angle, "is_number", True) and abs(float(angle)) > 2 * math.pi:
-            shown, turns = f"{float(angle):g}", f"{abs(float(angle)) / (2 * math.pi):.3g} turns"
-            message = f"body {name!r} is drawn at {shown} rad, {turns}"
-            yield Finding(Severity.WARNING, f"body {name!r}", message, f"Write degrees as math.radians({shown})")
+        if not getattr(angle, "is_number", True) or abs(float(angle)) <= 2 * math.pi:
+            continue
+        shown, turns = f"{float(angle):g}", abs(float(angle)) / (2 * math.pi)
+        # a number that was meant in radians is small, or a part of a turn
+        meant = turns < SPUN or abs(PARTS * turns - round(PARTS * turns)) < 1e-6
+        yield Finding(
+            Severity.NOTE if meant else Severity.WARNING,
+            f"body {name!r}",
+            f"body {name!r} is drawn at {shown} rad, {turns:.3g} turns",
+            f"Write degrees as math.radians({shown})",
+        )
 
 
 def _apart(a: Assembled) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from uqmbd.cli.tables import console, plain_table
 from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.mechanism import ImportedMechanism
+from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import Estimate, Propagator, Timing, findings, load_study, obstacle_of, readable, timing_of
 from uqmbd.wording import format_count, format_duration, format_integer, typeset_units
 
@@ -80,8 +80,7 @@ def _show_check(script: Path, figure: Path | None) -> None:
         screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
     if found.mobility:
         _show_frequencies(screen, study)
-    if isinstance(study.mechanism, ImportedMechanism):
-        screen.print(f"  read from   {study.mechanism.source}, by {study.mechanism.read_by}", markup=False)
+    _show_omissions(screen, study.mechanism)
     _show_components(screen, found.components)
     _show_controllers(screen, getattr(found, "controllers", ()))
     _show_inputs(screen, found.inputs)
@@ -135,6 +134,18 @@ def _equations(found: Any) -> str:
         return f"{text}; one is the unit length of the body's {pair}, not of a joint"
     which = "all" if count == units else str(units)
     return f"{text}; {which} are the unit lengths of the bodies' {pair}s, not of joints"
+
+
+def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
+    """Print what a mechanism that was read from a file does not have of it."""
+    if not isinstance(mechanism, ImportedMechanism):
+        return
+    screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
+    table = plain_table("not taken, or changed", "count", "which", "why")
+    for row in mechanism.not_taken:
+        table.add_row(Text(row.what), str(row.count), Text(row.listed), Text(row.why))
+    screen.print()
+    screen.print(table if len(mechanism.not_taken) else "All that the file says was taken.")
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from uqmbd import plugins
 from uqmbd.errors import Finding, PluginWarning, Severity, UnusedInputWarning
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
-from uqmbd.mechanism import ImportedMechanism, Mechanism
+from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked
 from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.idle_inputs import POINTS, affordable, idle_inputs
@@ -99,18 +99,6 @@ class OfMechanism:
         return study.model.findings
 
 
-class Omissions:
-    """What a mechanism does not have of the file that it was read from."""
-
-    def find(self, study: Studied) -> Iterable[Finding]:
-        """Find an omission of each kind."""
-        mechanism = study.mechanism
-        if isinstance(mechanism, ImportedMechanism):
-            for row in mechanism.not_taken:
-                message = f"{mechanism.source}: not taken, or changed: {row.count} {row.what} ({row.listed}): {row.why}"
-                yield Finding(Severity.NOTE, str(mechanism.source), message)
-
-
 class Ranges:
     """Random numbers that leave their range, or change their sign."""
 
@@ -162,7 +150,7 @@ class CoreChecks:
     @plugins.hookimpl
     def uqmbd_checks(self) -> Sequence[type]:
         """Offer them, in the order in which their findings are listed."""
-        return [OfMechanism, Omissions, Ranges, IdleInputs, Moments]
+        return [OfMechanism, Ranges, IdleInputs, Moments]
 
 
 @cache

@@ -373,9 +373,10 @@ class Study:
         [[0.0, 0.2, 0.4]]
         """
         self._checked([propagator])
-        self._warned((propagator,))
         with pool(workers) as executor:
-            return run_method(propagator, self.problem(propagator, executor, progress))
+            found = run_method(propagator, self.problem(propagator, executor, progress))
+        self._warned((propagator,))
+        return found
 
     @checked
     def run(
