@@ -6,13 +6,15 @@ import contextlib
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from uqmbd.errors import StudyError
 
-__all__ = ["check_script", "flush", "no_link", "replacing", "scratch", "sweep"]
+__all__ = ["check_script", "flush", "no_link", "regular", "replacing", "scratch", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
@@ -29,6 +31,27 @@ def no_link(path: str | os.PathLike[str], flags: int, mode: int = 0o666) -> int:
     what is overwritten.  A pipe does not block.
     """
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), mode)
+
+
+@contextlib.contextmanager
+def regular(path: Path) -> Iterator[BinaryIO]:
+    """Open a regular file to read; a pipe or a device could keep the reader waiting for ever.
+
+    Raises
+    ------
+    StudyError
+        If it is something else.
+    OSError
+        If it cannot be opened.
+    """
+
+    def at_once(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise StudyError(f"{str(path)!r} is a pipe, a device or a socket; expected a regular file.")
+        yield file
 
 
 @contextlib.contextmanager

@@ -1,8 +1,9 @@
 """What uqmbd tells of its work by the standard library's `logging`: silent unless a program listens.
 
 Loggers are ``uqmbd.methods`` (what begins and ends, and fails), ``uqmbd.realisations`` (chunks, and what failed in
-them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` (compiled, or taken from the cache) and
-``uqmbd.derivation`` (parts of a mechanism whose equations are derived).
+them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` (compiled, or taken from the cache),
+``uqmbd.derivation`` (parts of a mechanism whose equations are derived) and ``uqmbd.results`` (files that were read
+without a digest).
 INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations, kernel and part.
 
 What they say in worker processes reaches this one with the results (uqmbd/propagation/execution/transport/said.py).
@@ -18,7 +19,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
-__all__ = ["derivation", "kernels", "logged", "methods", "realisations", "refinement", "tell"]
+__all__ = ["derivation", "kernels", "logged", "methods", "realisations", "refinement", "results", "tell"]
 
 T = TypeVar("T")
 
@@ -38,6 +39,9 @@ refinement = logging.getLogger("uqmbd.refinement")
 
 kernels = logging.getLogger("uqmbd.kernels")
 """Kernels that are compiled, or taken from the cache."""
+
+results = logging.getLogger("uqmbd.results")
+"""Files of results that are read and cannot be verified."""
 
 derivation = logging.getLogger("uqmbd.derivation")
 """Steps of derivations, and how many parts of a mechanism a step has done: ``"%s: %d of %d"``."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, start_manifest
+from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, not_verified, start_manifest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,6 +45,8 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
     if not source.exists():
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
+    if not_verified(tree):
+        print(f"Note: {source} is not verified: uqmbd wrote no digest into this file.", file=sys.stderr, flush=True)
     for name, file in (("motion", MOTION), ("pose_surrogate", POSES)):
         place = source.parent / file
         if is_recognised(place):

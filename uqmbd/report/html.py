@@ -22,7 +22,7 @@ from uqmbd.report.live import page_scripts
 from uqmbd.report.overview import ANSWERS
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
-from uqmbd.results.storage import FIGURES, has_manifest, make_way, record
+from uqmbd.results.storage import FIGURES, errors_of_files, has_manifest, make_way, record
 
 __all__ = ["Section", "write_report"]
 
@@ -66,7 +66,7 @@ def write_report(
     ------
     StudyError
         If the tree holds no propagator, the file cannot be written, or something of the user has its name in the folder
-        of a run.
+        of a run; if the tree was read from a file whose content does not keep to the schema.
 
     Examples
     --------
@@ -80,7 +80,8 @@ def write_report(
     ...     "<title>crank" in write_report(tree, folder + "/report.html").read_text(encoding="utf-8")
     True
     """
-    page, contents = _page(tree, sections)
+    with errors_of_files(tree):
+        page, contents = _page(tree, sections)
     target, figures = Path(path), None if folder is None else Path(folder)
     try:
         if target.name == REPORT and has_manifest(target.parent):

@@ -25,23 +25,13 @@ REPETITION = "repetition"
 
 
 def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory."""
-    import h5py
-    import xarray as xr
+    """Read a netCDF file into memory; times are numbers, whatever their units resemble."""
+    from uqmbd.results import load
 
     try:
-        with path.open("rb") as head:
-            classic = head.read(3) == b"CDF"
-        if not classic:
-            # where HDF5 cannot read these, h5netcdf leaves an object behind that prints a traceback
-            with h5py.File(path, "r") as file:
-                dict(file.attrs)
-        # times are numbers here, whatever their units resemble
-        engine: Any = "scipy" if classic else "h5netcdf"
-        with xr.open_dataset(path, engine=engine, decode_times=False, decode_timedelta=False) as opened:
-            return opened.load()
-    except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        return load(path).to_dataset()
+    except uqmbd.StudyError as error:
+        reason = " ".join(str(error.__cause__ or error).split())
         raise uqmbd.StudyError(f"{path}: this is no netCDF file that can be read: {reason[:300]}") from error
 
 

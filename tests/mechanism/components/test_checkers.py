@@ -90,7 +90,7 @@ mechanism.body("third", mass=np.float64(2), inertia=np.eye(3), rotation=sympy.ey
 Record("run", [Series("angle", [0, 0.1], (1.0, 0.9), "rad")], known={"speed": 10}).series[0].values.max()
 Record("run", (Series("angle", np.zeros(0), np.ones(3), "rad", noise=0.1),), machine="rig").known["speed"] + 1
 assert_type(tree, xr.DataTree)
-assert_type(uqmbd.results.open("results.zarr"), xr.DataTree)
+assert_type(uqmbd.results.open("results.nc"), xr.DataTree)
 assert_type(uqmbd.simulate(mechanism, [0, 1]), xr.Dataset)
 assert_type(uqmbd.results.output(tree, "x"), xr.Dataset)
 assert_type(uqmbd.results.output(tree["collocation"], "x"), xr.Dataset | xr.DataArray)

@@ -30,13 +30,12 @@ def everything():
     return GermSpace.of(JointInput.of(variables))
 
 
-@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
-def test_round_trip_to_the_bit(tmp_path, suffix):
+def test_round_trip_to_the_bit(tmp_path):
     from uqmbd.results import load, save
 
     space = everything()
     tree = xr.DataTree.from_dict({"/chaos": space.to_dataset()})
-    stored = load(save(tree, tmp_path / f"space{suffix}"))["chaos"].to_dataset()
+    stored = load(save(tree, tmp_path / "space.nc"))["chaos"].to_dataset()
     again = GermSpace.from_dataset(stored)
     assert again.inputs == space.inputs and again.names == space.names
     assert [g.family for g in again.germs] == [g.family for g in space.germs]

@@ -114,8 +114,7 @@ def test_chaos_of_angles(chaos: PolynomialChaos) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("ending", [".nc", ".zarr"])
-def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path, ending: str) -> None:
+def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path) -> None:
     """A result that was read back knows its angles; one that was written without them has none."""
     response, inputs = normal_samples(50)
     nodes = []
@@ -136,7 +135,7 @@ def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path, ending: str) ->
         )
     tree = results.study_tree(nodes, study="s", mechanism="m")
     results.validate(tree)
-    loaded = results.load(results.save(tree, tmp_path / f"a{ending}"))
+    loaded = results.load(results.save(tree, tmp_path / "a.nc"))
     results.validate(loaded)
     assert loaded.identical(tree)
     for label, turns in (("declared", [TURN, 360.0, 0.0]), ("plain", [0.0, 0.0, 0.0])):

@@ -1,4 +1,4 @@
-"""Somebody else's Zarr folder executes nothing: what `save` does not write is refused before it is opened."""
+"""Somebody else's Zarr folder executes nothing: what uqmbd did not write is refused before it is opened."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from tests.results.old_zarr import stored_as_zarr
 from uqmbd.errors import StudyError
-from uqmbd.results import load, save
+from uqmbd.results import load
 
 numcodecs = pytest.importorskip("numcodecs")
 pytest.importorskip("zarr")
@@ -64,7 +65,7 @@ def folder(tmp_path: Path) -> Path:
         },
         coords={"output": ["a", "b"], "time": np.arange(6000.0)},
     )
-    return save(
+    return stored_as_zarr(
         xr.DataTree.from_dict({"/": xr.Dataset(attrs={"study": "s"}), "m/statistics": data}), tmp_path / "r.zarr"
     )
 
@@ -141,7 +142,7 @@ def test_types_that_are_not_written_are_refused(folder: Path) -> None:
 @pytest.fixture
 def new_folder(folder: Path, tmp_path: Path) -> Path:
     """The same in Zarr's format 3."""
-    return save(load(folder), tmp_path / "new.zarr", zarr_format=3)
+    return stored_as_zarr(load(folder), tmp_path / "new.zarr", zarr_format=3)
 
 
 def change_3(folder: Path, array: str, changes: dict[str, Any], *, within: bool) -> None:

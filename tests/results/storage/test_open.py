@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
+from tests.results.old_zarr import stored_as_zarr
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.results import SampleStore, labels, load, sample_dataset, save
 from uqmbd_joints import Distance
@@ -50,7 +51,7 @@ def test_opened_results_are_those_that_are_loaded_with_all_samples(folder: Path,
     loaded = load(folder / "results.nc")
     path = folder / f"results{ending}"
     if ending == ".zarr":
-        save(loaded, path)
+        stored_as_zarr(loaded, path)
     with uqmbd.results.open(path) as opened:
         assert [node.path for node in opened.subtree] == [node.path for node in loaded.subtree]
         for node in opened.subtree:

@@ -36,9 +36,18 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
     out : Path, optional
         Folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
-    from uqmbd.results import compare, failed_methods, happening, load, propagator_nodes, scalar_nodes
+    from uqmbd.results import load
+    from uqmbd.results.storage import errors_of_files
 
     trees = {chr(ord("A") + k): load(_file(path)) for k, path in enumerate(paths)}
+    with errors_of_files(*trees.values()):
+        _show_all(trees, paths, reference, out)
+
+
+def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference: str | None, out: Path | None) -> None:
+    from uqmbd.results import compare, failed_methods, happening, propagator_nodes, scalar_nodes
+    from uqmbd.results.storage import not_verified
+
     nodes: dict[str, xr.DataTree] = {}
     screen = console()
     for (letter, tree), path in zip(trees.items(), paths, strict=True):
@@ -47,6 +56,8 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
             raise StudyError(f"{path} holds no result of any method.")
         nodes |= {f"{letter} {label}": node for label, node in found.items()}
         screen.print(Text(f"{letter}  {path}: {', '.join(found)}"))
+        if not_verified(tree):
+            screen.print(Text(f"   {letter} is not verified: uqmbd wrote no digest into this file."))
         for label, reason in failed_methods(tree).items():
             screen.print(Text(f"   There are no results of {label} in {letter}: {reason}"))
     if len(nodes) < 2:

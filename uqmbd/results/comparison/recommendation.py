@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+from uqmbd.errors import StudyError
 from uqmbd.results.comparison.integration_share import integration_shares
 from uqmbd.results.comparison.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_at_most, format_percent
@@ -61,6 +62,8 @@ def overall(comparison: xr.Dataset, method: str) -> tuple[str, str, str]:
     """
     row = comparison.sel({"method": method})
     kinds = [str(kind) for kind in row["verdict_kind"].values]
+    if unknown := set(kinds) - set(_ORDER):
+        raise StudyError(f"comparison: verdict_kind is {min(unknown)!r}; expected one of {', '.join(_ORDER)}.")
     worst = min(kinds, key=_ORDER.index)
     shared = [k for k, kind in enumerate(kinds) if kind == worst]
     # in words the output of the largest error or difference, relative to its scale

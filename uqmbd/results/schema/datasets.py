@@ -111,7 +111,7 @@ def check_version(attrs: Mapping[Any, Any], where: str) -> None:
     """
     version = attrs.get("schema_version", 0)
     if isinstance(version, (bool, np.bool_)) or not isinstance(version, (int, np.integer)) or version < 0:
-        raise StudyError(f"{where!r} has the schema version {version!r}; expected a whole number, 0 or more.")
+        raise StudyError(f"{where!r} has the schema version {version!r:.80}; expected a whole number, 0 or more.")
     if version > SCHEMA_VERSION:
         raise StudyError(
             f"{where!r} has the schema version {version}; this uqmbd reads those up to {SCHEMA_VERSION}. Read it with "

@@ -1,4 +1,4 @@
-"""Results in files: netCDF and Zarr, written whole or not at all."""
+"""Results in files: netCDF, and Zarr for many samples, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uqmbd.results.storage.manifest import (
     stores_of,
 )
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
-from uqmbd.results.storage.storage import load, save
+from uqmbd.results.storage.storage import errors_of_files, load, not_verified, save
 from uqmbd.results.storage.unfinished import (
     FOLDER,
     WITHIN,
@@ -47,6 +47,7 @@ __all__ = [
     "check_names",
     "check_unfinished",
     "computed",
+    "errors_of_files",
     "has_manifest",
     "how_to_go_on",
     "in_manifest",
@@ -57,6 +58,7 @@ __all__ = [
     "make",
     "make_way",
     "move_aside",
+    "not_verified",
     "open",
     "record",
     "save",

@@ -1,21 +1,24 @@
 """HDF5 files that can be closed whatever happens to the disk, and that know what is in them.
 
 h5netcdf looks each object up by its path whenever it needs it, 43 times for a variable, which takes half of the time
-in which results of many small variables are written (152 of them: 1.0 of 2.0 s): here it is found once.
+in which results of many small variables are written (152 of them: 1.0 of 2.0 s) or read: here it is found once.
+
+Files have the format of HDF5 1.10 (2016): all of its structures have checksums, and a variable of one chunk needs no
+index, which would take 2 kB.
 """
 
 from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from uqmbd.files import no_link
 
-__all__ = ["NetcdfFile", "WriteError", "netcdf_file"]
+__all__ = ["NetcdfFile", "WriteError", "netcdf_file", "remembering"]
 
 
 class WriteError(OSError):
@@ -90,8 +93,8 @@ class _Handle(io.RawIOBase):
 
 
 @functools.cache
-def _remembering() -> Any:
-    """Return the class of an HDF5 file that is written, and looks each object up once."""
+def remembering() -> Any:
+    """Return the class of an HDF5 file that looks each object up once."""
     import h5py
 
     class RememberingGroup(h5py.Group):  # type: ignore[misc]  # h5py has no types
@@ -105,9 +108,11 @@ def _remembering() -> Any:
             _forget(self._known, gone)
 
     class RememberingFile(h5py.File):  # type: ignore[misc]  # h5py has no types
-        def __init__(self, handle: Any) -> None:
+        def __init__(self, place: Any, mode: str) -> None:
             self._known: dict[str, Any] = {}
-            super().__init__(handle, "w", track_order=True)  # the order of creation, as netCDF has it
+            # the order of creation, as netCDF has it
+            written = {"track_order": True, "libver": ("v110", "v110")} if mode == "w" else {}
+            super().__init__(place, mode, **written)
 
         def __getitem__(self, name: Any) -> Any:
             if not isinstance(name, str):
@@ -134,9 +139,20 @@ def _forget(known: dict[str, Any], gone: str) -> None:
 class NetcdfFile:
     """A netCDF file that is written, by h5netcdf; `check` raises what the disk has said so far."""
 
-    def __init__(self, file: Any, handle: _Handle) -> None:
+    def __init__(self, file: Any, inner: Any, handle: _Handle) -> None:
         self.file = file
         self.check = handle.check
+        self._inner = inner
+
+    def chunks(self, names: Iterable[str]) -> list[tuple[int, int]]:
+        """Return where the chunks of variables begin in the file, and their bytes; names are paths from the root."""
+        self._inner.flush()
+        found = []
+        for name in names:
+            variable = self._inner[name].id
+            chunks = map(variable.get_chunk_info, range(variable.get_num_chunks()))
+            found += [(chunk.byte_offset, chunk.size) for chunk in chunks]
+        return found
 
 
 @contextmanager
@@ -162,8 +178,8 @@ def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
     with open(path, "w+b", buffering=0, opener=no_link) as raw:
         handle = _Handle(raw)
         try:
-            with _remembering()(handle) as inner, h5netcdf.File(inner, "w") as file:
-                yield NetcdfFile(file, handle)
+            with remembering()(handle, "w") as inner, h5netcdf.File(inner, "w") as file:
+                yield NetcdfFile(file, inner, handle)
                 handle.check()
         except Exception:
             handle.check()  # whatever HDF5 made of it

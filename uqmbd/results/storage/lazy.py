@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.results.schema import fixed_width
+from uqmbd.results.storage.reading import NUMBERS
 from uqmbd.results.storage.sample_store import KINDS, SampleStore
 from uqmbd.results.storage.storage import load_with
 
@@ -80,16 +80,51 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     return tree
 
 
-def _unread(source: Path, options: Mapping[str, Any]) -> xr.DataTree:
-    """Open a tree; coordinates are read."""
-    tree = xr.open_datatree(source, **options, chunks={})
-    for node in tree.subtree:
-        node.dataset = _with_coordinates(node.to_dataset(inherit=False))
-    return tree
+def _unread(tree: xr.DataTree, source: Path) -> xr.DataTree:
+    """Return a tree whose numbers are read when they are computed with; coordinates are read."""
+    sets = {node.path: _as_dask(node.to_dataset(inherit=False), source, node.path) for node in tree.subtree}
+    # a tree of its own: that which is opened forgets how it is closed, where a dataset in it is replaced
+    made = xr.DataTree.from_dict(sets)
+    made.set_close(tree.close)
+    return made
 
 
-def _with_coordinates(data: xr.Dataset) -> xr.Dataset:
-    return data.assign_coords({name: data[name].load() for name in data.coords})
+def _as_dask(data: xr.Dataset, source: Path, path: str) -> xr.Dataset:
+    """Return numbers that were not read as arrays of Dask; coordinates are read."""
+    import dask.array as da
+    from dask.base import tokenize
+
+    made = {}
+    for name, variable in data.variables.items():
+        if name in data.coords or variable.dtype.kind not in NUMBERS:
+            continue
+        given = variable.encoding.get("preferred_chunks", {})
+        token = tokenize(str(source.resolve()), source.stat().st_mtime_ns, path, name)
+        array: Any = da.from_array(
+            _Unread(variable, f"{str(source)!r}: {path}/{name}"),
+            chunks=tuple(given.get(dim, -1) for dim in variable.dims),
+            name=f"{name}-{token}",
+            asarray=False,
+            fancy=False,
+            meta=np.empty((0,) * variable.ndim, dtype=variable.dtype),
+        )
+        made[name] = xr.Variable(variable.dims, array, variable.attrs, variable.encoding)
+    return data.assign(made).assign_coords({name: data[name].load() for name in data.coords})
+
+
+class _Unread:
+    """A variable of which parts are read; where that fails, the error names it."""
+
+    def __init__(self, variable: xr.Variable, where: str) -> None:
+        self.variable, self.where = variable, where
+        self.shape, self.dtype, self.ndim = variable.shape, variable.dtype, variable.ndim
+
+    def __getitem__(self, key: Any) -> NDArray[Any]:
+        try:
+            found: NDArray[Any] = self.variable[key].values
+        except Exception as error:
+            raise StudyError(f"{self.where} cannot be read; the file is damaged: {error}.") from error
+        return found
 
 
 def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | None:
@@ -107,7 +142,7 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         return None
     kept = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else xr.Dataset()
     if place.suffix == ".nc":  # written by uqmbd 0.1
-        data = _with_coordinates(xr.open_dataset(place, engine="h5netcdf", chunks={}))
+        data = load_with(place, _unread).to_dataset()
     else:
         data = _stored(SampleStore.open(place.resolve()))
     data = data.drop_attrs(deep=False)

@@ -24,7 +24,7 @@ from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.results.schema import SCHEMA_VERSION, Labels, check_version, labels, output_infos
 from uqmbd.results.storage.chunk_file import check_file, codecs, decoded, encoded, same_codecs, write_file
-from uqmbd.results.storage.zarr_check import check_codecs
+from uqmbd.results.storage.zarr_check import check_folder
 from uqmbd.status import Status
 from uqmbd.typing import Array, Mask
 
@@ -425,7 +425,7 @@ def _coordinates(axes: Labels) -> xr.Dataset:
 
 def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
     """Return the layout of a store's variables, and its coordinates; nothing in it is executed."""
-    check_codecs(folder)
+    check_folder(folder, unread=KINDS)
     _check_coordinates(folder)
     with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
         check_version(data.attrs, str(folder))

@@ -1,29 +1,35 @@
-"""Results on disk: netCDF (``.nc``) and Zarr (``.zarr``), written at once or not at all, read back as they were."""
+"""Results on disk: netCDF, written at once or not at all, read back as they were; Zarr of before is read.
+
+Every variable has HDF5's checksum, where HDF5 has one, and every file a digest.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from xarray.backends import H5NetCDFStore
 
-from uqmbd.errors import StudyError
-from uqmbd.files import replacing
-from uqmbd.results.schema import SCHEMA_VERSION, check_version
+from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.files import regular, replacing
+from uqmbd.logs import results
+from uqmbd.results.schema import SCHEMA_VERSION, check_version, validate
 from uqmbd.results.storage.chunks import chunks_of
+from uqmbd.results.storage.digest import CHECKSUM, add_digest, check_digest
 from uqmbd.results.storage.hdf5 import netcdf_file
-from uqmbd.results.storage.manifest import has_manifest, record
+from uqmbd.results.storage.manifest import has_manifest, in_manifest, is_ours, record
+from uqmbd.results.storage.reading import PLAIN, check_memory, check_text, opened_netcdf
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
-from uqmbd.results.storage.zarr_check import check_codecs
+from uqmbd.results.storage.zarr_check import check_folder
 
-__all__ = ["load", "load_with", "save"]
+__all__ = ["errors_of_files", "load", "load_with", "not_verified", "save"]
 
 _JSON_ATTRIBUTES = "uqmbd_json_attributes"
 _CHILDREN = "uqmbd_children"
@@ -33,8 +39,8 @@ _INT64 = np.iinfo(np.int64)
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
 
-def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Literal[2, 3] | None = None) -> Path:
-    """Write a result to a netCDF file or a Zarr folder, with the version of its schema.
+def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
+    """Write a result to a netCDF file, with the version of its schema and a digest.
 
     It is written beside the target and then takes its place, so that a reader never meets half a result and an
     interrupted run leaves the old one as it was.  What `Study.run` keeps beside the target, to go on with, is removed
@@ -45,9 +51,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Litera
     tree : xarray.DataTree
         A result; any tree of numbers and text will do.
     path : path-like
-        Ends in ``.nc`` or ``.zarr``; folders on the way are made.
-    zarr_format : {2, 3}, optional
-        Of a Zarr folder; by default 2, which readers of both generations know.
+        Ends in ``.nc``; folders on the way are made.  Zarr is written by `to_zarr` of the tree.
 
     Returns
     -------
@@ -57,8 +61,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Litera
     Raises
     ------
     StudyError
-        If the ending is another one, an attribute cannot be stored, the folder cannot be written, Zarr is missing, or
-        `zarr_format` is neither 2 nor 3, or is given for netCDF.
+        If the ending is another one, a variable or an attribute cannot be stored, or the folder cannot be written.
 
     Examples
     --------
@@ -69,12 +72,14 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Litera
     True
     """
     target = Path(path)
-    writer = _writer(target, zarr_format)
+    if target.suffix != ".nc":
+        zarr = f" For Zarr use xarray: tree.to_zarr({str(target)!r})." if target.suffix == ".zarr" else ""
+        raise StudyError(f"A result is stored as netCDF, in a file that ends in .nc; {str(target)!r} does not.{zarr}")
     encoded = _encode_tree(tree)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as written:
-            writer(encoded, written)
+            _write(encoded, written)
             if has_manifest(target.parent):
                 record(target.parent, [target.name], [written])
     except OSError as error:
@@ -90,25 +95,26 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str], *, zarr_format: Litera
 def load(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory and close its file.
 
-    Nothing that is read is executed: a Zarr folder with codecs that :func:`save` does not write is refused, and netCDF
+    Nothing that is read is executed: a Zarr folder with codecs that :func:`save` did not write is refused, and netCDF
     holds no code.
 
     Parameters
     ----------
     path : path-like
-        A netCDF file (``.nc``), or a Zarr folder (``.zarr``) of format 2 or 3, written by :func:`save` or by
-        `to_zarr` of the result.
+        A netCDF file (``.nc``), or a Zarr folder (``.zarr``) of format 2 or 3, written by :func:`save`, or by
+        `to_netcdf` or `to_zarr` of the result.
 
     Returns
     -------
     xarray.DataTree
-        As it was saved.
+        As it was saved.  Its ``encoding["digest"]`` is ``"verified"`` where the file has the digest that :func:`save`
+        wrote, and ``"not verified"`` where it has none, as files of other programs.
 
     Raises
     ------
     StudyError
-        If it does not exist, has another ending, is damaged, has codecs of its own or a later schema,
-        or Zarr is missing.
+        If it does not exist, is no regular file, has another ending, is damaged, declares more numbers than it can
+        hold or the memory can, has codecs of its own or a later schema, or Zarr is missing.
 
     Examples
     --------
@@ -120,14 +126,20 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     return load_with(Path(path), _read)
 
 
-def _read(source: Path, options: Mapping[str, Any]) -> xr.DataTree:
-    with xr.open_datatree(source, **options) as opened:
-        return opened.load()
+def _read(tree: xr.DataTree, source: Path) -> xr.DataTree:
+    with tree:
+        check_memory(sum(node.dataset.nbytes for node in tree.subtree), source)
+        return tree.load()
 
 
-def load_with(source: Path, read: Callable[[Path, Mapping[str, Any]], xr.DataTree]) -> xr.DataTree:
-    """Read a result, of which nothing is executed, by a function of its path and the options of xarray's opening."""
-    _writer(source)
+def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) -> xr.DataTree:
+    """Open a result, of which nothing is executed, and read it by a function of what is opened.
+
+    The function `_read` reads all; with another one the large chunks are not compared with their digests.
+    """
+    suffix = source.suffix.lower()
+    if suffix not in (".nc", ".nc4", ".zarr"):
+        raise StudyError(f"A result is read from .nc (netCDF) or .zarr (Zarr); {str(source)!r} ends in neither.")
     if not source.exists():
         raise StudyError(f"There is no result at {str(source)!r}.")
     if (source / "response" / ".zarray").is_file():
@@ -135,53 +147,133 @@ def load_with(source: Path, read: Callable[[Path, Mapping[str, Any]], xr.DataTre
             f"{str(source)!r} holds samples of a method, and is no result: uqmbd.results.open reads the result beside "
             "it (results.nc), with all samples, and uqmbd.results.SampleStore.open the samples alone."
         )
-    options: dict[str, Any] = {"engine": "h5netcdf" if source.suffix == ".nc" else "zarr", "decode_timedelta": False}
+    tree, verified = None, False
     try:
-        if source.suffix == ".zarr":
-            check_codecs(source)
+        if suffix == ".zarr":
+            check_folder(source)
             # the specification of format 3 has no consolidated metadata
             old = (source / ".zmetadata").is_file() and not (source / "zarr.json").is_file()
-            options["consolidated"] = old
-        tree = read(source, options)
-    except StudyError:
-        raise
-    except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
-        raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {error}") from error
-    check_version(tree.attrs, str(source))
-    if tree.attrs.pop(_VERSION_ADDED, None) and tree.attrs[_VERSION] == SCHEMA_VERSION:
-        # of an earlier version it stays, and says what the result need not have
-        del tree.attrs[_VERSION]
-    found = _decode_tree(tree, ordered=source.suffix == ".nc")
+            tree = xr.open_datatree(source, engine="zarr", consolidated=old, chunks=None, cache=False, **PLAIN)
+        else:
+            verified = _verified(source, whole=read is _read)
+            tree = opened_netcdf(source)
+        tree = read(tree, source)
+        check_version(tree.attrs, str(source))
+        if tree.attrs.pop(_VERSION_ADDED, None) and tree.attrs[_VERSION] == SCHEMA_VERSION:
+            # of an earlier version it stays, and says what the result need not have
+            del tree.attrs[_VERSION]
+        found = _decode_tree(tree, source, ordered=suffix != ".zarr")
+    # whatever the packages that read it raise of what somebody else wrote
+    except Exception as error:
+        if tree is not None:
+            tree.close()
+        if isinstance(error, StudyError):
+            raise
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {reason}") from error
     found.set_close(tree.close)
+    found.encoding = {"source": str(source), "digest": "verified" if verified else "not verified"}
+    if not verified:
+        results.info("%s is not verified: it has no digest of uqmbd", source)
     return found
 
 
-def _writer(path: Path, zarr_format: object = None) -> Callable[[xr.DataTree, Path], None]:
-    if zarr_format is not None and (path.suffix != ".zarr" or zarr_format not in (2, 3)):
+def _verified(source: Path, *, whole: bool) -> bool:
+    """Tell whether a file is as uqmbd wrote it, by its digest or the manifest beside it; a damaged one is refused."""
+    with regular(source) as file:
+        if check_digest(file, whole=whole):
+            return True
+    if source.name not in in_manifest(source.parent) or not whole:
+        return False
+    if is_ours(source.parent, source.name):
+        return True
+    raise StudyError(
+        f"{str(source)!r} is not what uqmbd wrote there, by the manifest of the folder, and has no digest: it "
+        "is damaged, or another program changed it. If that is meant, rename it: then it is read, as not verified."
+    )
+
+
+def not_verified(tree: xr.DataTree) -> bool:
+    """Tell whether a result was read from a file, or a folder, without a digest."""
+    return bool(tree.encoding.get("digest") == "not verified")
+
+
+@contextmanager
+def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
+    """Let errors with results that were read from files name these, and what does not keep to the schema in them.
+
+    Examples
+    --------
+    >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
+    >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}
+    >>> with errors_of_files(tree):
+    ...     tree["comparison"]
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: 'results.nc' cannot be used: /: attribute 'mechanism' is missing; expected a text.
+    """
+    try:
+        yield
+    except (UqmbdError, OSError, Warning):
+        raise
+    except Exception as error:
+        read = [tree for tree in trees if "digest" in tree.encoding]
+        for tree in read:
+            try:
+                validate(tree)
+            except Exception as found:
+                reason = str(found) if isinstance(found, StudyError) else f"{type(found).__name__}: {found}"
+                raise StudyError(f"{tree.encoding['source']!r} cannot be used: {reason}") from error
+        if not read:
+            raise
+        files = ", ".join(repr(tree.encoding["source"]) for tree in read)
         raise StudyError(
-            f"zarr_format is {zarr_format!r} for {str(path)!r}; expected 2 or 3, for a path that ends in .zarr."
-        )
-    if path.suffix == ".nc":
-        return _write_netcdf
-    if path.suffix != ".zarr":
-        raise StudyError(f"A result is stored as .nc (netCDF) or .zarr (Zarr); {str(path)!r} ends in neither.")
-    from uqmbd.results.storage.zarr_writer import write_zarr
-
-    return partial(write_zarr, zarr_format=3) if zarr_format == 3 else write_zarr
+            f"{files}: what was read cannot be used: {type(error).__name__}: {error}. Another program may have changed "
+            "it. If not, this is a mistake in uqmbd, or in the plugin that computed it."
+        ) from error
 
 
-def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
+def _write(tree: xr.DataTree, path: Path) -> None:
+    """Write a tree; of variables that are compressed, the digest of the rest does not cover the numbers."""
     light = {"zlib": True, "complevel": 1, "shuffle": True}
+    large: list[str] = []
     with netcdf_file(path) as made:
         for node in tree.subtree:
-            dataset = node.to_dataset(inherit=False)
-            large = [n for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.size >= _COMPRESS_FROM]
             group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
-            dataset.dump_to_store(
-                H5NetCDFStore(group),
-                encoding={n: {**light, "chunksizes": chunks_of(dataset.variables[n])} for n in large},
-            )
+            variables: dict[Any, xr.Variable] = {}
+            encoding: dict[Any, dict[str, Any]] = {}
+            dataset = node.to_dataset(inherit=False)
+            for name, given in dataset.variables.items():
+                if not given.shape or not given.size:
+                    continue  # HDF5 has no checksums for these
+                variable, letters = _characters(given) if given.dtype.kind == "U" else (given, {})
+                variables[name] = variable
+                encoding[name] = {"fletcher32": True, "chunksizes": (*chunks_of(variable), *letters.values())}
+                if letters:
+                    encoding[name]["char_dim_name"] = next(iter(letters))
+                    # h5netcdf writes no coordinate of two dimensions that has one of them from a group above
+                    own = letters | ({name: given.size} if name in given.dims else {})
+                    for dim in own.keys() - set(group.dimensions):
+                        group.dimensions[dim] = own[dim]
+                if variable.nbytes >= 8 * _COMPRESS_FROM:
+                    encoding[name] |= light
+                    large.append(f"{node.path.rstrip('/')}/{name}")
+            coords = {name: variables.pop(name) for name in dataset.coords if name in variables}
+            dataset = dataset.assign(variables).assign_coords(coords)
+            dataset.dump_to_store(H5NetCDFStore(group), encoding=encoding)
             made.check()
+        spans = made.chunks(large)
+    # a chunk ends with HDF5's checksum
+    add_digest(path, [(begin, count - CHECKSUM) for begin, count in spans])
+
+
+def _characters(variable: xr.Variable) -> tuple[xr.Variable, dict[str, int]]:
+    """Turn text to characters, with the dimension of these: of text of any width HDF5 has no checksums."""
+    values = np.char.encode(variable.values, "utf-8")
+    # few widths, for each is a dimension
+    width = 1 << max(3, (values.dtype.itemsize - 1).bit_length())
+    attrs = {**variable.attrs, "_Encoding": "utf-8"}
+    return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"characters_{width}": width}
 
 
 def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
@@ -197,14 +289,14 @@ def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
     return xr.DataTree.from_dict(datasets, name=tree.name)
 
 
-def _decode_tree(tree: xr.DataTree, *, ordered: bool) -> xr.DataTree:
+def _decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTree:
     """Return a tree as it was; where groups come in no order (`ordered`), those whose order is not stored by name."""
     dataset = tree.to_dataset(inherit=False)
     order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
     names = tree.children if ordered else sorted(tree.children)
     names = sorted(names, key=lambda name: order.index(name) if name in order else len(order))
-    children = {name: _decode_tree(tree.children[name], ordered=ordered) for name in names}
-    return xr.DataTree(_decode(dataset), children=children)
+    children = {name: _decode_tree(tree.children[name], source, ordered=ordered) for name in names}
+    return xr.DataTree(_decode(dataset, source), children=children)
 
 
 def _encode(dataset: xr.Dataset) -> xr.Dataset:
@@ -212,6 +304,8 @@ def _encode(dataset: xr.Dataset) -> xr.Dataset:
     variables = {}
     for name, variable in dataset.variables.items():
         data = variable
+        if variable.dtype.kind in "mM":
+            raise StudyError(f"Variable {name!r} holds dates or durations; only numbers and text can be stored.")
         if variable.dtype.kind in "OT":
             values = variable.values
             if not all(isinstance(v, str) for v in values.ravel()):
@@ -252,14 +346,25 @@ def _is_native(value: object) -> bool:
     return isinstance(value, (str, float))
 
 
-def _decode(dataset: xr.Dataset) -> xr.Dataset:
+def _decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
     variables = {}
     for name, variable in dataset.variables.items():
         # An empty or optimised text type of the reader becomes the fixed width that was written.
-        values = _text(variable.values) if variable.dtype.kind in "OT" else variable.data
+        values = _fixed(variable.values, str(name), source) if variable.dtype.kind in "OTU" else variable.data
         variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
     coords = {name: variables.pop(name) for name in dataset.coords}
     return xr.Dataset(variables, coords=coords, attrs=_decode_attributes(dataset.attrs))
+
+
+def _fixed(values: NDArray[Any], name: str, source: Path) -> NDArray[np.str_]:
+    """Return text that was read as text of fixed width, of which each letter takes four bytes."""
+    if values.dtype.kind == "U":
+        return values
+    texts = values.ravel().tolist()
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"variable {name!r} holds objects; expected numbers or text")
+    check_text(len(texts) * max(map(len, texts), default=0), source)
+    return _text(values)
 
 
 def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:

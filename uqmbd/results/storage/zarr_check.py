@@ -1,24 +1,29 @@
 """What a Zarr folder asks for, read before anything is opened: nothing that is loaded is executed.
 
 A Zarr array names the codecs that decode it, and some of these run what they find, as `pickle` does.  In format 3 these
-names may belong to any package that is installed, and so may those of types of data and of grids of chunks.
+names may belong to any package that is installed, and so may those of types of data and of grids of chunks.  It states
+the shape of arrays, too, whose chunks need not be there.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from uqmbd.errors import StudyError
+import numpy as np
 
-__all__ = ["check_codecs"]
+from uqmbd.errors import StudyError
+from uqmbd.results.storage.reading import check_declared
+
+__all__ = ["check_folder"]
 
 _COMPRESSORS = frozenset({"blosc", "zstd", "crc32"})
-"""What Zarr compresses with by default, hence what `save` writes: it depends on the version of Zarr; and checksums."""
+"""What Zarr compresses with by default, hence what `save` wrote: it depends on the version of Zarr; and checksums."""
 
 _TEXT = "vlen-utf8"
 """Text of any width, as xarray writes it."""
@@ -27,14 +32,17 @@ _FILTERS = frozenset({"blosc", _TEXT})
 """What the chunks of samples are compressed with before their checksum is taken; and text."""
 
 _CODECS = frozenset({"bytes", _TEXT, "zstd", "blosc", "gzip", "crc32c"})
-"""What xarray and Zarr write in format 3, and `save`: the codecs of its specification that are for chunks."""
+"""What xarray and Zarr write in format 3: the codecs of its specification that are for chunks."""
+
+_OF_TEXT = 16
+"""Bytes of a text of any length, at least."""
 
 _METADATA = ("zarr.json", ".zarray", ".zmetadata")
 
 _TYPE = re.compile(r"[<>|]([biufcmMU])(\d+)(\[\w+\])?")
 """Numbers, times, and text of fixed width."""
 
-_TYPE_3 = re.compile(r"bool|u?int(8|16|32|64)|float(16|32|64)|complex(64|128)|string")
+_TYPE_3 = re.compile(r"(?:bool|u?int|float|complex|string)(8|16|32|64|128)?")
 """The same in format 3, whose specification has text of any width."""
 
 _KNOWN = {
@@ -43,8 +51,17 @@ _KNOWN = {
 }
 
 
-def check_codecs(folder: Path) -> None:
-    """Refuse a Zarr folder, of format 2 or 3, with a codec, a filter or a type that results are not written with.
+def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
+    """Refuse a Zarr folder, of format 2 or 3, with a codec, a filter or a type that results were not written with.
+
+    So are files that are no regular ones, and arrays that are larger than what is in the folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the root.
+    unread : collection of str
+        Arrays that are not read as a whole.
 
     Raises
     ------
@@ -53,21 +70,28 @@ def check_codecs(folder: Path) -> None:
     OSError, ValueError
         Where the metadata cannot be read.
     """
+    size, declared = 0, 0
     for entry in _entries(folder):
-        name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
-        if not (entry.is_symlink() or name in _METADATA):
+        path, place = Path(entry.path), os.path.relpath(entry.path, folder)
+        if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
+            raise _refused(folder, f"{place} is a link, a pipe or a device")
+        if place.split(os.sep)[0] in unread and entry.name[0] != ".":
             continue  # a chunk, of which there may be many
-        path = Path(entry.path)
-        if entry.is_symlink():
-            raise _refused(folder, f"{path.relative_to(folder)} is a link")
+        size += entry.stat().st_size
+        name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
+        if name not in _METADATA:
+            continue
+        node, about = str(path.parent.relative_to(folder)), json.loads(path.read_bytes())
         if name == "zarr.json":
-            _check_format_3(folder, str(path.parent.relative_to(folder)), json.loads(path.read_bytes()))
+            arrays = list(_arrays_3(folder, node, about))
         elif name == ".zarray":
-            _check_array(folder, str(path.parent.relative_to(folder)), json.loads(path.read_bytes()))
-        elif name == ".zmetadata":
-            for key, content in json.loads(path.read_bytes())["metadata"].items():
-                if str(key).rpartition("/")[2] == ".zarray":
-                    _check_array(folder, str(key).rpartition("/")[0], content)
+            arrays = [(node, _bytes_of(folder, node, about))]
+        else:
+            own = {str(key): content for key, content in about["metadata"].items()}
+            found = {key.rpartition("/")[0]: own[key] for key in own if key.rpartition("/")[2] == ".zarray"}
+            arrays = [(key, _bytes_of(folder, key, content)) for key, content in found.items()]
+        declared += sum(count for key, count in arrays if key not in unread)
+    check_declared(declared, size, folder)
 
 
 def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
@@ -78,7 +102,8 @@ def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
                 yield from _entries(entry.path)
 
 
-def _check_array(folder: Path, array: str, about: Any) -> None:
+def _bytes_of(folder: Path, array: str, about: Any) -> int:
+    """Return the bytes of an array of format 2, or of one of its chunks, where that has more."""
     compressor, filters, kind = about["compressor"], about["filters"], about["dtype"]
     if compressor is not None and compressor["id"] not in _COMPRESSORS:
         raise _refused(folder, f"{array!r} uses the codec {compressor['id']!r}")
@@ -87,33 +112,46 @@ def _check_array(folder: Path, array: str, about: Any) -> None:
         if name not in _FILTERS:
             raise _refused(folder, f"{array!r} uses the codec {name!r}")
     text = kind == "|O" and names[:1] == [_TEXT]  # the last to decode: its objects are texts
-    if not text and not (isinstance(kind, str) and _TYPE.fullmatch(kind)):
+    plain = _TYPE.fullmatch(kind) if isinstance(kind, str) else None
+    if not text and not plain:
         raise _refused(folder, f"{array!r} has the type {kind!r}")
+    return _size(folder, array, about["shape"], about["chunks"]) * (np.dtype(kind).itemsize if plain else _OF_TEXT)
 
 
-def _check_format_3(folder: Path, node: str, about: Any) -> None:
-    """Look at a group or an array of format 3, and at what it holds of those below it."""
+def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int]]:
+    """Look at a group or an array of format 3 and what it holds of those below it; return arrays and their bytes."""
     if about["node_type"] == "array":
-        _check_array_3(folder, node, about)
+        yield node, _bytes_of_3(folder, node, about)
     elif about["node_type"] != "group":
         raise _refused(folder, f"{node!r} is a {about['node_type']!r}")
     consolidated = about.get("consolidated_metadata") or {}
     for key, content in consolidated.get("metadata", {}).items():
-        _check_format_3(folder, f"{node}/{key}", content)
+        yield from _arrays_3(folder, f"{node}/{key}", content)
 
 
-def _check_array_3(folder: Path, array: str, about: Any) -> None:
+def _bytes_of_3(folder: Path, array: str, about: Any) -> int:
     for codec in about["codecs"]:
         if _name(codec) not in _CODECS:
             raise _refused(folder, f"{array!r} uses the codec {_name(codec)!r}")
     if about.get("storage_transformers"):
         raise _refused(folder, f"{array!r} has storage transformers")
     kind = about["data_type"]
-    if not isinstance(kind, str) or not _TYPE_3.fullmatch(kind):
+    found = _TYPE_3.fullmatch(kind) if isinstance(kind, str) else None
+    if not found:
         raise _refused(folder, f"{array!r} has the type {_name(kind)!r}")
     for key, known in _KNOWN.items():
         if _name(about[key]) not in known:
             raise _refused(folder, f"{array!r} has {_name(about[key])!r} as its {key}")
+    chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
+    return _size(folder, array, about["shape"], chunk) * (int(found[1]) // 8 if found[1] else _OF_TEXT)
+
+
+def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
+    """Return how many numbers an array has, or one of its chunks, if that is more."""
+    whole = all(isinstance(n, int) and n >= 0 for n in (*shape, *chunk)) and len(shape) == len(chunk)
+    if not whole or 0 in chunk:
+        raise _refused(folder, f"{array!r} has the shape {shape} in chunks of {chunk}")
+    return max(int(math.prod(shape)), int(math.prod(chunk)))
 
 
 def _name(about: Any) -> str:

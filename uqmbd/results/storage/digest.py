@@ -1,0 +1,153 @@
+"""The digest at the end of a netCDF file: a changed byte is noticed before HDF5 reads the file.
+
+HDF5's own checksums cover neither attributes nor texts of variable length.  HDF5 ignores what follows the end of its
+data, hence other readers are not affected; a program that changes the file cuts the digest off.
+
+The large variables are compressed.  Their chunks, each of which ends with HDF5's checksum, have digests of their own:
+`uqmbd.results.open` compares the digest of the rest, with the checksums in it, and does not read the chunks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from uqmbd.errors import StudyError
+from uqmbd.files import no_link
+
+__all__ = ["CHECKSUM", "Span", "add_digest", "check_digest"]
+
+Span = tuple[int, int]
+"""Where some bytes of a file begin, and how many there are."""
+
+CHECKSUM = 4
+"""Bytes of HDF5's checksum, with which a chunk ends."""
+
+_FORM = "uqmbd digest 1"
+_END = b"\x89uqmbd digest\r\n\x1a\n"
+_SHA = hashlib.sha256().digest_size
+_FOOT = 8 + _SHA + len(_END)
+"""The length of the statement, its own digest, and the mark of the end."""
+_LARGEST = 1 << 26
+_AT_ONCE = 1 << 20
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def add_digest(path: Path, spans: Sequence[Span]) -> None:
+    """Append the digest to a file that is complete.
+
+    Parameters
+    ----------
+    path : Path
+        An HDF5 file, without a digest.
+    spans : sequence of Span
+        Bytes that are not read where a file is opened only, none within another.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    with open(path, "r+b", opener=no_link) as file:
+        size = file.seek(0, os.SEEK_END)
+        parts = sorted(spans)
+        rest, digests = _digests(file, size, parts, whole=True)
+        about = {
+            "form": _FORM,
+            "size": size,
+            "rest": rest,
+            "spans": [[*span, digest] for span, digest in zip(parts, digests, strict=True)],
+        }
+        statement = json.dumps(about).encode()
+        file.seek(size)
+        file.write(statement + len(statement).to_bytes(8, "little") + hashlib.sha256(statement).digest() + _END)
+
+
+def check_digest(file: BinaryIO, *, whole: bool) -> bool:
+    """Compare the digest of a file with its content.
+
+    Parameters
+    ----------
+    file : BinaryIO
+        Open to read.
+    whole : bool
+        Whether large chunks are read, too.
+
+    Returns
+    -------
+    bool
+        Whether there is a digest, which is that of the content; False: the file is another program's.
+
+    Raises
+    ------
+    StudyError
+        If the content is another one, or something else is where the digest of uqmbd should be.
+    """
+    end = file.seek(0, os.SEEK_END)
+    file.seek(max(end - _FOOT, 0))
+    foot = file.read(_FOOT)
+    if len(foot) < _FOOT or not foot.endswith(_END):
+        if (data := _end_of_data(file)) is not None and end > data:
+            raise _damaged(file, f"{end - data} bytes after the end of its data are no digest")
+        return False
+    length, digest = int.from_bytes(foot[:8], "little"), foot[8 : 8 + _SHA]
+    size = end - _FOOT - length
+    if size < 0 or length > _LARGEST:
+        raise _damaged(file, "its digest has an impossible length")
+    file.seek(size)
+    statement = file.read(length)
+    if hashlib.sha256(statement).digest() != digest:
+        raise _damaged(file, "its digest is damaged")
+    about = json.loads(statement)
+    if about["form"] != _FORM:
+        raise StudyError(f"{str(file.name)!r} has a digest of a later version of uqmbd; read it with that version.")
+    spans = [(int(begin), int(count)) for begin, count, _ in about["spans"]]
+    rest, digests = _digests(file, size, spans, whole=whole)
+    if size != about["size"] or rest != about["rest"] or (whole and digests != [one[2] for one in about["spans"]]):
+        raise _damaged(file, "its content does not have the digest that it states")
+    return True
+
+
+def _digests(file: BinaryIO, size: int, spans: Sequence[Span], *, whole: bool) -> tuple[str, list[str]]:
+    """Return the digest of what is outside of the spans, which are in order, and those of each of these."""
+    rest, found, place = hashlib.sha256(), [], 0
+    for begin, count in spans:
+        _update(rest, file, place, begin)
+        place = begin + count
+        if whole:
+            own = hashlib.sha256()
+            _update(own, file, begin, place)
+            found.append(own.hexdigest())
+    _update(rest, file, place, size)
+    return rest.hexdigest(), found
+
+
+def _update(digest: Any, file: BinaryIO, begin: int, end: int) -> None:
+    file.seek(begin)
+    for part in _parts(file, end - begin):
+        digest.update(part)
+
+
+def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
+    while count > 0 and (part := file.read(min(count, _AT_ONCE))):
+        yield part
+        count -= len(part)
+
+
+def _end_of_data(file: BinaryIO) -> int | None:
+    """Return where the data of an HDF5 file end, by its superblock; None: it is another file, or an unusual one."""
+    file.seek(0)
+    head = file.read(64)
+    if not head.startswith(_HDF5) or len(head) < 64:
+        return None
+    # "The HDF5 File Format Specification", superblock of versions 0 to 3 with addresses of 8 bytes
+    place, width = {0: (40, head[13]), 1: (44, head[13]), 2: (28, head[9]), 3: (28, head[9])}.get(head[8], (0, 0))
+    return int.from_bytes(head[place : place + 8], "little") if width == 8 else None
+
+
+def _damaged(file: BinaryIO, found: str) -> StudyError:
+    return StudyError(f"{str(file.name)!r} is damaged: {found}. Take another copy of the file, or run the study again.")

@@ -1,0 +1,199 @@
+"""Reading netCDF files, of whoever wrote them: what is in them is looked at before anything is read.
+
+Anything that HDF5, h5netcdf or xarray raise is the error of the caller's context; h5netcdf prints none of it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from xarray.backends import CachingFileManager, H5NetCDFStore
+
+from uqmbd.errors import StudyError
+from uqmbd.files import regular
+from uqmbd.results.storage.hdf5 import remembering
+
+__all__ = ["NUMBERS", "PLAIN", "check_declared", "check_memory", "check_text", "opened_netcdf"]
+
+PLAIN: Mapping[str, Any] = {"decode_times": False, "decode_timedelta": False}
+"""Options of xarray's opening: times are numbers, whatever their units resemble."""
+
+_AT_LEAST = 1 << 28
+"""Bytes that any file may declare."""
+
+_RATIO = 1100
+"""By how much a file may be compressed; deflate reaches 1032."""
+
+NUMBERS = "biufc"
+"""Kinds of numbers."""
+
+_TEXTS = "SU"
+_PLACEHOLDER = b"This is a netCDF dimension but not a netCDF variable"
+
+
+def _largest(size: int) -> int:
+    """Return how many bytes a file of a size may hold, uncompressed: more are not in it, but made up."""
+    return max(_AT_LEAST, _RATIO * size)
+
+
+def check_declared(declared: int, size: int, path: Path) -> None:
+    """Refuse what declares more bytes than can be in a file, or a folder, of a size."""
+    if declared > _largest(size):
+        raise StudyError(
+            f"{str(path)!r} is not read: its variables declare {declared / 1e9:.3g} GB or more, which {size} bytes "
+            "cannot hold; it is damaged, or made to fill the memory."
+        )
+
+
+def check_memory(declared: int, path: Path) -> None:
+    """Refuse what this computer has not the memory for."""
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # a system that does not tell
+        return
+    if declared > memory > 0:
+        raise StudyError(
+            f"{str(path)!r} holds {declared / 1e9:.3g} GB; this computer has {memory / 1e9:.3g} GB of memory. "
+            "uqmbd.results.open reads only what is computed with."
+        )
+
+
+def check_text(letters: int, path: Path) -> None:
+    """Refuse texts that would take more memory, at four bytes a letter, than a file can ask for."""
+    size = path.stat().st_size if path.is_file() else sum(one.stat().st_size for one in path.rglob("*"))
+    check_declared(4 * letters, size, path)
+    check_memory(4 * letters, path)
+
+
+def opened_netcdf(path: Path) -> xr.DataTree:
+    """Open a netCDF file, of which nothing but attributes is read; it is open until `close` of the tree.
+
+    Raises
+    ------
+    StudyError
+        If it declares more than it can hold, has objects that are no variables, or leads to other files.
+    """
+    with regular(path) as file:
+        classic = file.read(3) == b"CDF"
+    if classic:
+        engine: Any = "scipy"
+        data = xr.open_dataset(path, engine=engine, cache=False, **PLAIN)
+        found = xr.DataTree(data)
+        found.set_close(data.close)
+        try:
+            check_declared(data.nbytes, path.stat().st_size, path)
+        except StudyError:
+            data.close()
+            raise
+        return found
+    # it opens the file again in another process
+    manager = CachingFileManager(_opened, str(path.resolve()), mode="r")
+    try:
+        sets = {
+            name: xr.open_dataset(H5NetCDFStore(manager, group=name, mode="r"), cache=False, **PLAIN)
+            for name in _groups(manager.acquire(), "/")
+        }
+        found = xr.DataTree.from_dict(sets)
+    except BaseException:
+        manager.close()
+        raise
+    found.set_close(manager.close)
+    return found
+
+
+def _opened(path: str, mode: str) -> Any:
+    """Open a netCDF file of HDF5, by h5netcdf; closing it closes HDF5's file."""
+    import h5netcdf
+
+    class Reader(h5netcdf.File):  # type: ignore[misc]  # h5netcdf has no types
+        def close(self) -> None:
+            super().close()
+            inner.close()
+
+    inner = remembering()(path, mode)
+    try:
+        _check(inner, Path(path))
+        # what h5netcdf reads first: where that fails, it leaves an object that prints a traceback at its end
+        dict(inner.attrs)
+        return Reader(inner, mode, decode_vlen_strings=True, phony_dims="access")
+    except BaseException:
+        inner.close()
+        raise
+
+
+def _groups(group: Any, name: str) -> Iterator[str]:
+    yield name
+    for child, below in group.groups.items():
+        yield from _groups(below, f"{name.rstrip('/')}/{child}")
+
+
+def _check(file: Any, path: Path) -> None:
+    """Refuse what is no variable of a result, and more than a file can hold."""
+    import h5py
+
+    size, declared, seen = path.stat().st_size, 0, set()
+
+    def look(group: Any) -> None:
+        nonlocal declared
+        for name in group:
+            link = group.get(name, getlink=True)
+            if not isinstance(link, h5py.HardLink):
+                raise _refused(path, f"{name!r} in {group.name!r} is a link to another place")
+            one = file[f"{group.name.rstrip('/')}/{name}"]
+            address = h5py.h5o.get_info(one.id).addr
+            if isinstance(one, h5py.Group):
+                if address in seen:
+                    raise _refused(path, f"the group {one.name!r} holds itself")
+                seen.add(address)
+                look(one)
+            elif isinstance(one, h5py.Dataset):
+                declared += _bytes_of(one, path, size)
+                check_declared(declared, size, path)
+
+    seen.add(h5py.h5o.get_info(file.id).addr)
+    look(file)
+
+
+def _bytes_of(variable: Any, path: Path, size: int) -> int:
+    """Return the bytes of a variable in memory; of a placeholder of a dimension none are read."""
+    import h5py
+
+    layout = variable.id.get_create_plist()
+    here = layout.get_layout() in (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED)
+    if not here or layout.get_external_count():
+        raise _refused(path, f"{variable.name!r} has its numbers in another file")
+    kind, text = variable.dtype, h5py.check_string_dtype(variable.dtype)
+    if kind.kind not in NUMBERS + _TEXTS and text is None:
+        raise _refused(path, f"{variable.name!r} has the type {kind}; expected numbers or text")
+    # a part of a chunk is read with all of it
+    count = max(0 if shape is None else math.prod(shape) for shape in (variable.shape, variable.chunks))
+    if kind.kind == "f" and bytes(np.bytes_(variable.attrs.get("NAME", b""))).startswith(_PLACEHOLDER):
+        return 0
+    if text is not None and text.length is None:
+        check_declared(count * kind.itemsize, size, path)
+        # each may be the longest that fits into the file, which may be there once: some are read at once
+        at_once = max(_largest(size) // (4 * size), 1)
+        if count > at_once:
+            _check_texts(variable, path, size, at_once)
+    letter = 4 if kind.kind == "S" else 1  # bytes, in memory
+    return int(count * kind.itemsize * letter)
+
+
+def _check_texts(texts: Any, path: Path, size: int, at_once: int) -> None:
+    """Refuse texts that would take too much memory: each is as wide as the longest, at four bytes a letter."""
+    longest = 0
+    *outer, last = texts.shape
+    for index in np.ndindex(*outer):
+        for first in range(0, last, at_once):
+            longest = max(longest, *map(len, texts[(*index, slice(first, first + at_once))]))
+            check_declared(4 * longest * texts.size, size, path)
+
+
+def _refused(path: Path, found: str) -> StudyError:
+    return StudyError(f"{str(path)!r} is not read: {found}, which no result has.")
