@@ -43,6 +43,11 @@ def overall(comparison: xr.Dataset, method: str) -> tuple[str, str, str]:
     method : str
         A label.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If a verdict is of an unknown kind, as in a file that was changed.
+
     Examples
     --------
     >>> import chaospy
