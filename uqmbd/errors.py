@@ -187,7 +187,7 @@ class Finding:
     remedy : str
         What to try: a sentence without the stop at its end, or nothing.
     category : type of Warning or None
-        Class of the Python warning that a run of the study gives; None: whatever found it gives its own. A
+        Class of the Python warning that a run of the study gives; None: the check gives its own warning. A
         note has none.
 
     Examples
@@ -203,6 +203,15 @@ class Finding:
     message: str
     remedy: str = ""
     category: type[Warning] | None = field(default=StudyWarning, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.severity, Severity):
+            raise StudyError(f"Finding: severity is {self.severity!r}; expected a member of uqmbd.Severity.")
+        for name in ("place", "message", "remedy"):
+            if not isinstance(value := getattr(self, name), str):
+                raise StudyError(f"Finding: {name} is {value!r}; expected a text.")
+        if self.category is not None and not (isinstance(self.category, type) and issubclass(self.category, Warning)):
+            raise StudyError(f"Finding: category is {self.category!r}; expected a class of warnings, or None.")
 
     @property
     def text(self) -> str:

@@ -188,7 +188,11 @@ def _check_reach(prior: Posterior, seed: int) -> None:
         for block, found in zip(case.blocks, predicted, strict=True):
             if block.robust or block.noise is None:
                 continue
+            if not np.isfinite(found).any(axis=0).all():
+                continue  # the search reports failed realisations
             low, high = np.nanmin(found, axis=0), np.nanmax(found, axis=0)
+            # a few realisations do not reach the ends of the prior
+            low, high = low - 2 * (high - low), high + 2 * (high - low)
             deviation = np.sqrt(block.noise**2 + block.variance + (block.modes**2).sum(axis=1))
             away = np.maximum(low - block.values, block.values - high) / deviation
             worst = int(np.nanargmax(away))
@@ -197,9 +201,9 @@ def _check_reach(prior: Posterior, seed: int) -> None:
                 raise uqmbd.StudyError(
                     f"calibrate: record {block.record!r}, output {block.output!r}: the value {at} is "
                     f"{block.values[worst]:g}, and what the study gives there is from {low[worst]:g} to "
-                    f"{high[worst]:g}: {away[worst]:.2g} standard deviations of the noise away, of which nothing can "
-                    "be learned. Leave out a value that is wrong (nan), state a larger noise, or use noise='student' "
-                    "for records with outliers."
+                    f"{high[worst]:g}: {away[worst]:.2g} standard deviations of the noise away, so that its likelihood "
+                    "cannot be computed in 64 bits. Leave out a value that is wrong (nan), state a larger noise, or "
+                    "use noise='student' for records with outliers."
                 )
 
 

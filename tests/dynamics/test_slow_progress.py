@@ -63,7 +63,7 @@ def test_who_stands_still_says_it():
     pace, clock, said = watched()
     clock[0] = 6.0
     pace.look(0.0, STATE, 10**6)
-    assert "it does not get on" in said[0] and "0 %" in said[0]
+    assert "it makes no progress" in said[0] and "0 %" in said[0]
 
 
 @pytest.mark.parametrize("space", [uqmbd.Line, uqmbd.Translational, uqmbd.Planar, uqmbd.Spatial])

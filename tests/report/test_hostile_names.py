@@ -222,7 +222,7 @@ def test_labels_of_axes_leave_room_for_the_figure(stored: tuple[xr.DataTree, Pat
     for key in ("long", "one long word", "mathematics"):
         for figure in (figures.bands(nodes, HOSTILE[key]), figures.histograms(nodes, HOSTILE[key])):
             for axes in figure.axes:
-                assert max(axes.get_ylabel().count("\n"), axes.get_xlabel().count("\n")) < 4
+                assert max(axes.get_ylabel().count("\n"), axes.get_xlabel().count("\n")) < 5
             assert figure.axes[0].get_position().x0 < 0.25
 
 

@@ -31,8 +31,10 @@ PURE = frozenset(
 
 IMPURE = frozenset(
     {
-        "__import__", "compile", "default_rng", "eval", "exec", "fromfile", "genfromtxt", "globals",
-        "import_module", "loadtxt", "memmap", "open", "random",
+        "DataSource", "__dict__", "__import__", "attrgetter", "compile", "default_rng", "eval", "exec", "fromfile",
+        "fromregex", "genfromtxt", "getenv", "globals", "hb_read", "import_module", "load", "load_npz", "loadmat",
+        "loadtxt", "locals", "memmap", "methodcaller", "mmread", "netcdf_file", "open", "random", "readsav", "rvs",
+        "vars",
     }
 )  # fmt: skip
 """Names of what depends on more than its arguments."""

@@ -171,7 +171,7 @@ def _apart(a: Assembled) -> Iterator[Finding]:
             message = f"body {every} is connected to nothing: no component leads to another body or the ground"
         else:
             message = f"bodies {every} are connected with each other only: no component leads to the ground"
-        yield Finding(Severity.NOTE, message.partition(" are ")[0].partition(" is ")[0], message)
+        yield Finding(Severity.NOTE, f"{'body' if len(names) == 1 else 'bodies'} {every}", message)
 
 
 def _spread(a: Assembled) -> Iterator[Finding]:

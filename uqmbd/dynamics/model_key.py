@@ -39,6 +39,9 @@ __all__ = ["model_key"]
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), type(NotImplemented))
 
+CONTAINERS = (dict, list, tuple, set, frozenset, str, bytes, bytearray, int, float, complex, np.ndarray)
+"""Types whose subclasses hold more than their attributes show."""
+
 OF_OBJECTS = frozenset(
     {"name", "world_pose", "attached", "given", "values", "read", "prepared_from", "settled", "stating", "_told"}
 )
@@ -55,7 +58,7 @@ def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) 
     *others : plain data
         What else a model depends on.
     rows : array, optional
-        Values of its inputs that are looked at besides the means.
+        Input values to examine in addition to the means.
     """
     if mechanism.controllers or not unpatched():
         return None
@@ -151,7 +154,7 @@ class _Digests:
             return self.expression(value)
         if isinstance(value, sympy.MatrixBase):
             return ("matrix", value.shape), value.flat()
-        if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biufc":
+        if (kind is np.ndarray or isinstance(value, np.generic)) and value.dtype.kind in "biufc":
             return ("array", value.dtype.str, value.shape, value.tobytes()), ()
         if id(value) in self.owners:
             return ("owner", self.owner(value)), ()
@@ -159,10 +162,16 @@ class _Digests:
             return ("member", value.name), [kind, value.value]
         if (content := code_of(value)) is not None:
             return ("code", self.number(value, content)), ()
+        if isinstance(value, CONTAINERS):
+            raise Unknown  # of a class that may hold more than its attributes
         if is_dataclass(value):
             names = [x.name for x in fields(value)]
+            if vars_of(value).keys() - set(names):
+                raise Unknown
             return ("data", names), [kind, *(getattr(value, x) for x in names)]
         if is_library(kind.__module__) and vars_of(value):
+            raise Unknown
+        if any(vars(one).get("__slots__") for one in kind.__mro__):
             raise Unknown
         return ("object", sorted(vars_of(value))), [kind, *(x for _, x in sorted(vars_of(value).items()))]
 

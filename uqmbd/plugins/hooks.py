@@ -104,7 +104,10 @@ def integrator_problem(cls: type) -> str:
     """Return what keeps a class from being an integrator, or nothing."""
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"
-    declared = getattr(cls, "capabilities", cls)
+    declared = getattr(cls, "capabilities", None)
+    declared = cls if declared is None else declared
+    if declared is not cls and not hasattr(declared, "bounded_steps"):
+        return f"whose class attribute `capabilities` is {declared!r}; expected uqmbd.Capabilities(...)"
     for flag, method in INTEGRATOR_METHODS.items():
         if getattr(declared, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
             return f"which declares {flag}=True, but has no method {method}"

@@ -85,7 +85,11 @@ def write_report(
     target, figures = Path(path), None if folder is None else Path(folder)
     try:
         if target.name == REPORT and has_manifest(target.parent):
-            return _into_run(page, contents, target, figures)
+            try:
+                return _into_run(page, contents, target, figures)
+            except OSError as error:
+                where = error.filename or target.parent
+                raise StudyError(f"{where} cannot be written: {error.strerror or error}.") from error
         target = _write(page, target)
         if figures is not None:
             write_images(contents, figures)
@@ -137,7 +141,6 @@ def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Pa
             new.parent.mkdir(parents=True, exist_ok=True)
             write_images(contents, new)
         written = sorted(new.iterdir()) if beside and new is not None and new.is_dir() else []
-        # noted first: whoever is killed in between leaves nothing that seems to be the user's
         _write(page, target)
         record(run, [REPORT, *(f"{FIGURES}/{one.name}" for one in written)], [target, *written])
         if beside and new is not None and written:

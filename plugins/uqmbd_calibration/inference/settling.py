@@ -13,6 +13,7 @@ import numpy as np
 
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.climbing import Peaks, climb
+from uqmbd_calibration.inference.posterior import Predictor
 from uqmbd_calibration.inference.working import CHECKED, Work
 
 __all__ = ["Mode", "settle"]
@@ -31,7 +32,7 @@ POOR, GOOD, MORE = 0.25, 0.75, 2.0
 """Gain of a step over the predicted gain: slopes are wrong below the first and above the last one; a step may become
 longer above the second one."""
 
-CHEAP = 4
+FREE = 4
 """Steps by the slopes of the surrogate, at most."""
 
 WIDEST = 2.0
@@ -76,6 +77,7 @@ class _Followed:
     mode: Mode
     at: _Computed
     hessian: Array
+    predictors: list[Predictor]
 
     def same(self, other: _Followed) -> bool:
         """Whether another one ended in the same maximum, within a deviation."""
@@ -111,13 +113,14 @@ def settle(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
     if not found:
         return (), peaks.vectors[0], int(unseen.sum())
     found.sort(key=lambda one: -one.mode.log_mass)
-    work.shift(found[0].at.vector, found[0].at.real)
+    work.predictors = list(found[0].predictors)
     return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
 
 
 def _followed(work: Work, start: _Computed, best: float) -> _Followed:
     """Climb from a realisation to a maximum; another maximum whose cost is `best` ends what stays far above it."""
-    at, width, exact = start, WIDEST, False
+    at, width, exact, possible, settled = start, WIDEST, False, True, False
+    inputs = len(work.unknowns.inputs)
     # realisations that are too few for a check all go to the maximum
     reserve = CHECKED if work.affordable(2 * CHECKED) else 0
     work.shift(at.vector, at.real)
@@ -125,35 +128,36 @@ def _followed(work: Work, start: _Computed, best: float) -> _Followed:
     for taken in range(SETTLING):
         metric = peak.hessian[0]
         step = peak.vectors[0] - at.vector
-        settled = float(np.sqrt(max(step @ metric @ step, 0.0))) < SETTLED
-        inside = bool(np.abs(step[: len(work.unknowns.inputs)]).max() < 0.99 * width)
-        if settled and inside and (exact or width >= WIDEST):
+        length = float(np.abs(step[:inputs]).max())
+        near = float(np.sqrt(max(step @ metric @ step, 0.0))) < SETTLED and length < 0.99 * width
+        settled = near and (exact or width >= WIDEST or not possible)
+        if settled or not work.affordable(1 + reserve):
             break
-        if not work.affordable(1 + reserve):
-            break
-        tried = None if settled and inside else _computed(work, peak.vectors[0])
+        tried = None if near else _computed(work, peak.vectors[0])
         gain = -np.inf if tried is None else at.cost - tried.cost
         predicted = at.cost - float(peak.cost[0])
         if tried is not None and gain > 0:
             at = tried
-        wrong = not POOR * predicted <= gain <= MORE * predicted or taken >= CHEAP
+        wrong = not POOR * predicted <= gain <= MORE * predicted or taken >= FREE
         if gain <= 0 or (exact and gain < POOR * predicted):
-            width = max(0.25 * float(np.abs(step[: len(work.unknowns.inputs)]).max()), 1e-6)
+            width = max(0.25 * length, 1e-6)
         elif gain > GOOD * predicted:
-            width = max(width, 2.0 * float(np.abs(step).max()))
-        # slopes are computed once at a point, and for good once those of the surrogate were wrong
-        if not exact and (wrong or settled):
-            exact = _differences(work, at, metric)
+            width = max(width, 2.0 * length)
+        # slopes are computed once at a point, and at each one after those of the surrogate were wrong
+        if exact and gain > 0 and not _differences(work, at, metric):
+            break
+        if not exact and possible and (wrong or near):
+            exact = possible = _differences(work, at, metric)
             width = WIDEST if exact else width
-        elif exact and gain > 0:
-            exact = _differences(work, at, metric)
         if not exact:
             work.shift(at.vector, at.real)
         peak = climb(work.target, at.vector[None], within=width)
         if -float(peak.cost[0]) < -best - WORSE:
             break
-    mass = -float(peak.cost[0]) - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
-    return _Followed(Mode(peak.vectors[0], -float(peak.cost[0]), mass), at, peak.hessian[0])
+    # a point that no realisation is near is no maximum on the mechanism
+    place, cost = (peak.vectors[0], float(peak.cost[0])) if settled else (at.vector, at.cost)
+    mass = -cost - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
+    return _Followed(Mode(place, -cost, mass), at, peak.hessian[0], list(work.predictors))
 
 
 def _computed(work: Work, vector: Array) -> _Computed:

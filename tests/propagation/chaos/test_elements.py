@@ -209,7 +209,7 @@ def test_limits_and_options():
 @pytest.mark.thorough
 @pytest.mark.parametrize("both", [True, False])
 def test_report(both):
-    """The pattern has a patch for each element, of one split input a bar; words count the splits."""
+    """The pattern has a patch for each element, of one split input a level; words count the splits."""
 
     def function(x, y, z):
         return sympy.Abs(x - 0.3) + (sympy.Abs(y + 0.5) / 2 if both else y / 2) + z / 9
@@ -218,8 +218,8 @@ def test_report(both):
     figure = report.split_pattern(node)
     figure.savefig(io.BytesIO(), format="png", dpi=40)
     axes = figure.axes[0]
-    assert axes.get_xlabel() == "x0" and axes.get_ylabel() == ("x1" if both else "error in the element / std")
-    count = len(axes.collections[0].get_paths()) if both else len(axes.patches)
+    assert axes.get_xlabel() == "x0" and axes.get_ylabel() == ("x1" if both else "stated error [% of std]")
+    count = len(axes.collections[0].get_paths()) if both else len(axes.lines[0].get_xdata()) // 2
     assert count == 7
     words = elements_in_words(node)
     assert "into 7 elements: x0 at " in words and "x2 not at all" in words and "13 elements were computed" in words

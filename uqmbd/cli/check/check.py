@@ -16,7 +16,7 @@ from uqmbd.cli.check.picture import draw_figure, require_format
 from uqmbd.cli.loading import loading
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.cli.terminal import plain_progress, shown_derivation
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import Estimate, Propagator, Timing, findings, load_study, obstacle_of, readable, timing_of
@@ -225,8 +225,12 @@ def _show_requirements(screen: Console, study: Study) -> None:
 
 def _show_findings(screen: Console, study: Study) -> None:
     """Print what is probably wrong with the study."""
-    found = findings(study)
     screen.print()
+    try:
+        found = findings(study)
+    except UqmbdError as error:  # such as a study without outputs, which is not finished
+        screen.print(f"Findings: none can be listed yet. {error}", markup=False, soft_wrap=True)
+        return
     screen.print(f"Findings: {len(found) or 'none'}")
     for finding in found:
         screen.print(str(finding), markup=False, soft_wrap=True)

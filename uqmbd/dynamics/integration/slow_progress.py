@@ -1,7 +1,7 @@
-"""How fast an integration gets on: where steps become tiny, the user is told while it runs, not when it ends.
+"""Report slow integrations while they run: those whose steps become tiny.
 
-What is said depends on the clock, hence it is no part of results: it goes to the logger ``uqmbd.realisations``, and to
-the standard error where no program listens to that.
+A report depends on the clock and is therefore not part of the results: it goes to the logger ``uqmbd.realisations`` and
+to the standard error.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ PATIENCE = 5.0
 """Seconds of the clock after which an integration is looked at first; then after four times as many, and so on."""
 
 LONG = 600.0
-"""Seconds that the rest would take at the pace since the last look, from which it is said."""
+"""Seconds that the rest would take at the pace since the last look, from which it is reported."""
 
 
 class Pace:
-    """Watches an integration, and says where it is, and why, if its end is far off.
+    """Watches an integration, and reports where it is, and why, if its end is far off.
 
     Parameters
     ----------
@@ -54,16 +54,24 @@ class Pace:
         self._now, self._say = now, say
         self._since = self._last = now()
         self._next, self._reached, self._steps = PATIENCE, begin, 0
+        self._seen: object = None
 
     @property
     def due(self) -> bool:
         """Whether it is time for a look."""
         return self._now() - self._since >= self._next
 
-    def look(self, time: float, state: Array, steps: int) -> None:
-        """Look at where the slowest realisation is: its time, s, its state (q, s, v), and its steps so far."""
+    def look(self, time: float, state: Array, steps: int, which: object = None) -> None:
+        """Look at the slowest realisation: its time, s, its state (q, s, v), its steps so far, and which it is.
+
+        A pace needs two looks at the same realisation.
+        """
         instant = self._now()
         spent, lasted = instant - self._since, instant - self._last
+        if which != self._seen:
+            self._seen, self._last, self._reached, self._steps = which, instant, time, steps
+            self._next = spent + PATIENCE
+            return
         gained, taken = max(time - self._reached, 0.0), steps - self._steps
         self._last, self._reached, self._steps, self._next = instant, max(time, self._reached), steps, 4 * spent
         rest = self.end - time
@@ -75,7 +83,7 @@ class Pace:
         name, motion = fastest_body(self.model, state)
         body = f" {name} moves the fastest: {motion}." if name else ""
         days = left / 86400
-        wait = "it does not get on"
+        wait = "it makes no progress"
         if np.isfinite(left):
             lasting = f"{days:.3g} days" if days > 2 else format_duration(left, rough=True)
             wait = f"the rest would take {lasting}"
@@ -90,10 +98,11 @@ class Pace:
         """Look at realisations that the driver integrates."""
         if not self.due or run.dynamics.terms:
             return
-        running = np.flatnonzero(run.status == Status.RUNNING)
+        # those that wait for a lane have made no step
+        running = np.flatnonzero((run.status == Status.RUNNING) & (run.steps > 0))
         if len(running):
             member = int(running[np.argmin(run.now[running])])
-            self.look(float(run.now[member]), run.z[member], int(run.steps[member]))
+            self.look(float(run.now[member]), run.z[member], int(run.steps[member]), (id(run), member))
 
 
 def fastest_body(model: Model, state: Array) -> tuple[str, str]:

@@ -203,7 +203,11 @@ def capabilities_of(cls: type) -> Capabilities:
 def _declared_before(cls: type) -> Capabilities:
     """Read the class attributes of before 0.1."""
     own = {new: True for old, new in FORMER.items() if getattr(cls, old, False) is True}
-    solvers = tuple(getattr(cls, "linear_solvers", ()))
+    named = getattr(cls, "linear_solvers", ())
+    solvers = (named,) if isinstance(named, str) else tuple(named)
+    if "projected" not in own:  # options of a method that it does not have
+        own.pop("stoppable", None)
+        solvers = ()
     if not own and not solvers:
         return Capabilities()
     listed = ", ".join([*(f"{name}=True" for name in own), *([f"linear_solvers={solvers!r}"] if solvers else [])])

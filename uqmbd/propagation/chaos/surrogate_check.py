@@ -125,7 +125,8 @@ def _outside(
     slack = np.maximum(FACTOR * integration_error(statistics, rtol), SPREAD_FLOOR * spread)
     # of an output that hardly varies, the mean and the realisations may come from different integrations
     largest = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1, initial=0.0)
-    slack = np.maximum(slack, OF_SIZE * rtol * largest[:, None])
+    floor = OF_SIZE * rtol * largest[:, None]
+    slack = np.where(spread <= floor, np.maximum(slack, floor), slack)
     if count <= verified:
         trials = max(verified_trials(node), 1.0)
         slack = slack + np.sqrt(np.expm1(-np.log(CHANCE) / trials)) * std

@@ -245,6 +245,10 @@ def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: C
         ours = [name for name in in_manifest(folder) if is_ours(folder, name)]
         others = [name for name in (*_BESIDE, *stores) if is_recognised(folder / name)]
         names = list(dict.fromkeys([_RESULT, *names, *ours, *others]))
+    else:
+        # results of another command that are written again
+        earlier = [name for name in in_manifest(folder) if name in needed or name.partition("/")[0] in needed]
+        names = list(dict.fromkeys([*names, *(name for name in earlier if is_ours(folder, name))]))
     try:
         start_manifest(folder)
         return move_aside(folder, names) if names else None
@@ -307,7 +311,8 @@ def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Ite
         try:
             yield place
         finally:
-            there = [name for name in names if name != FIGURES and os.path.lexists(place / name)]
+            # a command that ended early may have found others' files there
+            there = [name for name in names if name != FIGURES and is_recognised(place / name)]
             with contextlib.suppress(OSError):  # a disk that is full; the error that was first matters
                 record(place, there, stated=True)
 

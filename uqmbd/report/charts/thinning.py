@@ -61,9 +61,8 @@ def thinned_chart(chart: Chart, most: int) -> tuple[Chart, NDArray[np.intp]]:
 
 
 def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
-    edges = (curve.bands[0].low, curve.bands[0].high) if curve.bands else (curve.values, curve.values)
-    low, high = (
-        np.nan_to_num(np.asarray(edge, dtype=float), nan=fill)
-        for edge, fill in zip(edges, (np.inf, -np.inf), strict=True)
-    )
+    values = np.asarray(curve.values, dtype=float)
+    low = np.fmin.reduce([values, *(np.asarray(band.low, dtype=float) for band in curve.bands)])
+    high = np.fmax.reduce([values, *(np.asarray(band.high, dtype=float) for band in curve.bands)])
+    low, high = np.nan_to_num(low, nan=np.inf), np.nan_to_num(high, nan=-np.inf)
     return thinned(low, high, most)

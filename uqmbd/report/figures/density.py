@@ -352,6 +352,8 @@ def _places(shown: Densities, span: tuple[float, float] | None) -> Array:
     jumps = [x[[0, -1]] for _, x, _ in shown.curves]
     if shown.bars is not None:
         jumps.append(shown.bars[0])
+    if not jumps:
+        return np.array([0.0, 1.0] if span is None else span, dtype=float)
     every = np.concatenate(jumps)
     low, high = (float(every.min()), float(every.max())) if span is None else span
     parts = [np.linspace(low, high, _SHARED), every, every]

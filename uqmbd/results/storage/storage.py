@@ -242,9 +242,9 @@ def _write(tree: xr.DataTree, path: Path) -> None:
             group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
             variables: dict[Any, xr.Variable] = {}
             encoding: dict[Any, dict[str, Any]] = {}
-            dataset = node.to_dataset(inherit=False)
+            dataset = node.to_dataset(inherit=False).compute()  # what was opened lazily
             for name, given in dataset.variables.items():
-                if not given.shape or not given.size:
+                if not given.shape or not given.size or given.dtype.kind == "S":
                     continue  # HDF5 has no checksums for these
                 variable, letters = _characters(given) if given.dtype.kind == "U" else (given, {})
                 variables[name] = variable
@@ -269,11 +269,16 @@ def _write(tree: xr.DataTree, path: Path) -> None:
 
 def _characters(variable: xr.Variable) -> tuple[xr.Variable, dict[str, int]]:
     """Turn text to characters, with the dimension of these: of text of any width HDF5 has no checksums."""
-    values = np.char.encode(variable.values, "utf-8")
+    try:
+        values = np.char.encode(variable.values, "utf-8")
+    except UnicodeEncodeError as error:
+        raise StudyError(
+            f"A text cannot be stored as UTF-8: {error.object!r:.100}; expected whole characters."
+        ) from None
     # few widths, for each is a dimension
     width = 1 << max(3, (values.dtype.itemsize - 1).bit_length())
     attrs = {**variable.attrs, "_Encoding": "utf-8"}
-    return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"characters_{width}": width}
+    return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"_uqmbd_characters_{width}": width}
 
 
 def _encode_tree(tree: xr.DataTree) -> xr.DataTree:

@@ -70,7 +70,8 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     OSError, ValueError
         Where the metadata cannot be read.
     """
-    size, declared = 0, 0
+    size = 0
+    declared: dict[str, int] = {}  # also an array that consolidated metadata repeat counts once
     for entry in _entries(folder):
         path, place = Path(entry.path), os.path.relpath(entry.path, folder)
         if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
@@ -90,8 +91,10 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
             own = {str(key): content for key, content in about["metadata"].items()}
             found = {key.rpartition("/")[0]: own[key] for key in own if key.rpartition("/")[2] == ".zarray"}
             arrays = [(key, _bytes_of(folder, key, content)) for key, content in found.items()]
-        declared += sum(count for key, count in arrays if key not in unread)
-    check_declared(declared, size, folder)
+        for key, count in arrays:
+            if key not in unread:
+                declared[os.path.normpath(key)] = max(count, declared.get(os.path.normpath(key), 0))
+    check_declared(sum(declared.values()), size, folder)
 
 
 def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
