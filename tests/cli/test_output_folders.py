@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import typer
+import xarray as xr
 
 import uqmbd
 from tests.propagation.execution.test_users_files import STUDY, attempt, build, fill, make, seen
@@ -164,3 +165,21 @@ def test_a_folder_that_there_cannot_be_is_refused(
     with pytest.raises(StudyError), uqmbd.output_folder(folder, ["a.nc"]):
         pass
     assert Path("file").read_text() == "the user's"
+
+
+def test_a_second_command_keeps_what_the_first_one_wrote(tmp_path, capsys):
+    for k in range(3):
+        with uqmbd.output_folder(tmp_path, ["fit.nc"]) as folder:
+            save(xr.DataTree(xr.Dataset(attrs={"study": f"crank {k}"})), folder / "fit.nc")
+    assert load(tmp_path / "fit.nc").attrs["study"] == "crank 2"
+    assert load(tmp_path / "previous" / "fit.nc").attrs["study"] == "crank 1"
+    assert "are in" in capsys.readouterr().err
+
+
+def test_a_command_that_ends_early_takes_no_file_of_others_for_its_own(tmp_path):
+    with pytest.raises(ZeroDivisionError), uqmbd.output_folder(tmp_path, ["fit.nc"]) as folder:
+        (folder / "fit.nc").write_bytes(b"data of the user")
+        raise ZeroDivisionError
+    with pytest.raises(StudyError, match=r"fit.nc is in the way"), uqmbd.output_folder(tmp_path, ["fit.nc"]):
+        pass
+    assert (tmp_path / "fit.nc").read_bytes() == b"data of the user"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import functools
 import importlib
 import os
@@ -239,7 +240,10 @@ def test_what_is_not_known_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
     here = sys.modules[__name__]
     source = open(__file__, encoding="utf-8")  # noqa: SIM115 - an object of a compiled library
     with source:
-        for unknown in (source, iter([1]), sys.modules["chaospy"], lambda: __import__("chaospy"), importing):
+        contents = collections.OrderedDict(gain=1.0), collections.Counter("a"), np.ma.array([1.0], mask=[True])
+        reading = functools.partial(np.load, "gain.npy"), lambda: vars(here)["SHAPE"]
+        code = lambda: __import__("chaospy"), importing
+        for unknown in (source, iter([1]), sys.modules["chaospy"], *code, *contents, *reading):
             with monkeypatch.context() as patch:
                 patch.setattr(here, "SHAPE", unknown)
                 assert model_key(cart(third_party())) is None, unknown

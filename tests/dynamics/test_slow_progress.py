@@ -99,3 +99,14 @@ def test_a_stiff_mechanism_says_it_while_it_runs(integrator, monkeypatch, capsys
         uqmbd.simulate(mechanism, [0, 1e5], integrator=integrator)
     told = capsys.readouterr().err
     assert "Note: mechanism 'stiff': after" in told and "Body 'hammer' moves the fastest" in told
+
+
+def test_two_looks_at_different_realisations_are_no_pace():
+    pace, clock, said = watched()
+    for instant, which in ((6.0, 8), (12.0, 0), (18.0, 5)):
+        clock[0] = instant
+        pace.look(0.0, STATE, 10, which)
+    assert not said
+    clock[0] = 40.0
+    pace.look(0.0, STATE, 20, 5)
+    assert len(said) == 1

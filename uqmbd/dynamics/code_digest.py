@@ -112,6 +112,8 @@ def _function(value: FunctionType) -> Content:
     scope, code = value.__globals__, value.__code__
     wrapped = [x for x in map(_held, value.__closure__ or ()) if isinstance(x, (FunctionType, partial, type))]
     if is_library(scope.get("__name__")):
+        if value.__name__ in IMPURE:
+            raise Unknown
         # what the core holds beside functions are names and signatures of these
         cells = wrapped if scope["__name__"].startswith("uqmbd.") else [_held(x) for x in value.__closure__ or ()]
         return ("library", scope["__name__"], value.__qualname__, _head(code) if cells else ()), cells

@@ -234,3 +234,10 @@ def test_ten_million_realisations_open_unread_and_stream(folder: Path, tmp_path:
     assert int(said[2]) == 0, "chunks that are read to open it"
     assert float(said[3]) == 0.25
     assert int(said[4]) < 400_000, "kilobytes more than before"
+
+
+def test_what_is_opened_is_saved_with_its_numbers(tmp_path: Path) -> None:
+    save(xr.DataTree(xr.Dataset({"x": ("n", np.arange(5.0))})), tmp_path / "a.nc")
+    with uqmbd.results.open(tmp_path / "a.nc") as opened:
+        save(opened, tmp_path / "b.nc")
+    assert load(tmp_path / "b.nc")["x"].values.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
