@@ -270,7 +270,12 @@ def _joints(robot: Robot, element: Element, link: int, pose: Array, names: Names
         x, y = across(axis)
         return [one("_TX", "slide", x), one("_TY", "slide", y), one("_RZ", "hinge", axis)]
     form = "slide" if kind == "prismatic" else "hinge"
-    return [one("", form, axis, None if kind == "continuous" else _limits(robot, element))]
+    if kind == "continuous":
+        limit = element.find("limit")
+        if limit is not None and (limit.get("lower") is not None or limit.get("upper") is not None):
+            robot.note("limits of continuous joints", [name], "URDF gives these joints none: they are not read")
+        return [one("", form, axis)]
+    return [one("", form, axis, _limits(robot, element))]
 
 
 def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: float = 0.0) -> Joint:
@@ -285,6 +290,7 @@ def _limits(robot: Robot, joint: Element) -> tuple[float, float] | None:
     """Return the limits of a joint, zero where one is left out; None if they leave no range."""
     limit = joint.find("limit")
     if limit is None:
+        robot.note("joints without <limit>", [str(joint.get("name"))], "they have no limits here and no margin")
         return None
     low, high = (number(robot.where(limit, joint), limit, key, 0.0) for key in ("lower", "upper"))
     if low < high:
@@ -370,7 +376,7 @@ def _note_links(robot: Robot, floating: bool) -> None:
             weightless.append(name)
     none = "they have no <inertial>: no mass, as URDF says"
     robot.note("links without mass and shape", bare, none)
-    robot.note("links with a shape only", shaped, f"{none}; none is made up from their shapes")
+    robot.note("links with a shape only", shaped, f"{none}; none is derived from their shapes")
     robot.note("links whose mass is zero", weightless, "as the file states")
     robot.note("links without <mass>", missing["mass"], "their <inertial> states none: their mass is zero")
     robot.note("links without <inertia>", missing["inertia"], "their mass is at a point, with no moments of inertia")
