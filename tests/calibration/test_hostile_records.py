@@ -110,7 +110,7 @@ def test_noise_of_student_holds_an_outlier(size):
     assert ("at 0.6 s" in told) == bool(told)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.01, None], ids=["known", "unknown"])
 def test_records_without_outliers_are_not_doubted_more_often_than_stated(noise):
     for seed in range(12):

@@ -111,7 +111,7 @@ def _tried(command: str, seed: int, tmp_path: Path) -> tuple[int, int]:
     return counts[0], counts[1]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("command", INTO_A_FOLDER)
 @pytest.mark.parametrize(("first", "count"), [(0, 2), pytest.param(100, 40, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore::UserWarning")

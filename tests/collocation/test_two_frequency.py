@@ -235,7 +235,7 @@ def test_options_that_mean_nothing_are_told():
         Collocation(alignment="two-frequency", max_elements=7)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 10**6), st.floats(1.08, 5.0), st.booleans())
 def test_series_are_found_again(seed, ratio, even):

@@ -160,7 +160,7 @@ print(host().width, *found["x"].values, *np.concatenate([found[x].values.ravel()
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(not native.host().triple.startswith("x86_64"), reason="these are x86 processors")
 def test_motion_on_lesser_processors_is_the_same() -> None:
     """The whole way: one cache that knows the processors apart, the driver, kernels, and what sums a motion up."""
@@ -232,7 +232,7 @@ print(len(made), *chunk.response.ravel(), *chunk.scalars.values.ravel())
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.skipif(not native.host().triple.startswith("x86_64"), reason="these are x86 processors")
 def test_models_travel_to_lesser_processors(tmp_path) -> None:
     """A model that is pickled here is computed there, to rounding; what is compiled again is compiled once."""

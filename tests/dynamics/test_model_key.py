@@ -378,7 +378,7 @@ print(model_key(mechanism))
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_code_that_runs_is_in_the_key(tmp_path: Path) -> None:
     """An edit changes it in the next program; a comment, and an edit while a program runs, do not."""
     package = tmp_path / "uqmbd_springs"

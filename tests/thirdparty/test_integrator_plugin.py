@@ -107,7 +107,7 @@ def test_what_sums_impacts_up_is_that_of_the_closed_form(python):
     assert sum(asked) < 2 * 4096
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_its_own_test_suite_passes(python):
     """Which is the conformance kit."""
     assert "1 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

@@ -83,7 +83,7 @@ def digests(folder, how="import", seed="0", **numbers):
     return found.stdout.split()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["import", pytest.param("as a script", marks=pytest.mark.slow)])
 def test_digests_are_the_same_in_every_process_and_change_with_the_code(how, tmp_path):
     first = digests(tmp_path, how)

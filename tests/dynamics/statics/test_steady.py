@@ -346,7 +346,7 @@ def uncertain():
     return mechanism
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_steady_motions_in_all_propagators():
     """Means and deviations of frequency and angle against quadrature of the closed forms."""
     methods = [Collocation(order=6), Galerkin(order=6), MonteCarlo(samples=30, seed=1)]

@@ -98,7 +98,7 @@ def test_samples_are_those_of_the_closed_form_and_give_the_same_bits_again(accur
     same(found, again)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("of", "mean", "std"),
     [

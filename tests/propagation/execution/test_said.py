@@ -160,7 +160,7 @@ def study() -> uqmbd.Study:
     return uqmbd.Study("oscillator", mechanism, np.linspace(0, 1, 6), methods)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_run_says_the_same_whatever_the_number_of_workers(caplog: pytest.LogCaptureFixture) -> None:
     """And its results are those of a run that nobody listens to."""
     heard, trees = [], [study().run(workers=2)]

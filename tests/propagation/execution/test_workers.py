@@ -176,7 +176,7 @@ class Impatient:
     finish = start
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_interrupted_threads_keep_what_is_done(tmp_path, monkeypatch):
     """After Ctrl-C no thread computes any more; the run goes on with what is stored, to the same bits."""
     gate, count = threading.Event(), iter(range(100))

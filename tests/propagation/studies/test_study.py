@@ -272,7 +272,7 @@ def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
     assert (run.returncode, run.stderr, run.stdout.split()) == (0, "", ["before", "0", "0", "after"])
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
     """A method of the script's own, whose work is sent to workers by its name, and a guard below it; all is said once."""
     ending = """

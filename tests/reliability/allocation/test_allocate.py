@@ -262,7 +262,7 @@ def test_surrogates_are_as_good_as_they_say():
     assert (found.error > true / 2).all() and (found.error < 3 * true).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_workers_do_not_change_the_result():
     one, two = (allocate(stack(), "gap", 0.01, cost=COSTS, verify=500, workers=k) for k in (1, 2))
     assert (one.after == two.after).all()

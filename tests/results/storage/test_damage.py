@@ -122,7 +122,7 @@ def test_no_change_of_a_file_leads_to_other_numbers(tmp_path: Path, how: str, nu
     assert found["other"] == 0 and found["refused"] > 0.95 * number
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["xarray", "without digest", "classic"])
 def test_changes_of_files_of_other_programs_are_no_raw_errors(tmp_path: Path, form: str) -> None:
     """These have no digest: what is read may be other numbers, and is marked."""

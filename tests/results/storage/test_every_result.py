@@ -84,7 +84,7 @@ def results_of(study: uqmbd.Study, folder: Path) -> xr.DataTree:
         return study.run(folder=folder)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_results_of_two_methods_with_a_requirement(tmp_path: Path) -> None:
     methods = [MonteCarlo(samples=20, seed=1), Collocation(order=2)]
     tree = results_of(uqmbd.Study("stone", stone(), TIMES, methods), tmp_path)
