@@ -190,6 +190,11 @@ class Finding:
         Class of the Python warning that a run of the study gives; None: the check gives its own warning. A
         note has none.
 
+    Raises
+    ------
+    StudyError
+        If one of these is of another type.
+
     Examples
     --------
     >>> from uqmbd import Finding, Severity
