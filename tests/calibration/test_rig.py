@@ -37,11 +37,10 @@ def rig():
     made = uqmbd.Mechanism("rig", uqmbd.Line())
     base = made.body("base", mass=1, position=0.0)
     lower, upper = made.body("lower", mass=m1, position=0.3), made.body("upper", mass=m2, position=0.6)
-    made.add(
-        PositionDriver("shaker", made.ground, base, 0, 0, 1, displacement=amplitude * sympy.sin(omega * uqmbd.t)),
-        SpringDamper("s1", base, lower, 0, 0, stiffness=k1, damping=c1, free_length=0.3),
-        SpringDamper("s2", lower, upper, 0, 0, stiffness=k2, damping=c2, free_length=0.3),
-    )
+    displacement = amplitude * sympy.sin(omega * uqmbd.t)
+    made.add(PositionDriver("shaker", made.ground, base, 0, 0, 1, displacement=displacement))
+    made.add(SpringDamper("s1", base, lower, 0, 0, stiffness=k1, damping=c1, free_length=0.3))
+    made.add(SpringDamper("s2", lower, upper, 0, 0, stiffness=k2, damping=c2, free_length=0.3))
     made.output("upper", upper.position[0] - 0.6 + offset, units="m")
     made.output("lower", lower.position[0] - 0.3, units="m")
     return uqmbd.Study("rig", made, np.linspace(0, 4, 201), [])

@@ -12,7 +12,7 @@ from uqmbd_joints import Revolute
 
 
 class Recorder:
-    """Keeps what it is told."""
+    """Records messages."""
 
     def __init__(self):
         self.told = []

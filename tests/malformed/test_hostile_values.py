@@ -21,7 +21,7 @@ import uqmbd
 from uqmbd.testing.components.cases import cases
 
 from .hostile import HOSTILE, hostile, used
-from .test_text_is_not_run import CORE, PLUGINS, kind, public_names
+from .test_text_is_not_run import CORE, PLUGINS, adding, kind, public_names
 from .texts import Probe, probes, variants
 
 MODULES = [x for x in (*CORE, *PLUGINS) if x not in ("uqmbd.testing", "uqmbd.typing", "uqmbd.report", "uqmbd_models")]
@@ -128,13 +128,14 @@ def _raw(found: list[Probe]) -> list[str]:
 
 
 def _adding(component, mechanism):
-    """Return what adds a component of some values to a mechanism."""
+    """Return what adds a component of some values to a mechanism, and returns the mechanism."""
+    add = adding(component, mechanism)
 
-    def add(**values):
-        mechanism.add(component("other", **{k: x for k, x in values.items() if x is not None}))
+    def added(**values):
+        add(**values)
         return mechanism
 
-    return add
+    return added
 
 
 @pytest.mark.slow

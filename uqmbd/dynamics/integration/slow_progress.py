@@ -38,7 +38,7 @@ class Pace:
     now : callable
         Returns seconds of a clock; another one in tests.
     say : callable
-        Takes what is to be said.
+        Takes the text of a report.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ __all__ = ["require", "require_for"]
 WORDS: Mapping[Capability, str] = {
     "events": "follow impacts and other events",
     "projected": "integrate projected equations",
-    "bounded_steps": "bound its steps, or start anew where it is told to",
+    "bounded_steps": "bound its steps, or restart at given times",
     "sampled_control": "sample controllers across impacts",
     "segments": "integrate from event to event, one segment after the other",
 }

@@ -56,7 +56,7 @@ VALUES_AT_ONCE = 1 << 18
 
 @dataclass(frozen=True)
 class Timed:
-    """Outputs of time and inputs alone, so that no state tells how fast they change.
+    """Outputs of time and inputs alone, whose rate of change no state determines.
 
     Attributes
     ----------

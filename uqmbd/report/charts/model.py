@@ -133,7 +133,7 @@ class Curve:
     look : Look, optional
         Colour, line and marks; default: those of its place among the curves.
     columns : tuple of Column
-        What is told besides, and not drawn.
+        Further values for the table and the cursor, which are not drawn.
     marks : sequence of tuple of float
         Places and values that are marked.
     strands : Strands, optional

@@ -1,5 +1,5 @@
 // What is drawn on a canvas, as a drawing (SVG): for paper, whose pixels are finer than those of screens. Own code: uPlot
-// draws on the canvas that it makes itself; here it is handed a context that writes down what it is told. The packages
+// draws on the canvas that it makes itself; here it gets a context that records its calls. The packages
 // that do the same (canvas2svg, svgcanvas) are 30 KB and more, for all that a canvas can do.
 
 const SPACE = "http://www.w3.org/2000/svg";
