@@ -87,7 +87,7 @@ def relaxing(z):
 def test_maxima_are_found_on_the_mechanism_whatever_the_slopes_of_the_surrogate(seed):
     """Slopes of the surrogate are wrong in size and in sign; SciPy climbs on the formula itself, from the truth."""
     generator = np.random.default_rng(seed)
-    truth, wrong = 1.2 * generator.standard_normal(3), generator.standard_normal((3, 40))
+    truth, wrong = generator.uniform(-2, 2, 3), generator.standard_normal((3, 40))
     noise = 10.0 ** generator.uniform(-3, -1)
     values = relaxing(truth[None])[0] + noise * generator.standard_normal(40)
 
