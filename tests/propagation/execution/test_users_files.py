@@ -324,6 +324,11 @@ def test_a_comparison_leaves_the_users_files(tmp_path: Path, quiet: None) -> Non
             show_comparison([one, other], out=out)
         assert [(p.name, p.read_text()) for p in out.iterdir()] == [(name, "the user's")]
         (out / name).unlink()
-    for _ in range(2):
-        show_comparison([one, other], out=out)
-    assert sorted(p.name for p in out.iterdir()) == [".uqmbd-manifest.json", "comparison.nc", "report.html"]
+    written = [".uqmbd-manifest.json", "comparison.nc", "report.html"]
+    show_comparison([one, other], out=out)
+    assert sorted(p.name for p in out.iterdir()) == written
+    earlier = {name: (out / name).read_bytes() for name in written[1:]}
+    show_comparison([one, other], out=out)
+    assert {name: (out / "previous" / name).read_bytes() for name in written[1:]} == earlier
+    show_comparison([one, other], out=out)  # in the place of the one before
+    assert sorted(p.name for p in out.iterdir()) == sorted([*written, "previous"])
