@@ -56,19 +56,21 @@ class Spectra:
         return f"{self.smallest:.2f} .. {self.largest:.1f}"
 
 
-def projection(of: uqmbd.Study, order: int) -> tuple[uqmbd.ProjectedEnsemble, list[uqmbd.ProjectedEnsemble]]:
+def projection(
+    of: uqmbd.Study, order: int
+) -> tuple[uqmbd.extend.ProjectedEnsemble, list[uqmbd.extend.ProjectedEnsemble]]:
     """Set up the projected equations of an order, and each realisation at their nodes alone."""
     problem = of.problem(Galerkin(order=order))
-    space = uqmbd.GermSpace.of(problem.inputs, "rosenblatt")
-    rule = uqmbd.gauss_tensor(space, order + 1)
+    space = uqmbd.extend.GermSpace.of(problem.inputs, "rosenblatt")
+    rule = uqmbd.extend.gauss_tensor(space, order + 1)
     values = space.to_inputs(rule.nodes)
-    basis = space.evaluate(rule.nodes, uqmbd.index_set(space.dimension, order, "total"))
-    whole = uqmbd.ProjectedEnsemble(problem.ensemble(values), basis, rule.weights)
+    basis = space.evaluate(rule.nodes, uqmbd.extend.index_set(space.dimension, order, "total"))
+    whole = uqmbd.extend.ProjectedEnsemble(problem.ensemble(values), basis, rule.weights)
     one = np.ones((1, 1))
-    return whole, [uqmbd.ProjectedEnsemble(problem.ensemble(v[None]), one, np.ones(1)) for v in values]
+    return whole, [uqmbd.extend.ProjectedEnsemble(problem.ensemble(v[None]), one, np.ones(1)) for v in values]
 
 
-def tangent(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> tuple[Array, Array]:
+def tangent(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: float) -> tuple[Array, Array]:
     """Directions along the constraints at a state: N and L of the module's text, shape (coordinates, freedom)."""
     where, count = projected.model.layout.slices, projected.terms
     _, multipliers, _ = projected.accelerations(state, time)
@@ -89,7 +91,7 @@ def tangent(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> tu
     return null, -np.asarray(np.linalg.lstsq(constraints, block("m", "q") @ null, rcond=None)[0], dtype=np.float64)
 
 
-def spectrum(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> NDArray[np.complex128]:
+def spectrum(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: float) -> NDArray[np.complex128]:
     """Eigenvalues of the linearised equations of motion on the constraint manifold, 1/s."""
     layout = projected.model.layout
     free, count = layout.free, projected.terms
@@ -115,7 +117,7 @@ def spectrum(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> N
     return np.asarray(np.linalg.eigvals(matrix), dtype=complex)
 
 
-def spectra(parts: list[uqmbd.ProjectedEnsemble], times: Array) -> Spectra:
+def spectra(parts: list[uqmbd.extend.ProjectedEnsemble], times: Array) -> Spectra:
     """Magnitudes of eigenvalues along the motions of some systems, extremes over all of them."""
     probes = np.linspace(0, len(times) - 1, PROBES + 1).astype(int)[1:]
     found: list[Array] = []

@@ -151,11 +151,11 @@ def project():
     """Project a mechanism: the projected ensemble of an order, with Gauss nodes."""
 
     def make(mechanism, order, nodes=None, index_set="total", **options):
-        space = uqmbd.GermSpace.of(mechanism.inputs)
-        terms = uqmbd.index_set(space.dimension, order, index_set)
-        rule = uqmbd.gauss_tensor(space, nodes or order + 1)
+        space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+        terms = uqmbd.extend.index_set(space.dimension, order, index_set)
+        rule = uqmbd.extend.gauss_tensor(space, nodes or order + 1)
         ensemble = Ensemble(build(mechanism, **options), space.to_inputs(rule.nodes))
-        return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
+        return uqmbd.extend.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
 
     return make
 

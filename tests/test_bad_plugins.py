@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd import plugins, report, results
+from uqmbd import extend, plugins, report, results
 
 
 class Odd(BaseException):
@@ -122,8 +122,10 @@ WRONG = {
     "object in a list": lambda: [object()],
     "class of another kind": lambda: [types.SimpleNamespace],
     "list in a list": lambda: [[int]],
-    "name of another kind": lambda: [type("Bad", (uqmbd.Propagator,), {"name": Compared("bad"), "propagate": print})],
-    "name that is a number": lambda: [type("Bad", (uqmbd.Propagator,), {"name": 3, "propagate": print})],
+    "name of another kind": lambda: [
+        type("Bad", (uqmbd.extend.Propagator,), {"name": Compared("bad"), "propagate": print})
+    ],
+    "name that is a number": lambda: [type("Bad", (uqmbd.extend.Propagator,), {"name": 3, "propagate": print})],
 }
 
 
@@ -166,11 +168,11 @@ class Integrator:
     name = "magic"
 
     def integrate(self, ensemble, times, rtol):
-        return uqmbd.Trajectories(times, np.zeros((len(ensemble), len(times), 4)), ("",) * len(ensemble))
+        return uqmbd.extend.Trajectories(times, np.zeros((len(ensemble), len(times), 4)), ("",) * len(ensemble))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Guess(uqmbd.Propagator):
+class Guess(uqmbd.extend.Propagator):
     name = "guess"
 
     def propagate(self, problem):
@@ -317,8 +319,8 @@ class Bad:
 
 @pytest.fixture(scope="module")
 def tree():
-    axes = results.labels([("x", "m")], [], [0.0, 1.0])
-    statistics = results.statistics_dataset(axes, mean=np.ones((1, 2)), std=np.ones((1, 2)))
+    axes = extend.labels([("x", "m")], [], [0.0, 1.0])
+    statistics = extend.statistics_dataset(axes, mean=np.ones((1, 2)), std=np.ones((1, 2)))
     node = results.propagator_node("mine", statistics, propagator="p", realisations=1, wall_time=0.0)
     return results.study_tree([node], study="crank", mechanism="crank")
 
@@ -342,7 +344,7 @@ def test_every_bad_section_is_named_and_costs_nothing_else(tree, tmp_path):
     """All in one report, which costs more than they do."""
     bad = [Bad(*case.values[:2]) for case in SECTIONS]
     before = tree.copy(deep=True)
-    with pytest.warns(uqmbd.PluginWarning) as told:
+    with pytest.warns(uqmbd.extend.PluginWarning) as told:
         page = report.write_report(tree, tmp_path / "r.html", sections=[*bad, Section()]).read_text(encoding="utf-8")
     assert tree.identical(before)
     assert "so much friction" in page and "stolen" not in page and "<title>crank" in page

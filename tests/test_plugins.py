@@ -19,7 +19,7 @@ class FakeComponent(uqmbd.Component):
     """Base of the components in these tests: the manager looks at nothing but the type."""
 
 
-class FakePropagator(uqmbd.Propagator):
+class FakePropagator(uqmbd.extend.Propagator):
     """Base of the propagators in these tests."""
 
     def propagate(self, problem):
@@ -220,7 +220,9 @@ def test_problems_become_warnings_once(install, monkeypatch):
     point = importlib.metadata.EntryPoint("plugin_broken", "plugin_broken", plugins.registry.GROUP)
     found = [point._for(importlib.metadata.distribution("broken-plugin"))]
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: found)
-    with pytest.warns(uqmbd.PluginWarning, match="plugin 'plugin_broken' of broken-plugin 0.3: .*no licence found"):
+    with pytest.warns(
+        uqmbd.extend.PluginWarning, match="plugin 'plugin_broken' of broken-plugin 0.3: .*no licence found"
+    ):
         plugins.components()
     plugins.components()  # a second warning would be an error here
 

@@ -163,7 +163,7 @@ class Severity(enum.Enum):
 
     Examples
     --------
-    >>> from uqmbd import Severity
+    >>> from uqmbd.extend import Severity
     >>> [one.value for one in Severity]
     ['note', 'warning']
     """
@@ -197,7 +197,7 @@ class Finding:
 
     Examples
     --------
-    >>> from uqmbd import Finding, Severity
+    >>> from uqmbd.extend import Finding, Severity
     >>> finding = Finding(Severity.WARNING, "belt 'b'", "belt 'b' is drawn without tension", "Move its pulleys apart")
     >>> print(finding)
     Warning: belt 'b' is drawn without tension. Move its pulleys apart.
@@ -211,7 +211,7 @@ class Finding:
 
     def __post_init__(self) -> None:
         if not isinstance(self.severity, Severity):
-            raise StudyError(f"Finding: severity is {self.severity!r}; expected a member of uqmbd.Severity.")
+            raise StudyError(f"Finding: severity is {self.severity!r}; expected a member of uqmbd.extend.Severity.")
         for name in ("place", "message", "remedy"):
             if not isinstance(value := getattr(self, name), str):
                 raise StudyError(f"Finding: {name} is {value!r}; expected a text.")
@@ -224,7 +224,7 @@ class Finding:
 
         Examples
         --------
-        >>> from uqmbd import Finding, Severity
+        >>> from uqmbd.extend import Finding, Severity
         >>> Finding(Severity.NOTE, "body 'rod'", "body 'rod' is connected to nothing").text
         "body 'rod' is connected to nothing"
         """
@@ -236,7 +236,7 @@ class Finding:
 
         Examples
         --------
-        >>> from uqmbd import Finding, Severity
+        >>> from uqmbd.extend import Finding, Severity
         >>> [Finding(severity, "body 'rod'", "body 'rod' is bent").warned for severity in Severity]
         [False, True]
         """
@@ -349,7 +349,7 @@ class PluginWarning(UserWarning):
     >>> import warnings
     >>> import uqmbd
     >>> with warnings.catch_warnings():
-    ...     warnings.simplefilter("error", uqmbd.PluginWarning)
-    ...     print(uqmbd.propagator("monte-carlo").__name__)
+    ...     warnings.simplefilter("error", uqmbd.extend.PluginWarning)
+    ...     print(uqmbd.extend.propagator("monte-carlo").__name__)
     MonteCarlo
     """

@@ -23,7 +23,7 @@ KEPT = (
 
 
 @dataclass(frozen=True)
-class Calibrated(uqmbd.Propagator):
+class Calibrated(uqmbd.extend.Propagator):
     """Run a method with what records say of the inputs, in the place of what was known before.
 
     Inputs that were not calibrated keep their distributions.  Of those that a study does not have, the posterior of the
@@ -32,7 +32,7 @@ class Calibrated(uqmbd.Propagator):
 
     Parameters
     ----------
-    method : uqmbd.Propagator
+    method : uqmbd.extend.Propagator
         Any method, as ``Collocation(order=3)``.
     calibration : Calibration
         The posterior.
@@ -67,7 +67,7 @@ class Calibrated(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "calibrated"
-    method: uqmbd.Propagator
+    method: uqmbd.extend.Propagator
     calibration: Calibration
     machine: str = ""
 
@@ -75,7 +75,7 @@ class Calibrated(uqmbd.Propagator):
         """Check what is given; whether the method answers requirements itself is its own matter."""
         super().__post_init__()
         for name, kind, example in (
-            ("method", uqmbd.Propagator, "a method, as Collocation(order=3)"),
+            ("method", uqmbd.extend.Propagator, "a method, as Collocation(order=3)"),
             ("calibration", Calibration, "what calibrate() returned, or Calibration.load(path)"),
         ):
             if not isinstance(getattr(self, name), kind):
@@ -111,7 +111,7 @@ class Calibrated(uqmbd.Propagator):
         """Return what the method needs to know besides the outputs."""
         return self.method.watches(mechanism)
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Run the method, and put the calibration beside its results."""
         problem.require_random()
         shared = self._shared(problem.inputs.names)

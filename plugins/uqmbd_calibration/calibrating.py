@@ -21,7 +21,7 @@ def calibrate(
     study: uqmbd.Study,
     records: Record | Sequence[Record],
     *,
-    surrogate: uqmbd.Propagator | Calibration | None = None,
+    surrogate: uqmbd.extend.Propagator | Calibration | None = None,
     realisations: int | None = None,
     draws: int = 4000,
     chains: int = 4,
@@ -31,7 +31,7 @@ def calibrate(
     on: Literal["surrogate", "mechanism"] = "surrogate",
     seed: int = 0,
     workers: int | Executor = 1,
-    progress: uqmbd.Progress | bool | None = None,
+    progress: uqmbd.extend.Progress | bool | None = None,
 ) -> Calibration:
     """Find what records say of the inputs of a study.
 
@@ -43,7 +43,7 @@ def calibrate(
         Its times do not matter but for their start: records have times of their own.
     records : Record or sequence of Record
         What was measured.
-    surrogate : uqmbd.Propagator, optional
+    surrogate : uqmbd.extend.Propagator, optional
         A method that gives a surrogate, as ``Collocation(order=4)``.  By default collocation of the highest
         order that about half of the realisations suffice for, aligned where that is better.
         An earlier calibration, in this process, with records at the same times: its surrogate is used again, and its
@@ -67,7 +67,7 @@ def calibrate(
         The same seed gives the same bits, whatever the number of workers.
     workers : int or concurrent.futures.Executor
         Who computes realisations.
-    progress : uqmbd.Progress or bool, optional
+    progress : uqmbd.extend.Progress or bool, optional
         As of `uqmbd.Study.run`.
 
     Returns
@@ -117,7 +117,7 @@ def calibrate(
         raise uqmbd.StudyError(
             f"calibrate: individual is {short(individual)}; expected a list of names of inputs, as ['stiffness']."
         )
-    with uqmbd.pool(workers) as executor:
+    with uqmbd.extend.pool(workers) as executor:
         found = find(
             study,
             given,
@@ -146,9 +146,9 @@ def calibrate(
     return made
 
 
-def _method(surrogate: object) -> uqmbd.Propagator | Found | None:
+def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
     """Return what makes the surrogate, or has made it."""
-    if surrogate is None or isinstance(surrogate, uqmbd.Propagator):
+    if surrogate is None or isinstance(surrogate, uqmbd.extend.Propagator):
         return surrogate
     if isinstance(surrogate, Calibration) and isinstance(surrogate.made_by, Found):
         return surrogate.made_by

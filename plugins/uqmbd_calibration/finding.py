@@ -88,7 +88,7 @@ def find(
     study: uqmbd.Study,
     records: Sequence[Record],
     *,
-    surrogate: uqmbd.Propagator | Found | None,
+    surrogate: uqmbd.extend.Propagator | Found | None,
     realisations: int,
     draws: int,
     chains: int,
@@ -121,7 +121,7 @@ def find(
             continue
         blocks = [block for case in arranged.cases if case.point is point for block in case.blocks]
         outputs = list(dict.fromkeys(block.output for block in blocks if not block.timeless))
-        chosen: tuple[uqmbd.Propagator, ...] = () if surrogate is None else (surrogate,)
+        chosen: tuple[uqmbd.extend.Propagator, ...] = () if surrogate is None else (surrogate,)
         if not chosen:
             about: dict[str, Any] = {"moving": bool(outputs), "known": list(point.known), "most": point.most}
             chosen = default_methods(point.study, **about)

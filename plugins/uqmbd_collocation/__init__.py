@@ -9,6 +9,6 @@ __all__ = ["Collocation"]
 
 
 @uqmbd.hookimpl
-def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+def uqmbd_propagators() -> list[type[uqmbd.extend.Propagator]]:
     """Return the propagator of this package."""
     return [Collocation]

@@ -99,14 +99,14 @@ class _Scale:
         return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())
 
 
-def refine_dimensions(runs: Runs, points: uqmbd.VerificationPoints, limits: Limits, label: str) -> Refinement:
+def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limits: Limits, label: str) -> Refinement:
     """Refine a sparse grid where it changes mean and standard deviation most, until nothing does.
 
     Parameters
     ----------
     runs : Runs
         Realisations.
-    points : uqmbd.VerificationPoints
+    points : uqmbd.extend.VerificationPoints
         While the chaos misses more there than the tolerance, it is not met.
     limits : Limits
         When to end; the changes of all levels that have no successors yet are added up for it.
@@ -193,7 +193,7 @@ def _after_failure(
     if grid.total:
         _, multi_index = grid.chaos()
     else:
-        multi_index = uqmbd.index_set(runs.space.dimension, 1)
+        multi_index = uqmbd.extend.index_set(runs.space.dimension, 1)
     fit = refitted(runs, np.unique(runs.at(grid.nodes(tried))), multi_index, label)
     warn_unmet(label, limits, steps, "the grid is not refined further, because realisations failed")
     return Refinement(fit, tuple(steps))

@@ -16,7 +16,7 @@ __all__ = ["computed"]
 
 
 def computed(
-    runs: Runs, plans: Plans, points: uqmbd.VerificationPoints, limits: Limits
+    runs: Runs, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
 ) -> tuple[Fit, Refinement | None]:
     """Compute what is needed, and fit.
 
@@ -26,7 +26,7 @@ def computed(
         Realisations so far; what is computed is added.
     plans : Plans
         Where they are needed.
-    points : uqmbd.VerificationPoints
+    points : uqmbd.extend.VerificationPoints
         Computed with the nodes.
     limits : Limits
         Of a refinement.

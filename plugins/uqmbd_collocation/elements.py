@@ -27,7 +27,7 @@ class _Element:
     probability: float
     runs: Runs
     fit: Fit
-    verification: uqmbd.Verification
+    verification: uqmbd.extend.Verification
     warned: tuple[str, ...]
 
 
@@ -36,7 +36,7 @@ class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
     plans: Plans
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     done: list[_Element] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
 
@@ -50,7 +50,7 @@ class _Elements:
         costs = max(len(one.runs) for one in self.done)
         return (self.plans.max_realisations - self.spent) // (2 * costs)
 
-    def compute(self, boxes: Sequence[uqmbd.GermBox]) -> list[PolynomialChaos]:
+    def compute(self, boxes: Sequence[uqmbd.extend.GermBox]) -> list[PolynomialChaos]:
         """Compute the realisations of all boxes together, and fit each."""
         planned = []
         for box in boxes:
@@ -58,7 +58,9 @@ class _Elements:
                 warnings.simplefilter("ignore")
                 planned.append(self.plans.plan(box.local, self.plans.order))
                 planned[-1].check(box.local)
-        points = uqmbd.VerificationPoints.of_elements(boxes, len(self.done), self.plans.verify, self.plans.seed, STREAM)
+        points = uqmbd.extend.VerificationPoints.of_elements(
+            boxes, len(self.done), self.plans.verify, self.plans.seed, STREAM
+        )
         wanted = [np.concatenate([p.nodes, v.germs]) for p, v in zip(planned, points, strict=True)]
         found = self.problem.realise(boxes[0].space.to_inputs(np.concatenate(wanted)))
         self.counters.update(found.counters)
@@ -77,11 +79,11 @@ class _Elements:
 
 
 def collocate_elements(
-    propagator: uqmbd.Propagator,
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    propagator: uqmbd.extend.Propagator,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     plans: Plans,
-    limits: uqmbd.ElementLimits,
+    limits: uqmbd.extend.ElementLimits,
 ) -> xr.DataTree:
     """Split the germ space where it is needed, and summarise.
 
@@ -96,7 +98,7 @@ def collocate_elements(
     plans.plan(space, plans.order).check(space)
     work = _Elements(plans, announced_once(problem, plans.max_realisations))
     with problem.timed("fitting"):
-        refined = uqmbd.refine_elements(
+        refined = uqmbd.extend.refine_elements(
             space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
         )
     problem.progress.finish(problem.label)
@@ -142,7 +144,9 @@ def _failed_share(elements: Sequence[_Element]) -> float:
     failures = sum(int((one.runs.status != Status.OK).sum()) for one in elements)
     others = sum(len(one.runs) for one in elements) - sum(one.asked for one in verified)
     failed = max(failures - sum(one.failures for one in verified), 0)
-    return uqmbd.Verification.failed_share(verified, [one.probability for one in elements], max(others, 0), failed)
+    return uqmbd.extend.Verification.failed_share(
+        verified, [one.probability for one in elements], max(others, 0), failed
+    )
 
 
 def _nodes(work: _Elements, kept: tuple[int, ...]) -> xr.Dataset:

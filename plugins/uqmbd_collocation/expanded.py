@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos, stored_as
+from uqmbd.extend import stored_as
+from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 
 __all__ = ["Expanded"]
@@ -54,7 +55,7 @@ class Expanded:
             return self.chaos.to_datasets()
         return {stored_as(self.chaos): self.chaos.to_dataset()}
 
-    def node(self, propagator: uqmbd.Propagator, problem: uqmbd.Problem, wall_time: float) -> xr.DataTree:
+    def node(self, propagator: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, wall_time: float) -> xr.DataTree:
         """Make the node of the method, which took so many seconds; where samples of it end early, it ends with them."""
         if isinstance(self.chaos, AlignedChaos) and (reached := self.chaos.reached()) is not self.chaos:
             last = float(np.asarray(reached.labels.times)[-1])

@@ -52,15 +52,15 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 class _Work:
     """What the families have in common."""
 
-    problem: uqmbd.Problem
-    space: uqmbd.GermSpace
+    problem: uqmbd.extend.Problem
+    space: uqmbd.extend.GermSpace
     plans: Plans
-    limits: uqmbd.ElementLimits
+    limits: uqmbd.extend.ElementLimits
     tolerance: Limits
     phase: PhasePaths
     events: EventPaths | None = None
     both: CombinedPaths | None = None
-    given: uqmbd.Verification | None = None
+    given: uqmbd.extend.Verification | None = None
     found: dict[Way, Expanded] = field(default_factory=dict)
     told: dict[Way, list[Warning]] = field(default_factory=dict)
     left_out: dict[Way, str] = field(default_factory=dict)
@@ -115,8 +115,8 @@ class _Work:
             weights = found.chaos.verification_weights
             assert response is not None and weights is not None
             # their mean is 1, as of points that are drawn
-            points = uqmbd.VerificationPoints(germs, len(weights) * weights)
-            self.given = uqmbd.Verification(self.space, points, response, len(germs))
+            points = uqmbd.extend.VerificationPoints(germs, len(weights) * weights)
+            self.given = uqmbd.extend.Verification(self.space, points, response, len(germs))
         self.found[family] = found
 
     def worst(self) -> float:
@@ -149,15 +149,15 @@ class _Work:
 class _AtTimes(Derived):
     """A problem whose realisations are read from those that were followed for a clock."""
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     paths: PhasePaths
 
-    def realise(self, values: Array) -> uqmbd.Realisations:
+    def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute realisations, or read them."""
         return self.paths.at_times(values)
 
 
-def impossible(problem: uqmbd.Problem, family: Family) -> str:
+def impossible(problem: uqmbd.extend.Problem, family: Family) -> str:
     """Say why a family is impossible, as far as that is known before anything is computed; else nothing."""
     try:
         if family == "events":
@@ -171,10 +171,10 @@ def impossible(problem: uqmbd.Problem, family: Family) -> str:
 
 
 def expand_families(
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     plans: Plans,
-    limits: uqmbd.ElementLimits,
+    limits: uqmbd.extend.ElementLimits,
     tolerance: Limits,
     names: Sequence[Family],
     clock: str | None,
@@ -311,7 +311,7 @@ def _nodes(work: _Work) -> xr.Dataset:
     )
 
 
-def _verified(chaos: Any, given: uqmbd.Verification) -> Part:
+def _verified(chaos: Any, given: uqmbd.extend.Verification) -> Part:
     """Return a chaos with the verification realisations that are common to all."""
     found: Part = replace(chaos, **given.known)
     return found

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import uqmbd
-from uqmbd.results import least_squares, project
+from uqmbd.extend import least_squares, project
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.runs import Runs
 from uqmbd_collocation.sparse import sparse_regression
@@ -61,7 +61,7 @@ class Projection:
 
     Attributes
     ----------
-    rule : uqmbd.Quadrature
+    rule : uqmbd.extend.Quadrature
         Nodes and weights.
     multi_index : array of int, shape (P, d)
         The basis.
@@ -71,7 +71,7 @@ class Projection:
         Of the propagator.
     """
 
-    rule: uqmbd.Quadrature
+    rule: uqmbd.extend.Quadrature
     multi_index: Index
     exact: bool
     label: str
@@ -81,7 +81,7 @@ class Projection:
         """Where realisations are needed, shape (K, d)."""
         return self.rule.nodes
 
-    def check(self, space: uqmbd.GermSpace) -> None:
+    def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Raise if the rule cannot tell the terms apart, and warn if it can only roughly.
 
         Raises
@@ -89,7 +89,7 @@ class Projection:
         uqmbd.StudyError
             If products of the basis are integrated with errors that make coefficients meaningless.
         """
-        wrong = 0.0 if self.exact else uqmbd.gram_error(space, self.rule, self.multi_index)
+        wrong = 0.0 if self.exact else uqmbd.extend.gram_error(space, self.rule, self.multi_index)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
                 f"{self.label}: the rule ({self.rule.name}) cannot tell the {len(self.multi_index)} terms of the basis "
@@ -135,7 +135,7 @@ class Regression:
     method: str
     label: str
 
-    def check(self, space: uqmbd.GermSpace) -> None:
+    def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Raise if there are too few samples.
 
         Raises
@@ -190,7 +190,7 @@ class Regression:
 
 
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
-    """Project on the nodes of a quadrature, or fit those that did not fail, and say so; see `uqmbd.fit_nodes`.
+    """Project on the nodes of a quadrature, or fit those that did not fail, and say so; see `uqmbd.extend.fit_nodes`.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
     """
     good = runs.good(every)
     psi = runs.space.evaluate(runs.germs[every], multi_index)
-    found = uqmbd.fit_nodes(label, runs.response[every], good, runs.reason(every), psi, multi_index, weights)
+    found = uqmbd.extend.fit_nodes(label, runs.response[every], good, runs.reason(every), psi, multi_index, weights)
     if found.warning:
         warnings.warn(found.warning, stacklevel=2)
     # no leave-one-out error: on a grid a node that is left out has neighbours in every coordinate, and hides errors

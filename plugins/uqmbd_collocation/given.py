@@ -129,7 +129,7 @@ class Given:
         digest = hashlib.sha256(repr(numbers).encode()).hexdigest()[:12]
         return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
 
-    def plan(self, space: uqmbd.GermSpace, label: str) -> GivenProjection:
+    def plan(self, space: uqmbd.extend.GermSpace, label: str) -> GivenProjection:
         """Bring it into the terms of the germs.
 
         Raises
@@ -170,12 +170,12 @@ class Given:
             warnings.warn(text, stacklevel=2)
         rank = np.linalg.matrix_rank(table / norms[:, None], tol=1e-8)
         projector = None if rank == len(terms) else np.linalg.pinv(table, rcond=1e-10) @ table
-        rule = uqmbd.Quadrature(nodes, np.array(self.weights), None, f"{len(nodes)} given nodes")
+        rule = uqmbd.extend.Quadrature(nodes, np.array(self.weights), None, f"{len(nodes)} given nodes")
         return GivenProjection(Projection(rule, terms, False, label), projector)
 
-    def _table(self, space: uqmbd.GermSpace, terms: Index, label: str) -> Array:
+    def _table(self, space: uqmbd.extend.GermSpace, terms: Index, label: str) -> Array:
         """Return the coefficients (polynomial, term) of the polynomials in the terms of the germs."""
-        points = uqmbd.monte_carlo_rule(space, 4 * len(terms) + 64, 0, "sobol").nodes
+        points = uqmbd.extend.monte_carlo_rule(space, 4 * len(terms) + 64, 0, "sobol").nodes
         psi, values = space.evaluate(points, terms), self.polynomials(space.to_inputs(points))
         found = np.linalg.lstsq(psi, values, rcond=None)[0]
         largest = np.maximum(np.abs(values).max(axis=0), 1e-300)
@@ -214,7 +214,7 @@ class GivenProjection:
         """The terms, shape (P, d)."""
         return self.complete.multi_index
 
-    def check(self, space: uqmbd.GermSpace) -> None:
+    def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Raise if the rule cannot tell the terms apart, and warn if it can only roughly."""
         self.complete.check(space)
 

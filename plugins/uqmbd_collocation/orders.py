@@ -23,7 +23,7 @@ HIGHEST = 32
 
 def raise_order(
     runs: Runs,
-    points: uqmbd.VerificationPoints,
+    points: uqmbd.extend.VerificationPoints,
     plan: Callable[[int], Projection | SparseProjection | Regression | GivenProjection],
     first: int,
     limits: Limits,
@@ -35,7 +35,7 @@ def raise_order(
     ----------
     runs : Runs
         Realisations.
-    points : uqmbd.VerificationPoints
+    points : uqmbd.extend.VerificationPoints
         While the chaos misses more there than the tolerance, it is not met.
     plan : callable
         Nodes and fit of an order.
@@ -92,7 +92,7 @@ def raise_order(
     return Refinement(fit, tuple(steps))
 
 
-def _most_terms(space: uqmbd.GermSpace) -> int | None:
+def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:
     """Return the number of terms of the highest order if all germs take few values; None: there is no highest."""
     values = [germ.values for germ in space.germs if germ.values is not None]
     return math.prod(values) if len(values) == space.dimension else None

@@ -20,10 +20,10 @@ __all__ = ["expand", "warn_of_discontinuities"]
 
 def expand(
     source: Source,
-    space: uqmbd.GermSpace,
+    space: uqmbd.extend.GermSpace,
     plans: Plans,
     limits: Limits,
-    given: uqmbd.Verification | None = None,
+    given: uqmbd.extend.Verification | None = None,
     quiet: bool = False,
 ) -> tuple[Expanded, float]:
     """Compute realisations, fit and verify; return what was found, and the seconds that realisations took.
@@ -34,7 +34,7 @@ def expand(
         Computes realisations.
     space, plans, limits
         Of the study, and of the method.
-    given : uqmbd.Verification, optional
+    given : uqmbd.extend.Verification, optional
         Realisations that are known; default: they are computed.
     quiet : bool
         Whether nothing is said of outputs that look discontinuous.
@@ -48,7 +48,7 @@ def expand(
     if given is not None:
         points = given.points
         count = len(points)
-        known = uqmbd.Realisations(
+        known = uqmbd.extend.Realisations(
             space.to_inputs(points.germs), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
         )
         runs = Runs.filled(source, space, points.germs, known)

@@ -68,7 +68,7 @@ class Plans:
         if self.expansion is not None:
             self._only_given()
             return
-        design = None if self.grid else uqmbd.sampling_design(self.design, "Collocation: rule", GRIDS)
+        design = None if self.grid else uqmbd.extend.sampling_design(self.design, "Collocation: rule", GRIDS)
         if self.method != "projection" and self.rule in GRIDS:
             raise uqmbd.StudyError(
                 f"Collocation: method={self.method!r} fits samples, but rule={self.rule!r} is a grid; use "
@@ -132,7 +132,7 @@ class Plans:
         return self.design if self.design in GRIDS else ""
 
     def plan(
-        self, space: uqmbd.GermSpace, order: int | None
+        self, space: uqmbd.extend.GermSpace, order: int | None
     ) -> Projection | SparseProjection | Regression | GivenProjection:
         """Choose nodes and the way to fit them; nothing is computed yet.
 
@@ -148,7 +148,7 @@ class Plans:
             raise TooManyNodes(f"{error} {remedy}") from None
 
     def _planned(
-        self, space: uqmbd.GermSpace, order: int | None
+        self, space: uqmbd.extend.GermSpace, order: int | None
     ) -> Projection | SparseProjection | Regression | GivenProjection:
         """Choose nodes; too many are refused without a remedy."""
         if self.expansion is not None:
@@ -168,28 +168,30 @@ class Plans:
             return Projection(rule, terms, self._exact(rule, terms, space), self.label)
         count = self.samples or _enough(len(terms), self.method)
         self._check_number(space, order, count)
-        rule = uqmbd.monte_carlo_rule(space, count, self.seed, self.design)
+        rule = uqmbd.extend.monte_carlo_rule(space, count, self.seed, self.design)
         if self.method == "projection":
             return Projection(rule, terms, False, self.label)
         return Regression(rule.nodes, terms, self.method, self.label)
 
-    def first_nodes(self, space: uqmbd.GermSpace) -> Array:
+    def first_nodes(self, space: uqmbd.extend.GermSpace) -> Array:
         """Return germ points, shape (K, d), where there are realisations in any case."""
         if self.adaptive == "dimension":
-            return uqmbd.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
+            return uqmbd.extend.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
         return self.plan(space, self.order).nodes
 
-    def verification_points(self, space: uqmbd.GermSpace) -> uqmbd.VerificationPoints:
+    def verification_points(self, space: uqmbd.extend.GermSpace) -> uqmbd.extend.VerificationPoints:
         """Return points that no design uses."""
-        return uqmbd.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
+        return uqmbd.extend.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
 
-    def points_of_elements(self, boxes: Sequence[uqmbd.GermBox], done: int) -> list[uqmbd.VerificationPoints]:
+    def points_of_elements(
+        self, boxes: Sequence[uqmbd.extend.GermBox], done: int
+    ) -> list[uqmbd.extend.VerificationPoints]:
         """Return points of the verification in each box, behind so many elements; of no split, those as always."""
         if len(boxes) == 1 and boxes[0].probability == 1.0:
             return [self.verification_points(boxes[0].space)]
-        return uqmbd.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
+        return uqmbd.extend.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
 
-    def _sparse(self, space: uqmbd.GermSpace, order: int | None) -> SparseProjection:
+    def _sparse(self, space: uqmbd.extend.GermSpace, order: int | None) -> SparseProjection:
         """Combine the tensor grids of a level, or few that resolve the terms of an order."""
         terms = None if order is None else space.basis(order, self.index_set, self.weights)
         if self.level is None:
@@ -212,7 +214,7 @@ class Plans:
         self._check_number(space, order, len(found.nodes))
         return found
 
-    def _check_number(self, space: uqmbd.GermSpace, order: int | None, nodes: int, bound: str = "") -> None:
+    def _check_number(self, space: uqmbd.extend.GermSpace, order: int | None, nodes: int, bound: str = "") -> None:
         if nodes + self.verify <= self.max_realisations:
             return
         what = f"level {self.level}" if order is None else f"order {order}"
@@ -221,7 +223,7 @@ class Plans:
             f"verification realisations, more than max_realisations = {self.max_realisations}."
         )
 
-    def _remedy(self, space: uqmbd.GermSpace, order: int) -> str:
+    def _remedy(self, space: uqmbd.extend.GermSpace, order: int) -> str:
         """Options that this study works with: tried, not guessed."""
         plain: dict[str, Any] = {"rule": None, "nodes": None, "level": None, "samples": None, "adaptive": "no"}
         plain["order"] = order
@@ -250,7 +252,7 @@ class Plans:
             return f"Use {given}{without} ({total} realisations), adaptive='dimension', or allow more."
         return "Use adaptive='dimension', or allow more."
 
-    def _gauss_counts(self, space: uqmbd.GermSpace, terms: Index) -> list[int]:
+    def _gauss_counts(self, space: uqmbd.extend.GermSpace, terms: Index) -> list[int]:
         if self.nodes is None:
             return [int(n) + 1 for n in terms.max(axis=0)]
         if len(self.nodes) not in (1, space.dimension):
@@ -260,17 +262,17 @@ class Plans:
             )
         return list(self.nodes) * (space.dimension if len(self.nodes) == 1 else 1)
 
-    def _grid(self, space: uqmbd.GermSpace, order: int, terms: Index) -> uqmbd.Quadrature:
+    def _grid(self, space: uqmbd.extend.GermSpace, order: int, terms: Index) -> uqmbd.extend.Quadrature:
         if self.grid == "gauss":
-            return uqmbd.gauss_tensor(space, self._gauss_counts(space, terms))
+            return uqmbd.extend.gauss_tensor(space, self._gauss_counts(space, terms))
         if self.level is not None:
-            return uqmbd.clenshaw_curtis(space, self.level)
+            return uqmbd.extend.clenshaw_curtis(space, self.level)
         # 2^level + 1 nodes: exact for products of two polynomials of uniform germs
         levels = [max(1, int(np.ceil(np.log2(2 * n)))) if n else 0 for n in terms.max(axis=0)]
         self._check_number(space, order, math.prod(2**level + 1 if level else 1 for level in levels))
-        return uqmbd.clenshaw_curtis(space, levels)
+        return uqmbd.extend.clenshaw_curtis(space, levels)
 
-    def _exact(self, rule: uqmbd.Quadrature, terms: Index, space: uqmbd.GermSpace) -> bool:
+    def _exact(self, rule: uqmbd.extend.Quadrature, terms: Index, space: uqmbd.extend.GermSpace) -> bool:
         """Whether products of the basis are known to be integrated exactly."""
         if self.grid == "gauss":
             degrees = terms.max(axis=0)

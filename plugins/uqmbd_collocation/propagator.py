@@ -34,7 +34,7 @@ ends the refinement."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Collocation(uqmbd.Propagator):
+class Collocation(uqmbd.extend.Propagator):
     """Polynomial chaos through realisations at chosen points.
 
     Parameters
@@ -137,12 +137,11 @@ class Collocation(uqmbd.Propagator):
     verify : int
         Realisations at points that no node uses, from which the error of the surrogate is stated; 0: none.  Half of
         them are spread like the inputs, half like squares of polynomials of these, which are large in the tails; the
-        mean square error is weighted so that it is that of the inputs' own distribution
-        (:class:`uqmbd.VerificationPoints`).  The points are the same for every order, and never enter coefficients.
-        They end a refinement, so that after one the stated error is a little more likely to be small than without.
-        Sixteen state the error to within a factor of two for nearly all seeds, 32 also where it grows fast in the
-        tails of several inputs; ``verification_factor`` among the statistics says by which factor the stated error
-        may be off, and the verdicts say where that is more than two.
+        mean square error is weighted for the inputs' own distribution (:class:`uqmbd.extend.VerificationPoints`).
+        The points are the same for every order, and never enter coefficients.  They end a refinement, so that after
+        one the stated error is a little more likely to be small than without.  Sixteen state the error to within a
+        factor of two for nearly all seeds, 32 also where it grows fast in the tails of several inputs; the statistic
+        ``verification_factor`` is the factor by which it may be off, and verdicts say where that is more than two.
     seed : int
         Of designs and of the verification points.
     label : str, optional
@@ -171,17 +170,17 @@ class Collocation(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "collocation"
-    order: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
+    order: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     index_set: Terms = "total"
-    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | Array | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, above=True)] | Array | None = None
     method: Method = "projection"
     rule: str | None = None
-    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1, 10**6)] | Array | None = None
-    level: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
-    samples: Annotated[int, uqmbd.Bounds(2, 10**9)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.extend.Bounds(1, 10**6)] | Array | None = None
+    level: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
+    samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] | None = None
     adaptive: Adaptive = "no"
-    tolerance: Annotated[float, uqmbd.Bounds(0, above=True)] = 1e-3
-    max_realisations: Annotated[int, uqmbd.Bounds(1, 10**9)] = 5000
+    tolerance: Annotated[float, uqmbd.extend.Bounds(0, above=True)] = 1e-3
+    max_realisations: Annotated[int, uqmbd.extend.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
@@ -189,8 +188,8 @@ class Collocation(uqmbd.Propagator):
     clock: str | None = None
     expansion: Any = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
-    verify: Annotated[int, uqmbd.Bounds(0, 10**9)] = 16
-    seed: Annotated[int, uqmbd.Bounds(0)] = 0
+    verify: Annotated[int, uqmbd.extend.Bounds(0, 10**9)] = 16
+    seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -282,31 +281,31 @@ class Collocation(uqmbd.Propagator):
             )
 
     @property
-    def _limits(self) -> uqmbd.ElementLimits:
-        return uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
+    def _limits(self) -> uqmbd.extend.ElementLimits:
+        return uqmbd.extend.ElementLimits(self.elements, self.max_elements, self.threshold)
 
     def _plans(self, label: str) -> Plans:
         return Plans(label, **{f.name: getattr(self, f.name) for f in fields(Plans) if f.name != "label"})
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
         """Watch the angles of bodies and joints, where a clock is looked for."""
-        return uqmbd.watched_angles(mechanism) if "phase" in self.families else {}
+        return uqmbd.extend.watched_angles(mechanism) if "phase" in self.families else {}
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
         """Say which clock there is, at the means of the inputs."""
         problem = study.problem(self)
         if "phase" not in self.families or problem.timeless or not len(study.mechanism.inputs):
             return ()
-        return (uqmbd.clock_at_means(problem, self.clock),)
+        return (uqmbd.extend.clock_at_means(problem, self.clock),)
 
-    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+    def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
-        space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+        space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         ways, left_out = self._possible(study)
         if self.adaptive != "no":
             most = self.max_realisations * len(ways)
-            return uqmbd.Estimate(
+            return uqmbd.extend.Estimate(
                 most, 8 * 3 * most * values, f"{most} realisations{left_out}", at_most=True, disk=8 * FEW * values
             )
         planned = self._plans(self.node_name).plan(space, self.order)
@@ -322,17 +321,17 @@ class Collocation(uqmbd.Propagator):
             alone = nodes if "plain" in ways and "phase" not in ways else 0
             count = 2 * boxes * nodes * len(aligned) + alone + self.verify
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
-            return uqmbd.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
-        return uqmbd.Estimate(
+            return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
+        return uqmbd.extend.Estimate(
             boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive, disk=disk
         )
 
-    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""
         if self.adaptive != "no":
             tolerance = self.tolerance if accuracy is None else accuracy / BOUND
-            space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-            return uqmbd.Sizing(
+            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
+            return uqmbd.extend.Sizing(
                 option="max_realisations",
                 at=lambda most: replace(self, max_realisations=most, tolerance=tolerance),
                 least=len(self._plans(self.node_name).first_nodes(space)) + self.verify,
@@ -343,7 +342,7 @@ class Collocation(uqmbd.Propagator):
         given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "expansion"))
         if given or self.elements == "adaptive" or not self.verify:
             return None
-        return uqmbd.Sizing(
+        return uqmbd.extend.Sizing(
             option="order",
             at=lambda order: replace(self, order=order),
             least=1,
@@ -361,14 +360,14 @@ class Collocation(uqmbd.Propagator):
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""
-        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+        if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:
-            space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
             if self.families:
-                uqmbd.require_outputs_over_time(study.problem(self), f"alignment={self.alignment!r}")
+                uqmbd.extend.require_outputs_over_time(study.problem(self), f"alignment={self.alignment!r}")
             if self.clock is not None:
-                uqmbd.require_clock(study.problem(self), self.clock)
+                uqmbd.extend.require_clock(study.problem(self), self.clock)
             ways = () if self.alignment == "auto" else self.families
             if why := next(filter(None, (impossible(study.problem(self), name) for name in ways)), ""):
                 return why
@@ -378,7 +377,7 @@ class Collocation(uqmbd.Propagator):
             return str(error)
         return None
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Compute realisations, fit, verify, and summarise.
 
         Raises
@@ -392,7 +391,7 @@ class Collocation(uqmbd.Propagator):
         limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
         begin = problem.clock()
         if self.families:
-            uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
+            uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         if self.families and not problem.timeless:
             with problem.timed("fitting"):
                 found = self._aligned(problem, space, plans, limits)
@@ -407,7 +406,9 @@ class Collocation(uqmbd.Propagator):
             problem.progress.finish(problem.label)
         return found.node(self, problem, wall_time)
 
-    def _aligned(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, limits: Limits) -> Expanded:
+    def _aligned(
+        self, problem: uqmbd.extend.Problem, space: uqmbd.extend.GermSpace, plans: Plans, limits: Limits
+    ) -> Expanded:
         about = (self._limits, limits)
         if len(self.families) > 1:
             wanted = self.alignment != "auto"

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import Labels, Status
+from uqmbd.extend import Labels
+from uqmbd.results import Status
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
@@ -25,7 +26,7 @@ def nodes_of(
 
     Parameters
     ----------
-    labels : uqmbd.results.Labels
+    labels : uqmbd.extend.Labels
         Of the problem.
     names : sequence of str
         Of the germs.
@@ -49,7 +50,7 @@ def nodes_of_elements(labels: Labels, names: Sequence[str], runs: Sequence[tuple
 
     Parameters
     ----------
-    labels : uqmbd.results.Labels
+    labels : uqmbd.extend.Labels
         Of the problem.
     names : sequence of str
         Of the germs.
@@ -91,7 +92,7 @@ def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
     return found
 
 
-def warn_of_failures(verification: uqmbd.Verification, label: str) -> None:
+def warn_of_failures(verification: uqmbd.extend.Verification, label: str) -> None:
     """Warn of verification realisations that failed."""
     if verification.failures:
         warnings.warn(

@@ -91,7 +91,7 @@ def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
     return np.asarray(np.maximum(np.sqrt(variance.max(axis=-1)), floor))
 
 
-def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: uqmbd.VerificationPoints) -> float:
+def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: uqmbd.extend.VerificationPoints) -> float:
     """Return by how much the standard deviation is too small for what the chaos misses at verification points.
 
     A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is

@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 import uqmbd
-from uqmbd.results import Labels, Status
+from uqmbd.extend import Labels
+from uqmbd.results import Status
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["DIGITS", "Derived", "Runs", "announced_once"]
@@ -31,14 +32,14 @@ class Source(Protocol):
     @property
     def labels(self) -> Labels: ...
 
-    def realise(self, values: Array) -> uqmbd.Realisations:
+    def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute the response to each row of inputs."""
 
 
 class Derived:
     """A source of realisations that is made from a problem, as which it is called; outputs are the same unless said."""
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
 
     @property
     def label(self) -> str:
@@ -64,7 +65,7 @@ class Runs:
     ----------
     problem : Source
         Who computes them.
-    space : uqmbd.GermSpace
+    space : uqmbd.extend.GermSpace
         Of the inputs.
     counters : dict
         Solver counters, summed.
@@ -73,18 +74,20 @@ class Runs:
     """
 
     problem: Source
-    space: uqmbd.GermSpace
+    space: uqmbd.extend.GermSpace
     counters: Counter[str] = field(default_factory=Counter)
     wall_time: float = 0.0
     _where: dict[tuple[float, ...], int] = field(default_factory=dict)
     _germs: list[Array] = field(default_factory=list)
-    _parts: list[uqmbd.Realisations] = field(default_factory=list)
+    _parts: list[uqmbd.extend.Realisations] = field(default_factory=list)
     _joined: Array | None = None
     scale: Array | None = None
     """What errors of the outputs (O,) are compared with; default: their largest standard deviation."""
 
     @classmethod
-    def filled(cls, problem: Source, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations) -> Runs:
+    def filled(
+        cls, problem: Source, space: uqmbd.extend.GermSpace, germs: Array, found: uqmbd.extend.Realisations
+    ) -> Runs:
         """Return the runs of realisations at `germs` (K, d), each point once."""
         runs = cls(problem, space)
         rows = runs.missing(germs)
@@ -109,7 +112,7 @@ class Runs:
             self._add(germs[rows], self.problem.realise(self.space.to_inputs(germs[rows])))
         return np.array([self._where[key] for key in self._keys(germs)], dtype=np.int64)
 
-    def _add(self, germs: Array, part: uqmbd.Realisations) -> None:
+    def _add(self, germs: Array, part: uqmbd.extend.Realisations) -> None:
         for key in self._keys(germs):
             self._where[key] = len(self._where)
         self._germs.append(germs)
@@ -118,16 +121,18 @@ class Runs:
         self.counters.update(part.counters)
         self.wall_time += part.wall_time
 
-    def verification(self, points: uqmbd.VerificationPoints) -> uqmbd.Verification:
+    def verification(self, points: uqmbd.extend.VerificationPoints) -> uqmbd.extend.Verification:
         """Return the realisations at points that no node uses, those that failed left out."""
         where = self.at(points.germs)
         good = np.flatnonzero(self.good(where)) if len(where) else where
         if not len(good):
             nothing = np.zeros((0, *self.problem.labels.shape))
-            return uqmbd.Verification(self.space, points[:0], nothing, len(where), lost=float(len(where) > 0))
-        known = uqmbd.VerificationPoints(self.germs[where[good]], points.weights[good])
+            return uqmbd.extend.Verification(self.space, points[:0], nothing, len(where), lost=float(len(where) > 0))
+        known = uqmbd.extend.VerificationPoints(self.germs[where[good]], points.weights[good])
         lost = points.share(~self.good(where))
-        return uqmbd.Verification(self.space, known, self.response[where[good]], len(where), self.reason(where), lost)
+        return uqmbd.extend.Verification(
+            self.space, known, self.response[where[good]], len(where), self.reason(where), lost
+        )
 
     @property
     def germs(self) -> Array:
@@ -178,7 +183,7 @@ class Runs:
 class _Once:
     """Progress of many small steps told as one piece of work, of a known most."""
 
-    inner: uqmbd.Progress
+    inner: uqmbd.extend.Progress
     most: int
     begun: bool = False
 
@@ -186,7 +191,7 @@ class _Once:
         """Begin, the first time only."""
         if not self.begun:
             self.begun = True
-            self.inner.start(label, uqmbd.AtMost(self.most))
+            self.inner.start(label, uqmbd.extend.AtMost(self.most))
 
     def advance(self, label: str, count: int = 1) -> None:
         """Pass on."""
@@ -196,6 +201,6 @@ class _Once:
         """Wait for the end of all steps, which whoever made this tells."""
 
 
-def announced_once(problem: uqmbd.Problem, most: int) -> uqmbd.Problem:
+def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
     """Return a problem whose progress begins once, however often realisations are asked for, with the most of them."""
     return replace(problem, progress=_Once(problem.progress, most))

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 import uqmbd
-from uqmbd.results import project
+from uqmbd.extend import project
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
 from uqmbd_collocation.runs import DIGITS, Runs
@@ -47,14 +47,14 @@ def level_of(degrees: Index) -> Index:
     return (degrees + 1) // 2
 
 
-def levels_of(space: uqmbd.GermSpace, level: int) -> Index:
+def levels_of(space: uqmbd.extend.GermSpace, level: int) -> Index:
     """Return all levels (L, d) of a sum of at most `level`; of a germ of few values only those that add nodes."""
-    levels = uqmbd.index_set(space.dimension, level)
+    levels = uqmbd.extend.index_set(space.dimension, level)
     deepest = [level if germ.values is None else germ.values // 2 for germ in space.germs]
     return np.asarray(levels[(levels <= deepest).all(axis=1)])
 
 
-def levels_for(space: uqmbd.GermSpace, terms: Index) -> Index:
+def levels_for(space: uqmbd.extend.GermSpace, terms: Index) -> Index:
     """Return the levels (L, d) that terms (P, d) need, and one more of each input alone.
 
     The latter takes few nodes.  Without it terms of one input just above an even order would be mixed with lower ones.
@@ -66,7 +66,7 @@ def levels_for(space: uqmbd.GermSpace, terms: Index) -> Index:
     return np.unique(np.concatenate([needed, alone]), axis=0)
 
 
-def fewest_nodes(space: uqmbd.GermSpace, level: int, enough: int) -> int:
+def fewest_nodes(space: uqmbd.extend.GermSpace, level: int, enough: int) -> int:
     """Return a lower bound for the number of nodes of :func:`levels_of`, which is quick where there are very many.
 
     It is the number of terms that they resolve, which at least as many values determine; where that exceeds `enough`,
@@ -94,17 +94,17 @@ def lower_levels(level: Level) -> Iterator[tuple[int, Level]]:
 
 
 def in_order(terms: Iterable[Level]) -> list[Level]:
-    """Sort terms by their total degree, then so that earlier germs come first, as `uqmbd.index_set`."""
+    """Sort terms by their total degree, then so that earlier germs come first, as `uqmbd.extend.index_set`."""
     return sorted(terms, key=lambda term: (sum(term), [-k for k in term]))
 
 
-def _rule(space: uqmbd.GermSpace, level: Level) -> tuple[uqmbd.Quadrature, list[int]]:
+def _rule(space: uqmbd.extend.GermSpace, level: Level) -> tuple[uqmbd.extend.Quadrature, list[int]]:
     """Return the tensor of Gauss rules of a level, and the number of nodes of each germ."""
     counts = [_count(germ.values, k) for germ, k in zip(space.germs, level, strict=True)]
-    return uqmbd.gauss_tensor(space, counts), counts
+    return uqmbd.extend.gauss_tensor(space, counts), counts
 
 
-def nodes_of_levels(space: uqmbd.GermSpace, levels: Iterable[Level]) -> Array:
+def nodes_of_levels(space: uqmbd.extend.GermSpace, levels: Iterable[Level]) -> Array:
     """Return the Gauss nodes of levels, shape (K, d), one level behind the other."""
     return np.concatenate([_rule(space, level)[0].nodes for level in levels])
 
@@ -177,7 +177,9 @@ class SparseProjection:
     name: str
 
     @classmethod
-    def of(cls, space: uqmbd.GermSpace, levels: Index, terms: Index | None, label: str, name: str) -> SparseProjection:
+    def of(
+        cls, space: uqmbd.extend.GermSpace, levels: Index, terms: Index | None, label: str, name: str
+    ) -> SparseProjection:
         """Combine the levels (L, d) of a downward closed set; `terms` (P, d) are all that they resolve by default."""
         rows: list[Level] = [tuple(row) for row in levels.tolist()]
         factors: Counter[Level] = Counter()
@@ -191,7 +193,7 @@ class SparseProjection:
         _, first = np.unique(np.round(nodes, DIGITS) + 0.0, axis=0, return_index=True)
         return cls(used, terms, nodes[np.sort(first)], label, name)
 
-    def check(self, space: uqmbd.GermSpace) -> None:
+    def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Nothing is in the way: the levels resolve the terms."""
 
     def fit(self, runs: Runs) -> Fit:
@@ -212,7 +214,7 @@ class SparseProjection:
         return Fit(total, self.multi_index, how, where, weights=weights[where])
 
 
-def _added(space: uqmbd.GermSpace, level: Level) -> Iterator[Level]:
+def _added(space: uqmbd.extend.GermSpace, level: Level) -> Iterator[Level]:
     """Yield the terms that a level resolves, and no smaller one."""
     values = [germ.values for germ in space.germs]
     added = (range(_count(v, k - 1) if k else 0, _count(v, k)) for v, k in zip(values, level, strict=True))

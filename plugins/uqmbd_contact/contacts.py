@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.laws import law_at, law_values
 from uqmbd.typing import Quantity, Vector
 from uqmbd_contact.geometry import InBearing, Meeting, OnPlane, OnRoad, OnSphere
@@ -17,11 +17,11 @@ from uqmbd_contact.laws import LAWS, NUMBERS, SYMBOLS, ContactLaw, LawName, dept
 __all__ = ["ClearanceJoint", "PlaneContact", "RoadContact", "SphereContact"]
 
 
-class _Contact(uqmbd.TypedComponent):
+class _Contact(uqmbd.extend.TypedComponent):
     """What all contacts share: law, friction, and the virtual work of both."""
 
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     law: uqmbd.Parameter[LawName | ContactLaw] = uqmbd.Parameter(
         "N",
         "law of the normal force",
@@ -55,11 +55,11 @@ class _Contact(uqmbd.TypedComponent):
         found = law_values(law.normal, *SYMBOLS, what="force")
         return {**super().prepare(), **found, **law_values(law.friction, *SYMBOLS, what="coefficient")}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.Separation]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.extend.Separation]:
         """Yield the gap at the start, and the virtual work of the normal force and of friction."""
         law = law_named(p.law)
         meeting = self.meeting(p)
-        yield uqmbd.Separation(meeting.gap, meeting.reach)
+        yield uqmbd.extend.Separation(meeting.gap, meeting.reach)
         opening = p.rate_of(meeting.gap)
         state = {x: getattr(p, x.name) for x in NUMBERS} | {depth: -meeting.gap, depth_rate: -opening, speed: speed}
         force = p.let("normal force", law_at(p, law.normal, state, what="force"))

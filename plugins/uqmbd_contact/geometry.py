@@ -41,14 +41,14 @@ class Meeting:
     reach: Any = 0
 
 
-class OnPlane(uqmbd.TypedComponent):
+class OnPlane(uqmbd.extend.TypedComponent):
     """Geometry of a sphere of body j on a plane of body i."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "a point of the plane, frame of body i", kind="point", body="body_i"
     )
@@ -62,7 +62,7 @@ class OnPlane(uqmbd.TypedComponent):
         "m", "radius of the sphere; 0: a point", default=0, minimum=0, about="point_j"
     )
 
-    def meeting(self, p: uqmbd.Local) -> Meeting:
+    def meeting(self, p: uqmbd.extend.Local) -> Meeting:
         """Return where they meet: the point of the plane below the centre."""
         normal = p.let("normal", p.body_i.direction(p.normal_i))
         centre = p.let("centre", p.body_j.point(p.point_j))
@@ -70,14 +70,14 @@ class OnPlane(uqmbd.TypedComponent):
         return Meeting(gap, normal, _relative(p, centre - p.radius * normal), sympy.Matrix(p.normal_i), p.radius)
 
 
-class OnSphere(uqmbd.TypedComponent):
+class OnSphere(uqmbd.extend.TypedComponent):
     """Geometry of two spheres; on a line, of two segments, which stay on the side on which they are drawn."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "centre of the sphere, frame of body i", kind="point", body="body_i"
     )
@@ -95,7 +95,7 @@ class OnSphere(uqmbd.TypedComponent):
         """Take from the drawing on which side they are on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
-    def meeting(self, p: uqmbd.Local) -> Meeting:
+    def meeting(self, p: uqmbd.extend.Local) -> Meeting:
         """Return where they meet: the point of sphere i towards the centre of sphere j."""
         first = p.let("centre i", p.body_i.point(p.point_i))
         offset = p.let("offset", p.body_j.point(p.point_j) - first)
@@ -109,12 +109,12 @@ class OnSphere(uqmbd.TypedComponent):
         return Meeting(gap, normal, _relative(p, first + p.radius_i * normal), reach=smaller)
 
 
-class OnRoad(uqmbd.TypedComponent):
+class OnRoad(uqmbd.extend.TypedComponent):
     """Geometry of a point of body j on a road in body i: a curve in the plane, its cylinder in space."""
 
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP
@@ -124,7 +124,7 @@ class OnRoad(uqmbd.TypedComponent):
         """Give what the profile contains to each realisation."""
         return law_values(self.road, distance, what="road", package="uqmbd_contact")
 
-    def meeting(self, p: uqmbd.Local) -> Meeting:
+    def meeting(self, p: uqmbd.extend.Local) -> Meeting:
         """Return where they meet: at the point; the gap is along the normal of the road below it."""
         frame = p.body_i
         point = p.let("point", p.body_j.point(p.point_j))
@@ -136,18 +136,18 @@ class OnRoad(uqmbd.TypedComponent):
         up = [-slope / steep, *[0] * (len(place) - 2), 1 / steep]
         return Meeting(gap, p.let("normal", frame.direction(up)), _relative(p, point))
 
-    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+    def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """World position of the point."""
         return p.body_j.point(p.point_j)
 
 
-class InBearing(uqmbd.TypedComponent):
+class InBearing(uqmbd.extend.TypedComponent):
     """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "centre of the bearing, frame of body i", kind="point", body="body_i"
     )
@@ -159,7 +159,7 @@ class InBearing(uqmbd.TypedComponent):
         "m", "radius of the bearing without that of the journal", minimum=0
     )
 
-    def meeting(self, p: uqmbd.Local) -> Meeting:
+    def meeting(self, p: uqmbd.extend.Local) -> Meeting:
         """Return where they meet: the point of the bearing that is nearest to the journal."""
         first = p.let("centre i", p.body_i.point(p.point_i))
         offset = p.let("offset", p.body_j.point(p.point_j) - first)
@@ -170,20 +170,20 @@ class InBearing(uqmbd.TypedComponent):
         return Meeting(gap, inwards, _relative(p, first - (p.radius + p.clearance) * inwards), reach=p.radius)
 
 
-def tangents(p: uqmbd.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
+def tangents(p: uqmbd.extend.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
     """Return unit vectors along the surface, world axes: one in the plane, two in space, none on a line."""
     if meeting.fixed_i is not None:  # they turn with body i
         return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
     return tuple(p.let("tangent", x) for x in _across(meeting.normal))
 
 
-def _relative(p: uqmbd.Local, point: sympy.Matrix) -> sympy.Matrix:
+def _relative(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
     meeting = p.let("point", point)
     found: sympy.Matrix = p.let("relative velocity", _velocity(p.body_j, meeting) - _velocity(p.body_i, meeting))
     return found
 
 
-def _velocity(frame: uqmbd.Frame, point: sympy.Matrix) -> sympy.Matrix:
+def _velocity(frame: uqmbd.extend.Frame, point: sympy.Matrix) -> sympy.Matrix:
     """Velocity of the material of a body at a world point."""
     if not frame.space.turns:
         return frame.velocity

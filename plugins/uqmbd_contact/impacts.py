@@ -12,11 +12,11 @@ from uqmbd_contact.geometry import Meeting, OnPlane, OnRoad, OnSphere, tangents
 __all__ = ["PlaneImpact", "RoadImpact", "SphereImpact"]
 
 
-class _Impact(uqmbd.TypedComponent):
+class _Impact(uqmbd.extend.TypedComponent):
     """What all impacts share."""
 
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     restitution: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "1", "coefficient of restitution, 0 to 1", default=1, minimum=0, maximum=1
     )
@@ -26,11 +26,11 @@ class _Impact(uqmbd.TypedComponent):
 
     meeting: ClassVar[Callable[..., Meeting]]
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Event]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Event]:
         """Yield the event at which two bodies meet."""
         meeting = self.meeting(p)
         sliding = [axis.dot(meeting.relative) for axis in tangents(p, meeting)] if p.friction != 0 else ()
-        yield uqmbd.Event(meeting.gap, uqmbd.Impact(p.rate_of(meeting.gap), p.restitution, sliding, p.friction))
+        yield uqmbd.Event(meeting.gap, uqmbd.extend.Impact(p.rate_of(meeting.gap), p.restitution, sliding, p.friction))
 
 
 class PlaneImpact(_Impact, OnPlane):

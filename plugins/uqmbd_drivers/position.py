@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["DistanceDriver", "PositionDriver"]
@@ -52,13 +52,13 @@ class PositionDriver(uqmbd.Component):
         ) -> None: ...  # fmt: skip
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset) - p.displacement, "displacement")
 
 
-class DistanceDriver(uqmbd.TypedComponent):
+class DistanceDriver(uqmbd.extend.TypedComponent):
     """The distance of two points follows a function of time that never vanishes.
 
     On a line point j stays on the side of point i on which it is drawn.
@@ -72,8 +72,8 @@ class DistanceDriver(uqmbd.TypedComponent):
     symbol = "driver"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
@@ -84,7 +84,7 @@ class DistanceDriver(uqmbd.TypedComponent):
         """Take from the drawing on which side the points are on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         line = p.space.dimension == 1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotationDriver"]
@@ -50,16 +50,16 @@ class RotationDriver(uqmbd.Component):
         """Lay a frame on each axis."""
         if not self.axis_i:
             return {}
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         turned = (
             [f.attitude(frame) for f, frame in ((p.body_i, p.frame_i), (p.body_j, p.frame_j))]
             if p.axis_i
             else [p.body_i.quaternion, p.body_j.quaternion]
         )
-        relative = uqmbd.relative_quaternion(*turned)
+        relative = uqmbd.extend.relative_quaternion(*turned)
         half = p.angle / 2
         yield uqmbd.Constraint(relative[0] * sympy.sin(half) - relative[-1] * sympy.cos(half), "angle")

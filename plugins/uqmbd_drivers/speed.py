@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["LinearSpeedDriver", "SpeedDriver"]
@@ -39,11 +39,11 @@ class SpeedDriver(uqmbd.Component):
         """Take the attitude to start from out of the drawing."""
         return {"drawn": self.drawn_quaternion()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, p.speed, 0)
-        cosine, sine = uqmbd.half_angle(p, p.body_i, p.body_j, p.drawn, p.axis_j)
+        cosine, sine = uqmbd.extend.half_angle(p, p.body_i, p.body_j, p.drawn, p.axis_j)
         yield uqmbd.Constraint(cosine * sympy.sin(angle / 2) - sine * sympy.cos(angle / 2), "angle")
 
 
@@ -89,7 +89,7 @@ class LinearSpeedDriver(uqmbd.Component):
         """Take the displacement to start from out of the drawing."""
         return {"start": self.drawn_displacement()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         displacement = p.state("displacement")
         yield uqmbd.Auxiliary(displacement, p.speed, p.start)

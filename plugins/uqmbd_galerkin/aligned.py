@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement
+from uqmbd.extend import AlignedElement
+from uqmbd.results import AlignedChaos
 from uqmbd.typing import Array, Index
 from uqmbd_galerkin.clock_rates import TURN, ClockRates, find_clock
 from uqmbd_galerkin.ending import padded
@@ -41,7 +42,7 @@ class _Path:
         That is reached, rad.
     """
 
-    motion: uqmbd.PhaseMotion
+    motion: uqmbd.extend.PhaseMotion
     parts: list[Array]
     phase: float = 0.0
 
@@ -68,13 +69,13 @@ class _Path:
 
 
 def galerkin_in_phase(
-    propagator: uqmbd.Propagator,
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    propagator: uqmbd.extend.Propagator,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     terms: Index,
-    rule: uqmbd.Quadrature,
-    projected: uqmbd.ProjectedEnsemble,
-    verification: uqmbd.Verification,
+    rule: uqmbd.extend.Quadrature,
+    projected: uqmbd.extend.ProjectedEnsemble,
+    verification: uqmbd.extend.Verification,
     pilots: Array,
     wanted: str | None,
     begin: float,
@@ -87,11 +88,11 @@ def galerkin_in_phase(
         As they are given.
     terms : array of int, shape (P, d)
         The multi-index.
-    rule : uqmbd.Quadrature
+    rule : uqmbd.extend.Quadrature
         The nodes.
-    projected : uqmbd.ProjectedEnsemble
+    projected : uqmbd.extend.ProjectedEnsemble
         The equations, with what the clock needs among the outputs.
-    verification : uqmbd.Verification
+    verification : uqmbd.extend.Verification
         Realisations from which the error is stated.
     pilots : array, shape (K, input)
         Inputs of realisations from which the clock is found.
@@ -104,7 +105,7 @@ def galerkin_in_phase(
     rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)
     problem.progress.start(label, 1)
     path = _started(problem, projected, rates)
-    box = uqmbd.GermBox.whole(space)
+    box = uqmbd.extend.GermBox.whole(space)
     end, length = float(times[-1]), float(times[-1] - times[0])
     try:
         with problem.timed("integration"):
@@ -173,7 +174,7 @@ def galerkin_in_phase(
     )
 
 
-def _started(problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: ClockRates) -> _Path:
+def _started(problem: uqmbd.extend.Problem, projected: uqmbd.extend.ProjectedEnsemble, rates: ClockRates) -> _Path:
     """Begin in phase; where the clock starts at rest, in time until it runs."""
     times, rtol = problem.times, problem.rtol
     if rates.until <= times[0]:
@@ -192,15 +193,19 @@ def _started(problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: 
 
 
 def _in_phase(
-    problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: ClockRates, times: Array, state: Array
-) -> uqmbd.PhaseMotion:
+    problem: uqmbd.extend.Problem,
+    projected: uqmbd.extend.ProjectedEnsemble,
+    rates: ClockRates,
+    times: Array,
+    state: Array,
+) -> uqmbd.extend.PhaseMotion:
     """Bring all nodes to the same phase of the clock at first."""
     nodal = projected.nodal(state)
     ahead = rates.ahead(np.full(len(nodal), times[0]), nodal, TURN / PER_TURN)
     return projected.in_phase(rates, times, problem.rtol, state, *ahead)
 
 
-def _follow_nodes(path: _Path, projected: uqmbd.ProjectedEnsemble, end: float) -> None:
+def _follow_nodes(path: _Path, projected: uqmbd.extend.ProjectedEnsemble, end: float) -> None:
     """Integrate until all nodes have reached a time."""
     path.follow(1.0)
     while True:
@@ -214,7 +219,11 @@ def _follow_nodes(path: _Path, projected: uqmbd.ProjectedEnsemble, end: float) -
 
 
 def _late(
-    path: _Path, box: uqmbd.GermBox, terms: Index, problem: uqmbd.Problem, verification: uqmbd.Verification
+    path: _Path,
+    box: uqmbd.extend.GermBox,
+    terms: Index,
+    problem: uqmbd.extend.Problem,
+    verification: uqmbd.extend.Verification,
 ) -> Array:
     """By how much (S,) the last landmarks of all samples, and of the verification, lie before the last time, s."""
     edges = np.stack([path.parts[0][:, 0, 0, -1], path.last], axis=1)
@@ -223,7 +232,7 @@ def _late(
     return AlignedChaos((element,), terms, problem.labels, **verification.known).late()
 
 
-def _diagnostics(projected: uqmbd.ProjectedEnsemble, coefficients: Array, rates: ClockRates) -> xr.Dataset:
+def _diagnostics(projected: uqmbd.extend.ProjectedEnsemble, coefficients: Array, rates: ClockRates) -> xr.Dataset:
     """Follow invariants of the projected motion over the landmarks."""
     nodal = projected.nodal(coefficients[:, :, 0])
     times, states = nodal[..., -1], nodal[..., :-1]

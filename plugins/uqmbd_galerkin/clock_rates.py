@@ -34,7 +34,7 @@ STARTED = 1.0
 
 def watched_rates(mechanism: Any) -> Mapping[str, Any]:
     """Return what may be a clock besides the outputs, and the rates of all that may be one, as expressions by name."""
-    found = dict(uqmbd.watched_angles(mechanism))
+    found = dict(uqmbd.extend.watched_angles(mechanism))
     known = {name: output.expression for name, output in mechanism.outputs.items()} | found
     for name, expression in known.items():
         rate = expression
@@ -56,9 +56,9 @@ class ClockRates:
 
     Attributes
     ----------
-    clock : uqmbd.Clock
+    clock : uqmbd.extend.Clock
         That of the realisations.
-    ensemble : uqmbd.Ensemble
+    ensemble : uqmbd.extend.Ensemble
         The nodes, whose outputs have what is watched behind those of the study.
     rows : tuple of int
         Of value, rate and second rate among the outputs.
@@ -68,8 +68,8 @@ class ClockRates:
         Time up to which the motion is followed in time, s: that of the start, or later where it starts at rest.
     """
 
-    clock: uqmbd.Clock
-    ensemble: uqmbd.Ensemble
+    clock: uqmbd.extend.Clock
+    ensemble: uqmbd.extend.Ensemble
     rows: tuple[int, int, int]
     centre: float
     reach: float
@@ -109,15 +109,15 @@ class ClockRates:
 
 
 def find_clock(
-    problem: uqmbd.Problem, ensemble: uqmbd.Ensemble, pilots: Array, wanted: str | None
+    problem: uqmbd.extend.Problem, ensemble: uqmbd.extend.Ensemble, pilots: Array, wanted: str | None
 ) -> tuple[ClockRates, int]:
     """Choose a clock from realisations that are followed to the last output time.
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
-    ensemble : uqmbd.Ensemble
+    ensemble : uqmbd.extend.Ensemble
         The nodes, with what is watched.
     pilots : array, shape (K, input)
         Inputs of the realisations.
@@ -137,10 +137,10 @@ def find_clock(
     """
     end = float(problem.times[-1])
     names = [o.name for o in problem.watching().labels.outputs]
-    found, told = uqmbd.dense(problem.watching(), pilots, end, 2 * len(problem.times))
+    found, told = uqmbd.extend.dense(problem.watching(), pilots, end, 2 * len(problem.times))
     label = f"{problem.label}: alignment='phase' needs a clock"
 
-    def rows_of(clock: uqmbd.Clock) -> tuple[int, int, int] | None:
+    def rows_of(clock: uqmbd.extend.Clock) -> tuple[int, int, int] | None:
         name = names[clock.row]
         known = [names.index(x) if x in names else None for x in (FIRST + name, SECOND + name)]
         if known[0] is None or (known[1] is None and not clock.turn):
@@ -152,7 +152,7 @@ def find_clock(
             f"{label}, and {int((~told.good).sum())} of {len(pilots)} realisations from which it is found fail: "
             f"{told.most_frequent_reason()} Truncate the distributions."
         )
-    clock, why = uqmbd.choose_clock(problem, found, end, wanted)
+    clock, why = uqmbd.extend.choose_clock(problem, found, end, wanted)
     if clock is None:
         raise uqmbd.StudyError(
             f"{label}, and there is none: {why}. Observe an angle that grows, name it by clock=, use collocation with "
@@ -184,7 +184,7 @@ def find_clock(
     ) * found.integrations
 
 
-def _start(clock: uqmbd.Clock, found: uqmbd.Dense, phases: uqmbd.Phases, row: int) -> float:
+def _start(clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, row: int) -> float:
     """Time up to which the motion is followed in time: an angle that starts at rest takes infinite time per phase."""
     begin = float(found.times[0])
     if not clock.turn:

@@ -15,12 +15,14 @@ SINGULAR_VALUES = 9
 """Times at which singular values are computed."""
 
 
-def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: Array, terms: Index) -> xr.Dataset:
+def diagnostics(
+    projected: uqmbd.extend.ProjectedEnsemble, times: Array, coefficients: Array, terms: Index
+) -> xr.Dataset:
     """Follow invariants of the projected motion.
 
     Parameters
     ----------
-    projected : uqmbd.ProjectedEnsemble
+    projected : uqmbd.extend.ProjectedEnsemble
         The equations.
     times : array, shape (T,)
         s.

@@ -49,7 +49,7 @@ def solve_element(
     rtol : float
         Relative tolerance.
     integrator, linear_solver : str
-        As for `uqmbd.ProjectedEnsemble.integrate`.
+        As for `uqmbd.extend.ProjectedEnsemble.integrate`.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def solve_element(
         ``coefficients`` (P, O, T) of the outputs, with fewer times where the motion ended early; texts ``message``,
         ``integrator``, ``counters`` (JSON); the number of ``unknowns``.
     """
-    ensemble = uqmbd.Ensemble(model, values)
-    projected = uqmbd.ProjectedEnsemble(ensemble, psi, weights)
+    ensemble = uqmbd.extend.Ensemble(model, values)
+    projected = uqmbd.extend.ProjectedEnsemble(ensemble, psi, weights)
     found = projected.integrate(times, rtol, integrator, linear_solver)
     count = finished(found.coefficients)
     response = ensemble.outputs(times[:count], projected.nodal(found.coefficients[:, :count]))
@@ -75,13 +75,13 @@ def solve_element(
 class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     discretisation: Discretisation
     integrator: str
     linear_solver: str
     verify: int
     nodes: list[int] = field(default_factory=list)
-    verified: list[uqmbd.Verification] = field(default_factory=list)
+    verified: list[uqmbd.extend.Verification] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
     integrators: list[str] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
@@ -89,11 +89,11 @@ class _Elements:
     unknowns: int = 0
     terms: int = 0
 
-    def compute(self, boxes: Sequence[uqmbd.GermBox]) -> list[PolynomialChaos]:
+    def compute(self, boxes: Sequence[uqmbd.extend.GermBox]) -> list[PolynomialChaos]:
         """Solve each box, and compute the verification realisations of all together."""
         problem = self.problem
         how = (problem.times, problem.rtol, self.integrator, self.linear_solver)
-        points = uqmbd.VerificationPoints.of_elements(
+        points = uqmbd.extend.VerificationPoints.of_elements(
             boxes, len(self.nodes), self.verify, self.discretisation.seed, STREAM
         )
         bases, tasks = [], []
@@ -111,7 +111,7 @@ class _Elements:
                 found = next(results)
             except uqmbd.AssemblyError as error:
                 raise no_motion(problem.label, error) from None
-            verified = uqmbd.Verification.of(box.local, own, known[start : start + len(own)])
+            verified = uqmbd.extend.Verification.of(box.local, own, known[start : start + len(own)])
             start += len(own)
             chaoses.append(verified.chaos(found["coefficients"], found.get("terms", terms), problem.labels))
             self.nodes.append(len(task[2]))
@@ -134,7 +134,7 @@ class _Elements:
             start += len(values)
             reason = found.most_frequent_reason()
             about = (found.status[own] == Status.OK, reason, psi, terms, weights)
-            part = uqmbd.fit_nodes(self.problem.label, found.response[own], *about)
+            part = uqmbd.extend.fit_nodes(self.problem.label, found.response[own], *about)
             yield {
                 "coefficients": part.coefficients,
                 "terms": part.multi_index,
@@ -148,10 +148,10 @@ class _Elements:
 
 
 def galerkin_elements(
-    propagator: uqmbd.Propagator,
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
-    limits: uqmbd.ElementLimits,
+    propagator: uqmbd.extend.Propagator,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
+    limits: uqmbd.extend.ElementLimits,
     how: tuple[Discretisation, str, str, int],
     begin: float,
 ) -> xr.DataTree:
@@ -160,9 +160,9 @@ def galerkin_elements(
     `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
     quiet = replace(problem, progress=_Quiet(problem.progress))
-    problem.progress.start(problem.label, uqmbd.AtMost(limits.computed))
+    problem.progress.start(problem.label, uqmbd.extend.AtMost(limits.computed))
     work = _Elements(quiet, *how)
-    refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
+    refined = uqmbd.extend.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
     problem.progress.finish(problem.label)
     chaos = refined.chaos
     assert chaos.labels.times is not None
@@ -194,7 +194,7 @@ def galerkin_elements(
         children={"chaos": chaos.to_dataset(), "elements": refined.steps},
         attrs={
             "failures": failures + without,
-            "failed_share": uqmbd.Verification.failed_share(
+            "failed_share": uqmbd.extend.Verification.failed_share(
                 [work.verified[k] for k in kept],
                 [box.probability for box in chaos.boxes],
                 sum(work.nodes[k] for k in kept),
@@ -222,7 +222,7 @@ def galerkin_elements(
 class _Quiet:
     """Progress of elements alone: what single realisations tell is left out."""
 
-    inner: uqmbd.Progress
+    inner: uqmbd.extend.Progress
     depth: int = 0
 
     def start(self, label: str, total: int) -> None:

@@ -18,7 +18,7 @@ Chaos = PolynomialChaos | PiecewiseChaos | AlignedChaos
 
 
 def warn(
-    problem: uqmbd.Problem,
+    problem: uqmbd.extend.Problem,
     chaos: PolynomialChaos,
     message: str,
     stopped: dict[str, float],
@@ -67,7 +67,7 @@ def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
     """
     if chaos.verification_response is None:
         return {}
-    found = uqmbd.doubts(chaos.labels, chaos.verification_error(), limit, uqmbd.varying(chaos, rtol))
+    found = uqmbd.extend.doubts(chaos.labels, chaos.verification_error(), limit, uqmbd.extend.varying(chaos, rtol))
     return {one.output: one.begin for one in found}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 import uqmbd
-from uqmbd.results import AlignedElement
+from uqmbd.extend import AlignedElement
 from uqmbd.typing import Array
 
 __all__ = ["PER_TURN", "POINTS", "in_segments", "points_of"]
@@ -30,12 +30,14 @@ def points_of(edges: Array) -> Array:
     return np.asarray(edges[:-1, None] + AlignedElement.points(POINTS) * np.diff(edges)[:, None])
 
 
-def in_segments(projected: uqmbd.ProjectedEnsemble, coefficients: Array, outputs: int) -> tuple[Array, Array, float]:
+def in_segments(
+    projected: uqmbd.extend.ProjectedEnsemble, coefficients: Array, outputs: int
+) -> tuple[Array, Array, float]:
     """Evaluate outputs at the points of segments in each node's normalised time.
 
     Parameters
     ----------
-    projected : uqmbd.ProjectedEnsemble
+    projected : uqmbd.extend.ProjectedEnsemble
         The nodes.
     coefficients : array, shape (P, S, N, width + 1)
         Of states and time at the points of the segments' phases.

@@ -28,7 +28,7 @@ LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Galerkin(uqmbd.Propagator):
+class Galerkin(uqmbd.extend.Propagator):
     """Polynomial chaos of the motion itself: the equations of motion of the coefficients, by Variational Work.
 
     Coordinates, velocities and multipliers are expanded in polynomials that are orthonormal for the inputs; the
@@ -77,7 +77,7 @@ class Galerkin(uqmbd.Propagator):
         As for a study; default: that of the study, which must be able to integrate projected equations.
     verify : int
         Realisations at points that no node uses, from which the error is stated; 0: none.  Half of them are spread
-        like the inputs, half lie in the tails and count for less there, see :class:`uqmbd.VerificationPoints`;
+        like the inputs, half lie in the tails and count for less there, see :class:`uqmbd.extend.VerificationPoints`;
         ``verification_factor`` among the statistics says by which factor the stated error may be off.
     stop_at : float, optional
         Stated error, over the standard deviation, at which the run ends instead of going on; results up to that horizon
@@ -99,13 +99,13 @@ class Galerkin(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "galerkin"
-    order: Annotated[int, uqmbd.Bounds(0, 1000)] = 3
+    order: Annotated[int, uqmbd.extend.Bounds(0, 1000)] = 3
     index_set: Terms | None = None
-    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
-    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1, 10**6)] | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, above=True)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.extend.Bounds(1, 10**6)] | None = None
     rule: str = "gauss"
-    samples: Annotated[int, uqmbd.Bounds(0, 10**9)] | None = None
-    level: Annotated[int, uqmbd.Bounds(0, 1000)] | None = None
+    samples: Annotated[int, uqmbd.extend.Bounds(0, 10**9)] | None = None
+    level: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
@@ -114,9 +114,9 @@ class Galerkin(uqmbd.Propagator):
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
-    verify: Annotated[int, uqmbd.Bounds(0, 10**9)] = 16
-    stop_at: Annotated[float, uqmbd.Bounds(0, above=True)] | None = None
-    seed: Annotated[int, uqmbd.Bounds(0)] = 0
+    verify: Annotated[int, uqmbd.extend.Bounds(0, 10**9)] = 16
+    stop_at: Annotated[float, uqmbd.extend.Bounds(0, above=True)] | None = None
+    seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -168,8 +168,8 @@ class Galerkin(uqmbd.Propagator):
         return self._discretisation(self.node_name).products
 
     @property
-    def _limits(self) -> uqmbd.ElementLimits:
-        return uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
+    def _limits(self) -> uqmbd.extend.ElementLimits:
+        return uqmbd.extend.ElementLimits(self.elements, self.max_elements, self.threshold)
 
     def _discretisation(self, label: str) -> Discretisation:
         given = {f.name: getattr(self, f.name) for f in fields(Discretisation) if f.name != "label"}
@@ -180,11 +180,11 @@ class Galerkin(uqmbd.Propagator):
         problem = study.problem(self)
         if self.alignment is None or problem.timeless or not len(study.mechanism.inputs):
             return ()
-        return (uqmbd.clock_at_means(problem, self.clock),)
+        return (uqmbd.extend.clock_at_means(problem, self.clock),)
 
-    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+    def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Count nodes and terms, and the memory of what is known at all nodes and times."""
-        space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+        space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         how, boxes = self._discretisation(self.node_name), self._limits.computed
         nodes, terms = how.node_count(space), len(how.basis(space))
         layout, times, outputs = study.problem(self).model.layout, len(study.times), len(study.mechanism.outputs)
@@ -201,14 +201,14 @@ class Galerkin(uqmbd.Propagator):
             detail += f", {pilots} realisations for the clock, again where their splines need more times"
         # of each output at each time the coefficients, and some forty statistics and errors
         disk = 8 * (40 + boxes * terms) * (times * outputs + len(study.mechanism.scalars))
-        return uqmbd.Estimate(count, memory, detail, at_most=self._limits.adaptive, disk=disk, together=True)
+        return uqmbd.extend.Estimate(count, memory, detail, at_most=self._limits.adaptive, disk=disk, together=True)
 
-    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order."""
         given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "stop_at"))
         if given or self.elements == "adaptive" or not self.verify:
             return None
-        return uqmbd.Sizing(
+        return uqmbd.extend.Sizing(
             option="order",
             at=lambda order: replace(self, order=order),
             least=1,
@@ -221,10 +221,10 @@ class Galerkin(uqmbd.Propagator):
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
-        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+        if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:
-            space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
             how = self._discretisation(self.node_name)
             terms = how.basis(space)
             rule = how.quadrature(space, terms)
@@ -232,7 +232,7 @@ class Galerkin(uqmbd.Propagator):
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 problem = study.problem(self)
             if self.alignment is not None:
-                uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
+                uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
             # outputs without a time are evaluated at the nodes: the motion is not projected for them
             if problem.model.outputs.names:
                 self.require_integrator(problem)
@@ -240,15 +240,15 @@ class Galerkin(uqmbd.Propagator):
                 how.refuse_impacts(ensemble, terms=len(terms), nodes=len(rule.nodes))
                 self._projected(self.node_name, ensemble, space, terms, rule)
                 if self.clock is not None:
-                    uqmbd.require_clock(problem, self.clock)
+                    uqmbd.extend.require_clock(problem, self.clock)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
         return None
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Verify, project, integrate, and summarise."""
         if self.alignment is not None:
-            uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
+            uqmbd.extend.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         begin, space, how = problem.clock(), problem.germ_space(self.transform), self._discretisation(problem.label)
         terms = how.basis(space)
         rule = how.quadrature(space, terms)
@@ -268,9 +268,9 @@ class Galerkin(uqmbd.Propagator):
             seen = problem if self.alignment is None else problem.watching()
             ensemble = seen.ensemble(space.to_inputs(rule.nodes))
             projected = self._projected(problem.label, ensemble, space, terms, rule)
-        points = uqmbd.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
+        points = uqmbd.extend.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
         with problem.timed("verification"):
-            verification = uqmbd.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
+            verification = uqmbd.extend.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
         if problem.timeless:
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
         if verification.failures:
@@ -284,7 +284,7 @@ class Galerkin(uqmbd.Propagator):
             )
 
         if self.alignment is not None:
-            pilots = uqmbd.monte_carlo_rule(space, max(self.verify, PILOTS), self.seed, "sobol").nodes
+            pilots = uqmbd.extend.monte_carlo_rule(space, max(self.verify, PILOTS), self.seed, "sobol").nodes
             about = (terms, rule, projected, verification, space.to_inputs(pilots), self.clock)
             return galerkin_in_phase(self, problem, space, *about, begin)
 
@@ -347,7 +347,7 @@ class Galerkin(uqmbd.Propagator):
             },
         )
 
-    def require_integrator(self, problem: uqmbd.Problem) -> None:
+    def require_integrator(self, problem: uqmbd.extend.Problem) -> None:
         """Raise where the integrator cannot integrate projected equations, or not across the events that there are."""
         remedy = f"Use {type(self).__name__}(integrator=...) or a study with"
         problem.require("projected", self.integrator, remedy)
@@ -356,10 +356,15 @@ class Galerkin(uqmbd.Propagator):
             problem.require("events", self.integrator, remedy)
 
     def _projected(
-        self, label: str, ensemble: uqmbd.Ensemble, space: uqmbd.GermSpace, terms: Index, rule: uqmbd.Quadrature
-    ) -> uqmbd.ProjectedEnsemble:
+        self,
+        label: str,
+        ensemble: uqmbd.extend.Ensemble,
+        space: uqmbd.extend.GermSpace,
+        terms: Index,
+        rule: uqmbd.extend.Quadrature,
+    ) -> uqmbd.extend.ProjectedEnsemble:
         try:
-            found = uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
+            found = uqmbd.extend.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
         except uqmbd.AssemblyError as error:
             raise no_motion(label, error) from None
         if self.alignment is not None:

@@ -46,7 +46,7 @@ class Discretisation:
 
     def __post_init__(self) -> None:
         if self.rule not in ("gauss", "smolyak"):
-            uqmbd.sampling_design(self.rule, "Galerkin: rule", ("gauss", "smolyak"))
+            uqmbd.extend.sampling_design(self.rule, "Galerkin: rule", ("gauss", "smolyak"))
         if self.level is not None and (self.rule != "smolyak" or self.samples is not None):
             raise uqmbd.StudyError(
                 f"Galerkin: level is {self.level!r}, for rule='smolyak' without samples; rule is {self.rule!r}, "
@@ -69,11 +69,11 @@ class Discretisation:
         """The index set, chosen to suit if none is given."""
         return self.index_set or ("total" if self.elements is None else "tensor")
 
-    def basis(self, space: uqmbd.GermSpace) -> Index:
+    def basis(self, space: uqmbd.extend.GermSpace) -> Index:
         """Return the terms, shape (P, d)."""
         return space.basis(self.order, self.products, self.weights)
 
-    def quadrature(self, space: uqmbd.GermSpace, terms: Index) -> uqmbd.Quadrature:
+    def quadrature(self, space: uqmbd.extend.GermSpace, terms: Index) -> uqmbd.extend.Quadrature:
         """Return nodes and weights for a basis.
 
         Raises
@@ -83,17 +83,17 @@ class Discretisation:
         """
         if self.rule == "gauss":
             self.node_count(space)
-            rule = uqmbd.gauss_tensor(space, self._gauss_counts(space))
+            rule = uqmbd.extend.gauss_tensor(space, self._gauss_counts(space))
         elif self.rule == "smolyak":
-            rule = uqmbd.smolyak(space, int(self.level or 0))
+            rule = uqmbd.extend.smolyak(space, int(self.level or 0))
         else:
-            rule = uqmbd.monte_carlo_rule(space, int(self.samples or 1), self.seed, self.rule)
+            rule = uqmbd.extend.monte_carlo_rule(space, int(self.samples or 1), self.seed, self.rule)
         if not (rule.weights > 0).all():
             raise uqmbd.StudyError(
                 f"{self.label}: the rule ({rule.name}) has negative weights, with which averaged masses can be "
                 "negative; use rule='gauss' or samples."
             )
-        wrong = uqmbd.gram_error(space, rule, terms)
+        wrong = uqmbd.extend.gram_error(space, rule, terms)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
                 f"{self.label}: the rule ({rule.name}) cannot tell the {len(terms)} terms of the basis apart (their "
@@ -101,10 +101,10 @@ class Discretisation:
             )
         return rule
 
-    def node_count(self, space: uqmbd.GermSpace) -> int:
+    def node_count(self, space: uqmbd.extend.GermSpace) -> int:
         """Count the nodes of the rule without making it, where it may be large."""
         if self.rule == "smolyak":
-            return len(uqmbd.smolyak(space, int(self.level or 0)))
+            return len(uqmbd.extend.smolyak(space, int(self.level or 0)))
         if self.rule != "gauss":
             return int(self.samples or 1)
         total = math.prod(self._gauss_counts(space))
@@ -115,7 +115,7 @@ class Discretisation:
             )
         return total
 
-    def refuse_impacts(self, ensemble: uqmbd.Ensemble, *, terms: int, nodes: int) -> None:
+    def refuse_impacts(self, ensemble: uqmbd.extend.Ensemble, *, terms: int, nodes: int) -> None:
         """Raise where a mechanism has impacts that an expansion cannot follow.
 
         Realisations meet at times of their own.  With as many terms as nodes the projected laws of impact hold at each
@@ -147,7 +147,7 @@ class Discretisation:
             "alignment='events'."
         )
 
-    def _gauss_counts(self, space: uqmbd.GermSpace) -> list[int]:
+    def _gauss_counts(self, space: uqmbd.extend.GermSpace) -> list[int]:
         """Nodes of each input."""
         if self.nodes is None:
             return [min(self.order + 1, germ.values or self.order + 1) for germ in space.germs]
@@ -158,7 +158,7 @@ class Discretisation:
             )
         return list(self.nodes) * (space.dimension if len(self.nodes) == 1 else 1)
 
-    def _remedy(self, space: uqmbd.GermSpace) -> str:
+    def _remedy(self, space: uqmbd.extend.GermSpace) -> str:
         """Options that this basis, or a smaller one, works with: tried, not guessed, from order 1 upwards."""
         given: tuple[Terms | None, ...] = ("total",) if self.elements is not None else (self.index_set, "total")
         plain = replace(self, rule="sobol", samples=1, level=None, nodes=None, elements=None)
@@ -172,8 +172,8 @@ class Discretisation:
                 count = 2 ** math.ceil(math.log2(2 * len(terms)))
                 while count <= MOST_NODES and (cost := count * len(terms) ** 2) <= work:
                     work -= cost
-                    rule = uqmbd.monte_carlo_rule(space, count, self.seed, "sobol")
-                    if uqmbd.gram_error(space, rule, terms) < 0.9 * ALIASED:
+                    rule = uqmbd.extend.monte_carlo_rule(space, count, self.seed, "sobol")
+                    if uqmbd.extend.gram_error(space, rule, terms) < 0.9 * ALIASED:
                         break
                     count *= 2
                 else:

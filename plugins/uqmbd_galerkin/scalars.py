@@ -14,12 +14,12 @@ __all__ = ["projected_scalars"]
 
 
 def projected_scalars(
-    propagator: uqmbd.Propagator,
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    propagator: uqmbd.extend.Propagator,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     terms: Index,
-    rule: uqmbd.Quadrature,
-    verification: uqmbd.Verification,
+    rule: uqmbd.extend.Quadrature,
+    verification: uqmbd.extend.Verification,
     begin: float,
 ) -> xr.DataTree:
     """Expand the outputs without a time.
@@ -32,7 +32,7 @@ def projected_scalars(
     found = problem.realise(space.to_inputs(rule.nodes))
     psi = space.evaluate(rule.nodes, terms)
     about = (found.status == Status.OK, found.most_frequent_reason(), psi, terms, rule.weights)
-    fit = uqmbd.fit_nodes(problem.label, found.response, *about)
+    fit = uqmbd.extend.fit_nodes(problem.label, found.response, *about)
     if fit.warning:
         warnings.warn(fit.warning, stacklevel=3)
     chaos = verification.chaos(fit.coefficients, fit.multi_index, problem.labels)

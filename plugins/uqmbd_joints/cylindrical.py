@@ -27,15 +27,15 @@ class Cylindrical(PointsAndAxes, Parallel2):
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line, and lay a frame on each axis."""
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {**super().prepare(), "frame_i": frame_i, "frame_j": frame_j}
 
     def motion(self) -> dict[str, Any]:
         """Tell the angle, as a hinge does, and the displacement."""
         return {"angle": self.joint_angle(), "displacement": self.joint_displacement("sliding_speed")}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         yield from super().terms(p)
-        relative = uqmbd.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
+        relative = uqmbd.extend.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
         yield uqmbd.Constraint(relative[1:3], "axis")

@@ -11,7 +11,7 @@ from uqmbd.typing import Quantity, Vector
 __all__ = ["Distance"]
 
 
-class Distance(uqmbd.TypedComponent):
+class Distance(uqmbd.extend.TypedComponent):
     """A massless rod: two points keep their distance.  Spherical at both ends; in the plane revolute at both.
 
     On a line point j stays on the side of point i on which it is drawn.
@@ -25,8 +25,8 @@ class Distance(uqmbd.TypedComponent):
     symbol = "rod"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "end of the rod, frame of body i", kind="point", body="body_i"
     )
@@ -39,7 +39,7 @@ class Distance(uqmbd.TypedComponent):
         """Take from the drawing on which side the points are on a line."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         line = p.space.dimension == 1

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
 
 __all__ = ["Fixed"]
@@ -49,9 +49,9 @@ class Fixed(uqmbd.Component):
         """Take the relative rotation from the drawing unless it is given."""
         return {"turn": self.drawn_quaternion() if self.rotation is None else self.rotation}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
         if p.space.turns:
-            yield uqmbd.Constraint(uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")
+            yield uqmbd.Constraint(uqmbd.extend.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")

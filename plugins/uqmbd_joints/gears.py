@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["Gear", "RackAndPinion"]
@@ -61,10 +61,10 @@ class Gear(uqmbd.Component):
         """Tell the angles of both gears relative to the carrier, zero as drawn."""
         return {f"angle_{x}": self.joint_angle("carrier", f"body_{x}", drawn=True, speed=f"speed_{x}") for x in "ij"}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
-        first, turns_i = uqmbd.counted_angle(p, "angle_i", p.carrier, p.body_i, p.drawn_i, p.axis_i)
-        second, turns_j = uqmbd.counted_angle(p, "angle_j", p.carrier, p.body_j, p.drawn_j, p.axis_j)
+        first, turns_i = uqmbd.extend.counted_angle(p, "angle_i", p.carrier, p.body_i, p.drawn_i, p.axis_i)
+        second, turns_j = uqmbd.extend.counted_angle(p, "angle_j", p.carrier, p.body_j, p.drawn_j, p.axis_j)
         yield turns_i
         yield turns_j
         yield uqmbd.Constraint(first + (p.ratio if p.mesh == "external" else -p.ratio) * second, "mesh")
@@ -120,9 +120,9 @@ class RackAndPinion(uqmbd.Component):
         """Tell the angle of the pinion, zero as drawn, and the displacement of its centre from the rack's point."""
         return {"angle": self.joint_angle(drawn=True), "displacement": self.joint_displacement("sliding_speed")}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
-        angle, turns = uqmbd.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
+        angle, turns = uqmbd.extend.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
         yield turns
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         advance = p.body_i.direction(p.axis_i).dot(offset) - p.start

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
 
 __all__ = ["Parallel1"]
@@ -39,10 +39,10 @@ class Parallel1(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
-        relative = uqmbd.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
+        relative = uqmbd.extend.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
         yield uqmbd.Constraint(relative[1:3], "axis")

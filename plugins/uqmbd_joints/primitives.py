@@ -14,7 +14,7 @@ from uqmbd_joints.arguments import PointsAndAxis
 __all__ = ["Dot1", "Dot2", "Parallel2"]
 
 
-class Dot1(uqmbd.TypedComponent):
+class Dot1(uqmbd.extend.TypedComponent):
     """Two axes stay perpendicular: one equation.
 
     Examples
@@ -25,12 +25,12 @@ class Dot1(uqmbd.TypedComponent):
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     axis_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
     axis_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(p.body_j.direction(p.axis_j)), "axes")
 
@@ -49,7 +49,7 @@ class Dot2(PointsAndAxis):
     point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis", body="body_i")
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "plane")
@@ -74,14 +74,16 @@ class Parallel2(PointsAndAxis):
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line."""
         if len(self.axis_i) == 3:
-            return {"normals": [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]}
+            return {
+                "normals": [*uqmbd.extend.perpendiculars(self.axis_i)[0], *uqmbd.extend.perpendiculars(self.axis_i)[1]]
+            }
         return {"normals": [-self.axis_i[1], self.axis_i[0]]}
 
     def motion(self) -> dict[str, Any]:
         """Tell the displacement of the point from that of body i."""
         return {"displacement": self.joint_displacement()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         d = p.space.dimension
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)

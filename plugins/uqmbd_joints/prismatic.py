@@ -33,20 +33,20 @@ class Prismatic(PointsAndAxes):
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line and the rotation to keep."""
         if len(self.axis_i) == 3:
-            normals = [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]
+            normals = [*uqmbd.extend.perpendiculars(self.axis_i)[0], *uqmbd.extend.perpendiculars(self.axis_i)[1]]
         else:
             normals = [-self.axis_i[1], self.axis_i[0]]
-        return {"normals": normals, "turn": uqmbd.aligned(self.drawn_quaternion(), self.axis_i, self.axis_j)}
+        return {"normals": normals, "turn": uqmbd.extend.aligned(self.drawn_quaternion(), self.axis_i, self.axis_j)}
 
     def motion(self) -> dict[str, Any]:
         """Tell the displacement of the point from that of body i."""
         return {"displacement": self.joint_displacement()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j, d = p.body_i, p.body_j, p.space.dimension
         offset = j.point(p.point_j) - i.point(p.point_i)
         normals = [i.direction(p.normals[k : k + d]) for k in range(0, len(p.normals), d)]
         yield uqmbd.Constraint(sympy.Matrix([n.dot(offset) for n in normals]), "line")
         if p.space.turns:
-            yield uqmbd.Constraint(uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")
+            yield uqmbd.Constraint(uqmbd.extend.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
 
 __all__ = ["Revolute"]
@@ -55,17 +55,17 @@ class Revolute(uqmbd.Component):
         """Lay a frame on each axis."""
         if not self.axis_i:
             return {}
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
     def motion(self) -> dict[str, Any]:
         """Tell the angle: zero where the joint frames coincide, any number of turns."""
         return {"angle": self.joint_angle()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
         if p.space.dimension == 3:
-            relative = uqmbd.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
+            relative = uqmbd.extend.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
             yield uqmbd.Constraint(relative[1:3], "axis")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RevoluteSpherical"]
@@ -54,9 +54,9 @@ class RevoluteSpherical(uqmbd.Component):
         link = drawn_i.rotation.T * (drawn_j.point(self.point_j) - drawn_i.point(self.point_i))
         offset = j.point(self.point_j) - i.point(self.point_i)
         across = sympy.Matrix(self.axis_i).cross(link)
-        return {"angle": uqmbd.JointAngle(i.direction(link).dot(offset), i.direction(across).dot(offset))}
+        return {"angle": uqmbd.extend.JointAngle(i.direction(link).dot(offset), i.direction(across).dot(offset))}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")

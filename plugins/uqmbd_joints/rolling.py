@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RollingSphere", "RollingWheel", "Skate"]
@@ -70,7 +70,7 @@ class RollingWheel(uqmbd.Component):
         """Find the directions of the plane."""
         return _directions(self.normal_i)
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.extend.VelocityConstraint]:
         """Yield the geometry, and that it does not slip."""
         i, j = p.body_i, p.body_j
         normal, centre = i.direction(p.normal_i), j.point(p.point_j)
@@ -78,7 +78,7 @@ class RollingWheel(uqmbd.Component):
         if p.space.dimension == 2:
             yield uqmbd.Constraint(height - p.radius, "contact")
             foot = centre - p.radius * normal
-            yield uqmbd.VelocityConstraint(i.direction(p.along).dot(_slip(p, foot)), "rolling")
+            yield uqmbd.extend.VelocityConstraint(i.direction(p.along).dot(_slip(p, foot)), "rolling")
             return
         axis = j.direction(p.axis_j)
         lean = normal.dot(axis)
@@ -88,9 +88,9 @@ class RollingWheel(uqmbd.Component):
         turning = (j.angular_velocity - i.angular_velocity).cross(normal - lean * axis)
         slip = _slip(p, centre) - p.radius / width * turning
         directions = [i.direction(x) for x in (p.along, p.across)]
-        yield uqmbd.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
+        yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
-    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+    def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """World position of the point of contact."""
         normal, centre = p.body_i.direction(p.normal_i), p.body_j.point(p.point_j)
         if p.space.dimension == 2:
@@ -100,7 +100,7 @@ class RollingWheel(uqmbd.Component):
         return centre - p.radius / sympy.sqrt(crossed.dot(crossed)) * (normal - normal.dot(axis) * axis)
 
 
-class RollingSphere(uqmbd.TypedComponent):
+class RollingSphere(uqmbd.extend.TypedComponent):
     """A sphere of body j rolls without slipping on a plane fixed in body i; it may spin about the normal.
 
     It neither lifts off nor slips: `reaction_force`, which acts on the sphere where it touches the plane, tells whether
@@ -115,8 +115,8 @@ class RollingSphere(uqmbd.TypedComponent):
     symbol = "contact"
     spaces = (uqmbd.Spatial,)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "a point of the plane, frame of body i", kind="point", body="body_i"
     )
@@ -134,21 +134,21 @@ class RollingSphere(uqmbd.TypedComponent):
         """Find the directions of the plane."""
         return _directions(self.normal_i)
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.extend.VelocityConstraint]:
         """Yield the geometry, and that it does not slip."""
         normal = p.body_i.direction(p.normal_i)
         height = normal.dot(p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         yield uqmbd.Constraint(height - p.radius, "contact")
         slip = _slip(p, self.reaction_point(p))
         directions = [p.body_i.direction(x) for x in (p.along, p.across)]
-        yield uqmbd.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
+        yield uqmbd.extend.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
-    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+    def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """World position of the point of contact."""
         return p.body_j.point(p.point_j) - p.radius * p.body_i.direction(p.normal_i)
 
 
-class Skate(uqmbd.TypedComponent):
+class Skate(uqmbd.extend.TypedComponent):
     """A blade at a point of body j glides along its own axis over a plane of body i, and not across: a knife edge.
 
     Across is perpendicular to the axis and to the normal of the plane.  One equation between velocities; what keeps the
@@ -164,8 +164,8 @@ class Skate(uqmbd.TypedComponent):
     symbol = "skate"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "place of the blade, frame of body j", kind="point", body="body_j"
     )
@@ -180,16 +180,16 @@ class Skate(uqmbd.TypedComponent):
         body="body_i",
     )
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VelocityConstraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.extend.VelocityConstraint]:
         """Yield that it does not move across."""
         axis = p.body_j.direction(p.axis_j)
         if p.space.dimension == 2:
             across = sympy.Matrix([-axis[1], axis[0]])
         else:
             across = p.body_i.direction(p.normal_i).cross(axis)
-        yield uqmbd.VelocityConstraint(across.dot(_slip(p, p.body_j.point(p.point_j))), "blade")
+        yield uqmbd.extend.VelocityConstraint(across.dot(_slip(p, p.body_j.point(p.point_j))), "blade")
 
-    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+    def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """World position of the blade."""
         return p.body_j.point(p.point_j)
 
@@ -198,16 +198,16 @@ def _directions(normal: Any) -> dict[str, Any]:
     """Find unit vectors that are perpendicular to a normal, and to each other."""
     if len(normal) == 2:
         return {"along": (normal[1], -normal[0])}
-    along, across = uqmbd.perpendiculars(normal)
+    along, across = uqmbd.extend.perpendiculars(normal)
     return {"along": along, "across": across}
 
 
-def _slip(p: uqmbd.Local, point: sympy.Matrix) -> sympy.Matrix:
+def _slip(p: uqmbd.extend.Local, point: sympy.Matrix) -> sympy.Matrix:
     """Velocity of the material of body j at a world point, relative to that of body i there."""
     return _velocity(p.body_j, point) - _velocity(p.body_i, point)
 
 
-def _velocity(frame: uqmbd.Frame, point: sympy.Matrix) -> sympy.Matrix:
+def _velocity(frame: uqmbd.extend.Frame, point: sympy.Matrix) -> sympy.Matrix:
     arm, w = point - frame.position, frame.angular_velocity
     if frame.space.dimension == 2:
         return frame.velocity + w[0] * sympy.Matrix([-arm[1], arm[0]])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 from uqmbd_joints.cylindrical import Cylindrical
 
@@ -54,10 +54,10 @@ class Screw(Cylindrical):
         """Take turn and displacement to start from out of the drawing."""
         return {**super().prepare(), "drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         yield from super().terms(p)
-        angle, turns = uqmbd.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
+        angle, turns = uqmbd.extend.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
         yield turns
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         advance = p.body_i.direction(p.axis_i).dot(offset) - p.start

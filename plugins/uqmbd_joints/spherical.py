@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
 
 __all__ = ["Spherical"]
@@ -35,6 +35,6 @@ class Spherical(uqmbd.Component):
         def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector) -> None: ...
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         yield uqmbd.Constraint(p.body_j.point(p.point_j) - p.body_i.point(p.point_i), "point")

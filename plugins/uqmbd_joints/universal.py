@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Vector
 
 __all__ = ["Universal"]
@@ -56,15 +56,15 @@ class Universal(uqmbd.Component):
         in_j = drawn_j.rotation.T * drawn_i.direction(axis_i)
         to_i, to_j = i.direction(axis_i), j.direction(axis_j)
         return {
-            "angle_i": uqmbd.JointAngle(
+            "angle_i": uqmbd.extend.JointAngle(
                 i.direction(in_i).dot(to_j), i.direction(axis_i.cross(in_i)).dot(to_j), speed="speed_i"
             ),
-            "angle_j": uqmbd.JointAngle(
+            "angle_j": uqmbd.extend.JointAngle(
                 j.direction(in_j).dot(to_i), -j.direction(axis_j.cross(in_j)).dot(to_i), speed="speed_j"
             ),
         }
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j = p.body_i, p.body_j
         yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")

@@ -12,7 +12,7 @@ import uqmbd
 __all__ = ["passive"]
 
 
-def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.Omission]]:
+def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.extend.Omission]]:
     """Read what actuators add to joints, and tell the rest of what acts without control.
 
     Inertia and damping are those of the actuator's side of the gear: a joint has the square of the gear ratio of it.
@@ -27,7 +27,7 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
     -------
     dict
         Damping and inertia of each of the freedoms of joints, by the names of the joints.
-    list of uqmbd.Omission
+    list of uqmbd.extend.Omission
     """
     transmissions, biases = mujoco.mjtTrn, mujoco.mjtBias
     joints = {joint.name for joint in spec.joints}
@@ -61,7 +61,7 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
         ("nonlinear damping of actuators", curved, "its linear part is taken"),
         ("forces of actuators without control", biased, "add springs, dampers or torques of these numbers"),
     ]
-    return found, [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
+    return found, [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
 
 
 def _geared(gear: float) -> str:

@@ -39,12 +39,12 @@ CORRECT = "The number is that of the file; correct it there."
 class Built:
     """A mechanism on the way, with the names that are taken and the body of each link."""
 
-    mechanism: uqmbd.ImportedMechanism
+    mechanism: uqmbd.extend.ImportedMechanism
     names: Names
     bodies: dict[int, Any]
 
 
-def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.ImportedMechanism:
+def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.extend.ImportedMechanism:
     """Make a mechanism of a model.
 
     Parameters
@@ -74,10 +74,12 @@ def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse")
         raise uqmbd.StudyError(f"{tree.source}: {error} {CORRECT}") from None
 
 
-def _built(settled: Settled, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+def _built(
+    settled: Settled, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: bool
+) -> uqmbd.extend.ImportedMechanism:
     tree = settled.tree
     space = uqmbd.Spatial(gravity=tuple(map(float, tree.gravity)))
-    mechanism = uqmbd.ImportedMechanism(Names().take(tree.name or "model"), space, tree.source, tree.read_by)
+    mechanism = uqmbd.extend.ImportedMechanism(Names().take(tree.name or "model"), space, tree.source, tree.read_by)
     # the names of links and joints come first: what is made up gets out of their way
     built = Built(mechanism, Names(), {0: mechanism.ground})
     labels = {k: built.names.take(link.name, "link") for k, link in enumerate(tree.links) if k}
@@ -105,7 +107,7 @@ def _built(settled: Settled, fused: tuple[Fused, ...], *, fuse_all: bool, output
         _couple(built, placed.joints, coupling)
     _add_frames(built, fused)
     rows = [*tree.omissions, *settled.rows, *gaps(tree, placed.poses), *_merged(fused, fuse_all)]
-    mechanism.not_taken = uqmbd.Omissions([*rows, *_renamed(built, tree, labels, placed.joints)])
+    mechanism.not_taken = uqmbd.extend.Omissions([*rows, *_renamed(built, tree, labels, placed.joints)])
     if outputs:
         _record(built)
     return mechanism
@@ -179,7 +181,7 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
         component = mechanism.add(Spherical(placed.name, parent, body, **points))
     zero = _zero(placed, component)
     add_forces(mechanism, built.names, placed, parent, body, zero)
-    mechanism.joints[placed.name] = uqmbd.ImportedJoint(
+    mechanism.joints[placed.name] = uqmbd.extend.ImportedJoint(
         placed.name,
         joint.kind,
         parent.name,
@@ -241,33 +243,37 @@ def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
         body = built.bodies[part.link]
         offset, turn = tuple(map(float, part.position)), tuple(map(float, part.quaternion))
         q = (*body.point(offset), *body.attitude(turn))
-        v = (*body.point_velocity(offset), *uqmbd.quaternion_product(body.quaternion_rate, turn))
-        a = (*body.point_acceleration(offset), *uqmbd.quaternion_product(body.quaternion_acceleration, turn))
-        built.mechanism.frames[names.take(part.name)] = uqmbd.Frame(built.mechanism.space, q, v, a)
+        v = (*body.point_velocity(offset), *uqmbd.extend.quaternion_product(body.quaternion_rate, turn))
+        a = (*body.point_acceleration(offset), *uqmbd.extend.quaternion_product(body.quaternion_acceleration, turn))
+        built.mechanism.frames[names.take(part.name)] = uqmbd.extend.Frame(built.mechanism.space, q, v, a)
 
 
-def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.Omission]:
+def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission]:
     """Tell which links are no bodies of their own."""
     grounded = tuple(part.name for part in fused if part.link == 0)
     others = tuple(part.name for part in fused if part.link)
     rows = []
     if grounded:
-        rows.append(uqmbd.Omission("links fixed to the ground", grounded, "they do not move; in .frames by name"))
+        rows.append(
+            uqmbd.extend.Omission("links fixed to the ground", grounded, "they do not move; in .frames by name")
+        )
     if others:
         why = "merged with the bodies that they are fixed to; in .frames by name"
         more = "" if not every else " (fuse=False keeps those with mass as bodies)"
-        rows.append(uqmbd.Omission("links without a joint", others, why + more))
+        rows.append(uqmbd.extend.Omission("links without a joint", others, why + more))
     return rows
 
 
-def _renamed(built: Built, tree: Tree, labels: dict[int, str], joints: tuple[PlacedJoint, ...]) -> list[uqmbd.Omission]:
+def _renamed(
+    built: Built, tree: Tree, labels: dict[int, str], joints: tuple[PlacedJoint, ...]
+) -> list[uqmbd.extend.Omission]:
     """Tell which names are not those of the file, and let joints be found by both."""
     changed = [(placed.joint.name, placed.name) for placed in joints if placed.joint.name != placed.name]
     built.mechanism.joints.renamed.update(changed)
     names = [f"link {tree.links[k].name!r}: {label!r}" for k, label in labels.items() if tree.links[k].name != label]
     names += [f"joint {old!r}: {new!r}" for old, new in changed]
     why = "each name is there once here, without line breaks and slashes; these are the new ones"
-    return [uqmbd.Omission("names that changed", tuple(names), why)] if names else []
+    return [uqmbd.extend.Omission("names that changed", tuple(names), why)] if names else []
 
 
 def _record(built: Built) -> None:

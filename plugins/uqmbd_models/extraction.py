@@ -47,7 +47,7 @@ def extract(loaded: Loaded, keyframe: str | int | None = None) -> Tree:
     joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
     loops, coupled, rows = _equalities(loaded, model, off)
     rows = [*loaded.omissions, *rows, *_remarks(loaded, model, joints, off)]
-    rows += [uqmbd.Omission("warnings of MuJoCo", advice, "said as it read the file")] if advice else []
+    rows += [uqmbd.extend.Omission("warnings of MuJoCo", advice, "said as it read the file")] if advice else []
     gravity = np.zeros(3) if "GRAVITY" in off else np.array(model.opt.gravity)
     return Tree(
         loaded.spec.modelname,
@@ -153,7 +153,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
 
 def _equalities(
     loaded: Loaded, model: Any, off: set[str]
-) -> tuple[tuple[Loop, ...], tuple[Coupling, ...], list[uqmbd.Omission]]:
+) -> tuple[tuple[Loop, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
     """Read equality constraints: loops and couplings; what is switched off is told."""
     kinds = loaded.mujoco.mjtEq
     loops: list[Loop] = []
@@ -171,7 +171,11 @@ def _equalities(
             couplings.append(Coupling(name, model.joint(first).name, other, tuple(map(float, model.eq_data[k][:5]))))
         else:
             loops.append(_loop(loaded, model, k, name, kind == kinds.mjEQ_WELD))
-    rows = [uqmbd.Omission("equality constraints", tuple(left_out), "the file switches them off")] if left_out else []
+    rows = (
+        [uqmbd.extend.Omission("equality constraints", tuple(left_out), "the file switches them off")]
+        if left_out
+        else []
+    )
     return tuple(loops), tuple(couplings), rows
 
 
@@ -190,13 +194,13 @@ def _loop(loaded: Loaded, model: Any, k: int, name: str, weld: bool) -> Loop:
     return Loop(name, i, j, *points, rotation if turned else None)
 
 
-def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str]) -> list[uqmbd.Omission]:
+def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str]) -> list[uqmbd.extend.Omission]:
     """Tell what a mechanism does not have, and what it has in another form."""
     rows = remarks(joints)
 
     def note(what: str, names: Sequence[str], why: str) -> None:
         if names:
-            rows.append(uqmbd.Omission(what, tuple(names), why))
+            rows.append(uqmbd.extend.Omission(what, tuple(names), why))
 
     springs = [j.name for j in joints if j.stiffness and j.kind in ("ball", "free")]
     note("springs of rotation in space", springs, "no such spring here; of a free joint that of position is taken")

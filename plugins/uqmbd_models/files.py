@@ -56,7 +56,7 @@ class Loaded:
     mujoco : module
     spec : mujoco.MjSpec
         What is compiled.
-    omissions : list of uqmbd.Omission
+    omissions : list of uqmbd.extend.Omission
         What was set aside.
     advice : list of str
         What MuJoCo warned of as it parsed the file.
@@ -67,7 +67,7 @@ class Loaded:
     path: str
     mujoco: ModuleType
     spec: Any
-    omissions: list[uqmbd.Omission] = field(default_factory=list)
+    omissions: list[uqmbd.extend.Omission] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
     rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -194,7 +194,7 @@ def _drop(loaded: Loaded, what: str, elements: Iterable[Any], why: str) -> None:
     found = list(elements)
     if found:
         names = tuple(getattr(x, "name", "") or f"no. {k}" for k, x in enumerate(found, 1))
-        loaded.omissions.append(uqmbd.Omission(what, names, why))
+        loaded.omissions.append(uqmbd.extend.Omission(what, names, why))
     for element in found:
         _delete(loaded.spec, element)
 
@@ -240,7 +240,7 @@ def _shapes(loaded: Loaded) -> None:
             _delete(spec, element)
     if colliding:
         why = "contacts are not taken; add those of uqmbd_contact"
-        loaded.omissions.append(uqmbd.Omission("shapes that collide", tuple(colliding), why))
+        loaded.omissions.append(uqmbd.extend.Omission("shapes that collide", tuple(colliding), why))
     if inferred:
         why = "computed by MuJoCo from the density of their shapes, as the file does not state it"
-        loaded.omissions.append(uqmbd.Omission("masses and inertia", tuple(inferred), why))
+        loaded.omissions.append(uqmbd.extend.Omission("masses and inertia", tuple(inferred), why))

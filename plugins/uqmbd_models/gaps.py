@@ -17,7 +17,7 @@ NONE = 1e-6
 """Gaps that are rounding: rad, or relative to the size of the model."""
 
 
-def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.Omission]:
+def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.extend.Omission]:
     """Tell the loops and couplings that do not hold at the start of the file, and by how much.
 
     Parameters
@@ -31,7 +31,7 @@ def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.Omission]:
     size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}
     found = tuple(f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > NONE * size[units])
     why = "joints are moved until they hold: the mechanism starts elsewhere than the file says"
-    return [uqmbd.Omission("constraints that do not hold at the start", found, why)] if found else []
+    return [uqmbd.extend.Omission("constraints that do not hold at the start", found, why)] if found else []
 
 
 def _gaps(tree: Tree, poses: dict[int, Pose]) -> Iterator[tuple[str, float, str]]:

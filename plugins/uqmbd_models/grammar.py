@@ -116,7 +116,7 @@ def refuse(document: Document) -> None:
         raise uqmbd.StudyError(f"{place(path, root)}: it has no <link>; expected at least two, and a <joint>.")
 
 
-def unknown_words(document: Document) -> list[uqmbd.Omission]:
+def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
     """List elements and attributes that are not read, such as one that is misspelt."""
     unknown: dict[str, None] = {}
     foreign: dict[str, None] = {}
@@ -129,7 +129,7 @@ def unknown_words(document: Document) -> list[uqmbd.Omission]:
         ("repeated elements", twice, "the first one is read"),
         ("deviations from XML", dict.fromkeys(document.slips), "the file is read nevertheless"),
     ]
-    return [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
+    return [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
 
 
 def _unknown(element: Element, tag: str, where: str) -> Iterator[tuple[str, str]]:

@@ -40,13 +40,13 @@ class Settled:
     rotors : dict
         By the numbers of links: moment of inertia, kg m^2, about an axis of the link alone, and that axis.  A stated
         tensor has that more than a body can have.
-    rows : list of uqmbd.Omission
+    rows : list of uqmbd.extend.Omission
         What was changed.
     """
 
     tree: Tree
     rotors: dict[int, tuple[float, Array]]
-    rows: list[uqmbd.Omission]
+    rows: list[uqmbd.extend.Omission]
 
 
 def excess(inertia: Array) -> float:
@@ -126,7 +126,7 @@ def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Sett
         ),
         ("inertia that no body has, of merged links", hidden, "as stated: it is part of that of the whole body"),
     ]
-    found = [uqmbd.Omission(what, tuple(names), why) for what, names, why in rows if names]
+    found = [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
     return Settled(replace(tree, links=tuple(links)), rotors, found)
 
 

@@ -30,7 +30,7 @@ class URDF:
 
     def read(
         self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True, inertia: str = "refuse"
-    ) -> uqmbd.ImportedMechanism:
+    ) -> uqmbd.extend.ImportedMechanism:
         """Return the mechanism, see `uqmbd.from_urdf`.
 
         Parameters
@@ -73,7 +73,7 @@ class MJCF:
 
     def read(
         self, path: str, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
-    ) -> uqmbd.ImportedMechanism:
+    ) -> uqmbd.extend.ImportedMechanism:
         """Return the mechanism, see `uqmbd.from_mjcf`.
 
         Parameters

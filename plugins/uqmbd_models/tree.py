@@ -130,10 +130,10 @@ class Tree:
     joints: tuple[Joint, ...]
     loops: tuple[Loop, ...]
     couplings: tuple[Coupling, ...]
-    omissions: tuple[uqmbd.Omission, ...]
+    omissions: tuple[uqmbd.extend.Omission, ...]
 
 
-def remarks(joints: Sequence[Joint]) -> list[uqmbd.Omission]:
+def remarks(joints: Sequence[Joint]) -> list[uqmbd.extend.Omission]:
     """List what a mechanism has of joints in another form."""
     limited = tuple(joint.name for joint in joints if joint.limits)
     dry = tuple(joint.name for joint in joints if joint.friction)
@@ -141,4 +141,4 @@ def remarks(joints: Sequence[Joint]) -> list[uqmbd.Omission]:
         ("limits of joints", limited, "nothing stops there; their margins are outputs"),
         ("dry friction", dry, "taken as smooth friction, which creeps where it should stick; see RotationalFriction"),
     ]
-    return [uqmbd.Omission(what, names, why) for what, names, why in rows if names]
+    return [uqmbd.extend.Omission(what, names, why) for what, names, why in rows if names]

@@ -44,7 +44,7 @@ class Robot:
         The joint that carries a link, by the name of the link.
     parents : dict of str
         The link that carries a link, by its name.
-    rows : list of uqmbd.Omission
+    rows : list of uqmbd.extend.Omission
         What is left out.
     """
 
@@ -53,7 +53,7 @@ class Robot:
     joints: dict[str, Element]
     above: dict[str, str] = field(default_factory=dict)
     parents: dict[str, str] = field(default_factory=dict)
-    rows: list[uqmbd.Omission] = field(default_factory=list)
+    rows: list[uqmbd.extend.Omission] = field(default_factory=list)
 
     @property
     def roots(self) -> list[str]:
@@ -67,7 +67,7 @@ class Robot:
     def note(self, what: str, names: list[str], why: str) -> None:
         """Add a row, unless it is empty."""
         if names:
-            self.rows.append(uqmbd.Omission(what, tuple(names), why))
+            self.rows.append(uqmbd.extend.Omission(what, tuple(names), why))
 
 
 def read_urdf(path: str, floating: bool = False) -> Tree:

@@ -10,6 +10,6 @@ __all__ = ["LowFidelity", "MonteCarlo"]
 
 
 @uqmbd.hookimpl
-def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+def uqmbd_propagators() -> list[type[uqmbd.extend.Propagator]]:
     """Return the propagator of this package."""
     return [MonteCarlo]

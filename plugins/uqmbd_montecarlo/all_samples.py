@@ -9,7 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 import uqmbd
-from uqmbd.results import CircularMoments, CountedQuantiles, Labels, SampleStore, quantiles_of_chunks
+from uqmbd.extend import CircularMoments, CountedQuantiles, Labels, quantiles_of_chunks
+from uqmbd.results import SampleStore
 from uqmbd.typing import Array, Mask
 
 __all__ = ["AllSamples", "Passing", "Stored", "together"]
@@ -33,7 +34,7 @@ class Passing:
 
     Parameters
     ----------
-    labels : uqmbd.results.Labels
+    labels : uqmbd.extend.Labels
         Of the problem.
     again : bool
         Whether the responses are asked for again: they go to a temporary file, which nobody else sees and which is
@@ -41,7 +42,7 @@ class Passing:
 
     Examples
     --------
-    >>> passing = Passing(uqmbd.results.labels(["x"], ["k"], [0.0]), again=True)
+    >>> passing = Passing(uqmbd.extend.labels(["x"], ["k"], [0.0]), again=True)
     >>> passing.add(0, np.array([[[1.0]], [[5.0]], [[3.0]]]), np.array([True, False, True]))
     >>> passing.statistics()["largest"].tolist(), passing.responses(1, 3).ravel().tolist()
     ([[3.0]], [nan, 3.0])
@@ -101,7 +102,7 @@ class Stored:
     Parameters
     ----------
     store : uqmbd.results.SampleStore
-    labels : uqmbd.results.Labels
+    labels : uqmbd.extend.Labels
         Of the problem, whose outputs are some of those in the store.
     """
 

@@ -33,7 +33,7 @@ def of_surrogate(statistics: xr.Dataset, surrogate: Surrogate) -> dict[str, Any]
 def of_study(
     statistics: xr.Dataset,
     paired: PairedControl,
-    problem: uqmbd.Problem,
+    problem: uqmbd.extend.Problem,
     samples: int,
     left: float,
     wall_time: float,
@@ -46,7 +46,7 @@ def of_study(
         Controlled, if there were further realisations.
     paired : PairedControl
         Of a control that has been computed.
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the samples; where its outputs are those without a time, the samples are known, and times say nothing.
     samples : int
     left : float

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Moments, SampleStore, Violations
+from uqmbd.extend import Moments, Violations
+from uqmbd.results import SampleStore
 from uqmbd.typing import Array
 
 __all__ = ["Gathered", "gather", "reduced"]
@@ -30,10 +31,10 @@ class Gathered:
     ----------
     count : int
         Samples that succeeded.
-    replicates : tuple of uqmbd.results.Moments
+    replicates : tuple of uqmbd.extend.Moments
         Of each replicate of the design, of the successful samples, shape (output, time).  None where there is one
         replicate and all of it is kept: its statistics are those of the kept samples.
-    kept : uqmbd.Realisations
+    kept : uqmbd.extend.Realisations
         The first samples.
     failures : int
         Of all samples.
@@ -45,7 +46,7 @@ class Gathered:
 
     count: int
     replicates: tuple[Moments, ...]
-    kept: uqmbd.Realisations
+    kept: uqmbd.extend.Realisations
     failures: int
     reason: str
     counters: dict[str, float]
@@ -61,7 +62,7 @@ class Gathered:
 
 
 def gather(
-    problem: uqmbd.Problem,
+    problem: uqmbd.extend.Problem,
     values: Array,
     sizes: list[int],
     keep: int,
@@ -71,7 +72,7 @@ def gather(
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         What to compute.
     values : array, shape (sample, input)
         The inputs, replicate after replicate.
@@ -115,7 +116,7 @@ def gather(
         wall += part.wall_time
         first = last
     reason = reasons.most_common(1)[0][0] if reasons else ""
-    kept = uqmbd.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
+    kept = uqmbd.extend.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
     return Gathered(
         first - failures - censored,
         tuple(gathered.replicates),
@@ -129,12 +130,14 @@ def gather(
     )
 
 
-def _reduced_here(problem: uqmbd.Problem, values: Array, asked: tuple[Any, ...]) -> Iterator[uqmbd.Reduced]:
+def _reduced_here(
+    problem: uqmbd.extend.Problem, values: Array, asked: tuple[Any, ...]
+) -> Iterator[uqmbd.extend.Reduced]:
     """Compute samples that are all kept."""
     first = 0
     for part in problem.stream(values):
         about = (part.status, part.messages, part.good, part.response, part.counters, part.wall_time)
-        yield uqmbd.Reduced(first, part.values, reduced(part, first, *asked), *about)
+        yield uqmbd.extend.Reduced(first, part.values, reduced(part, first, *asked), *about)
         first += len(part.status)
 
 
@@ -159,13 +162,13 @@ class _Sums:
 
 
 def reduced(
-    part: uqmbd.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
+    part: uqmbd.extend.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
 ) -> dict[str, NDArray[Any]]:
     """Sum up a chunk of samples, as workers do.
 
     Parameters
     ----------
-    part : uqmbd.Realisations
+    part : uqmbd.extend.Realisations
     first : int
         Index of the first of them.
     edges : tuple of int
@@ -177,8 +180,8 @@ def reduced(
     -------
     dict of str to array
         ``replicate`` (R,): those that have samples of the chunk; ``count``, ``mean``, ``second``, ``third`` and
-        ``fourth`` (R, ...) as of `uqmbd.results.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) as of
-        `uqmbd.results.Violations`.
+        ``fourth`` (R, ...) as of `uqmbd.extend.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) as of
+        `uqmbd.extend.Violations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

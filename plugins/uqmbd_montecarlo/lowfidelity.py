@@ -158,9 +158,9 @@ class PairedControl:
     ----------
     control : LowFidelity
         What it is.
-    method : uqmbd.Propagator
+    method : uqmbd.extend.Propagator
         At work.
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         Of the samples.
     values : array, shape (S, input)
         Their inputs.
@@ -171,7 +171,9 @@ class PairedControl:
         If it does not fit the problem.
     """
 
-    def __init__(self, control: LowFidelity, method: uqmbd.Propagator, problem: uqmbd.Problem, values: Array) -> None:
+    def __init__(
+        self, control: LowFidelity, method: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, values: Array
+    ) -> None:
         self.control, self._problem = control, problem
         self.words = f"the study {control.study.name!r}"
         names = tuple(output.name for output in problem.labels.outputs)
@@ -246,7 +248,7 @@ class PairedControl:
         sizes = [min(BLOCK, count - done) for done in range(0, count, BLOCK)]
         found = JointMoments.of(np.zeros((0, 2, len(self.unit))))
         for k, (size, one) in enumerate(zip(sizes, seed.spawn(len(sizes)), strict=True)):
-            uniform = uqmbd.sampling_design("random").points(len(inputs), size, one)
+            uniform = uqmbd.extend.sampling_design("random").points(len(inputs), size, one)
             label = f"control alone {k + 1}" if len(sizes) > 1 else "control alone"
             for response, good in self._stream(inputs.from_uniform(uniform), label):
                 found = found.merge(JointMoments.of(controls(self._measured(response, good))))
@@ -266,7 +268,7 @@ class PairedControl:
         self._parts.close()  # type: ignore[attr-defined]
 
 
-def _of_kind(made: uqmbd.Problem, problem: uqmbd.Problem, names: tuple[str, ...]) -> uqmbd.Problem:
+def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: tuple[str, ...]) -> uqmbd.extend.Problem:
     """Return the problem of the control whose outputs are of the kind of another problem's, and nothing besides."""
     made = replace(made, model=replace(made.model, margins=None), progress=problem.progress)
     if problem.kind == "outputs":

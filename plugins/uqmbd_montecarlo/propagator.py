@@ -12,8 +12,7 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import (
-    PolynomialChaos,
+from uqmbd.extend import (
     Violations,
     replicate_errors,
     sample_dataset,
@@ -21,6 +20,7 @@ from uqmbd.results import (
     statistics_of_samples,
     with_reasons,
 )
+from uqmbd.results import PolynomialChaos
 from uqmbd_montecarlo.all_samples import AllSamples, Passing, Stored, together
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.controlledsums import ControlledSums
@@ -45,7 +45,7 @@ FIRST = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class MonteCarlo(uqmbd.Propagator):
+class MonteCarlo(uqmbd.extend.Propagator):
     """Sample the inputs and compute each realisation.
 
     Parameters
@@ -67,7 +67,7 @@ class MonteCarlo(uqmbd.Propagator):
         memory needed does not grow with the number of samples.  All samples go to ``LABEL-samples.zarr`` in the folder
         of the run, from which quantiles are found; in a run without a folder they are counted while the samples come,
         and ``quantile_error`` bounds how far they may be off.
-    control : uqmbd.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
+    control : uqmbd.extend.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
         A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
         polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
         is there already; or a cheaper study (`LowFidelity`; a study alone is ``LowFidelity(study)``), which is computed
@@ -105,18 +105,18 @@ class MonteCarlo(uqmbd.Propagator):
 
     name: ClassVar[str] = "monte-carlo"
     requirements: ClassVar[bool] = True
-    samples: Annotated[int, uqmbd.Bounds(2, 10**9)] = 500
-    seed: Annotated[int, uqmbd.Bounds(0)] = 0
+    samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 500
+    seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
     sampling: str = "random"
-    replicates: Annotated[int, uqmbd.Bounds(2, 10**9)] = 16
-    max_failures: Annotated[float, uqmbd.Bounds(0, 1)] = 0.5
-    keep: Annotated[int, uqmbd.Bounds(2, 10**9)] = 20_000
-    control: uqmbd.Propagator | PolynomialChaos | LowFidelity | uqmbd.Study | None = None
+    replicates: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 16
+    max_failures: Annotated[float, uqmbd.extend.Bounds(0, 1)] = 0.5
+    keep: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] = 20_000
+    control: uqmbd.extend.Propagator | PolynomialChaos | LowFidelity | uqmbd.Study | None = None
     sobol_indices: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
+        independent = uqmbd.extend.sampling_design(self.sampling, "MonteCarlo: sampling").independent
         replicate_sizes(self.sampling, self.samples, self.replicates)
         if isinstance(self.control, uqmbd.Study):
             object.__setattr__(self, "control", LowFidelity(self.control))
@@ -138,7 +138,7 @@ class MonteCarlo(uqmbd.Propagator):
             )
         below = allowed_pairs(self.sampling, self.samples, self.replicates)
         if below != self.samples:
-            base = max(uqmbd.sampling_design(self.sampling).base, 1)
+            base = max(uqmbd.extend.sampling_design(self.sampling).base, 1)
             above = below * base if base > 1 else below + 2 * self.replicates
             power = f" and a power of {'two' if base == 2 else base}" if base > 1 else ""
             raise uqmbd.StudyError(
@@ -150,7 +150,7 @@ class MonteCarlo(uqmbd.Propagator):
     def _check_control(self) -> None:
         if self.control is None:
             return
-        if not isinstance(self.control, (uqmbd.Propagator, PolynomialChaos, LowFidelity)):
+        if not isinstance(self.control, (uqmbd.extend.Propagator, PolynomialChaos, LowFidelity)):
             raise uqmbd.StudyError(
                 f"MonteCarlo: control is {self.control!r}; expected a propagator that gives a polynomial chaos, e.g. "
                 "Collocation(order=3), a uqmbd.results.PolynomialChaos, or a cheaper study, e.g. LowFidelity(study)."
@@ -163,7 +163,7 @@ class MonteCarlo(uqmbd.Propagator):
         if isinstance(self.control, LowFidelity):
             self.control.check_samples(self.samples)
 
-    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+    def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Count realisations, and the memory of the samples that are kept."""
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         inputs = len(study.mechanism.inputs)
@@ -174,18 +174,18 @@ class MonteCarlo(uqmbd.Propagator):
             total += self.samples // 2 * inputs
             memory += 8 * rows_at_once(self.samples // 2, inputs, self.keep) * (inputs + 2) * (values + inputs)
         disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
-        found = uqmbd.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
+        found = uqmbd.extend.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
         if isinstance(self.control, LowFidelity):
             # its realisations are none of this study, and how many pay is known from the samples
             besides = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"
             return replace(found, detail=f"{found.detail}; besides {besides} realisations of {self.control!r}")
-        control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
+        control = self.control.estimate(study) if isinstance(self.control, uqmbd.extend.Propagator) else None
         if control is None:
             return found
         most = max(found.memory, control.memory)
         return replace(found, realisations=total + control.realisations, memory=most, at_most=control.at_most)
 
-    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing:
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing:
         """Take as many samples as are needed."""
 
         def allowed(samples: int) -> int:
@@ -193,8 +193,8 @@ class MonteCarlo(uqmbd.Propagator):
                 return allowed_pairs(self.sampling, samples, self.replicates)
             return allowed_samples(self.sampling, samples, self.replicates)
 
-        independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
-        return uqmbd.Sizing(
+        independent = uqmbd.extend.sampling_design(self.sampling, "MonteCarlo: sampling").independent
+        return uqmbd.extend.Sizing(
             option="samples",
             at=lambda samples: replace(self, samples=samples),
             least=allowed(FIRST if independent else max(FIRST, 4 * self.replicates)),
@@ -205,9 +205,9 @@ class MonteCarlo(uqmbd.Propagator):
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
         inputs = study.mechanism.inputs
-        if reason := uqmbd.nothing_random(inputs, study.mechanism.name):
+        if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
             return reason
-        if isinstance(self.control, uqmbd.Propagator) and (found := self.control.obstacle(study)):
+        if isinstance(self.control, uqmbd.extend.Propagator) and (found := self.control.obstacle(study)):
             return f"its control {self.control.name!r}: {found}"
         if isinstance(self.control, LowFidelity):
             mechanism, times = study.mechanism, study.times
@@ -218,7 +218,7 @@ class MonteCarlo(uqmbd.Propagator):
                 return found
         return obstacle_of(inputs) if self.sobol_indices else None
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Sample, compute, and summarise."""
         self._check_problem(problem)
         if self.samples <= self.keep or problem.folder is not None:
@@ -226,7 +226,7 @@ class MonteCarlo(uqmbd.Propagator):
         with closing(Passing(problem.labels, again=self.sobol_indices)) as passing:
             return self._propagated(problem, passing)
 
-    def _propagated(self, problem: uqmbd.Problem, passing: Passing | None) -> xr.DataTree:
+    def _propagated(self, problem: uqmbd.extend.Problem, passing: Passing | None) -> xr.DataTree:
         sizes, pairs = replicate_sizes(self.sampling, self.samples, self.replicates), None
         if self.sobol_indices:
             about = (self.sampling, self.samples, self.replicates, len(problem.inputs), self.seed)
@@ -238,7 +238,7 @@ class MonteCarlo(uqmbd.Propagator):
         if isinstance(self.control, LowFidelity):
             paired = PairedControl(self.control, self, problem, values)
             sums = ControlledSums(paired, self.samples)
-        elif isinstance(self.control, uqmbd.Propagator) or (
+        elif isinstance(self.control, uqmbd.extend.Propagator) or (
             isinstance(self.control, PolynomialChaos) and not problem.timeless
         ):
             # a chaos of outputs over time says nothing of those without
@@ -300,7 +300,7 @@ class MonteCarlo(uqmbd.Propagator):
             statistics = statistics.merge(sobol.variables, compat="equals", join="exact")
         return self._node(problem, statistics, samples, found, surrogate, paired, sobol, attrs)
 
-    def _check_problem(self, problem: uqmbd.Problem) -> None:
+    def _check_problem(self, problem: uqmbd.extend.Problem) -> None:
         problem.require_random()
         if not self.sobol_indices:
             return
@@ -308,9 +308,9 @@ class MonteCarlo(uqmbd.Propagator):
             raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
 
     def _statistics(
-        self, problem: uqmbd.Problem, samples: xr.Dataset, found: Gathered, everything: AllSamples | None
+        self, problem: uqmbd.extend.Problem, samples: xr.Dataset, found: Gathered, everything: AllSamples | None
     ) -> xr.Dataset:
-        independent = uqmbd.sampling_design(self.sampling).independent
+        independent = uqmbd.extend.sampling_design(self.sampling).independent
         if everything is None:
             statistics = statistics_of_samples(samples, independent=independent, each=problem.each)
         else:
@@ -330,7 +330,7 @@ class MonteCarlo(uqmbd.Propagator):
 
     def _node(
         self,
-        problem: uqmbd.Problem,
+        problem: uqmbd.extend.Problem,
         statistics: xr.Dataset,
         samples: xr.Dataset,
         found: Gathered,

@@ -36,7 +36,7 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
     >>> replicate_sizes("latin-hypercube", 20, 8)
     [3, 3, 3, 3, 2, 2, 2, 2]
     """
-    found = uqmbd.sampling_design(design, "MonteCarlo: sampling")
+    found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
     if found.independent:
         return [samples]
     if samples < 2 * replicates:
@@ -68,7 +68,7 @@ def allowed_samples(design: str, samples: int, replicates: int) -> int:
     >>> allowed_samples("sobol", 1500, 16), allowed_samples("latin-hypercube", 1500, 16)
     (1024, 1500)
     """
-    found = uqmbd.sampling_design(design, "MonteCarlo: sampling")
+    found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
     if found.independent:
         return max(samples, 2)
     if found.base < 2:
@@ -87,7 +87,7 @@ def allowed_pairs(design: str, samples: int, replicates: int) -> int:
     >>> allowed_pairs("random", 1501, 16), allowed_pairs("sobol", 1501, 16), allowed_pairs("halton", 1501, 16)
     (1500, 1024, 1472)
     """
-    if uqmbd.sampling_design(design, "MonteCarlo: sampling").independent:
+    if uqmbd.extend.sampling_design(design, "MonteCarlo: sampling").independent:
         return max(samples // 2 * 2, 4)
     return 2 * (allowed_samples(design, samples // 2, replicates) // replicates * replicates)
 
@@ -124,7 +124,7 @@ def paired_samples(design: str, samples: int, replicates: int, dimension: int, s
     ([0, 1, 2, 3], [0, 1, 2, 3])
     """
     count = samples // 2
-    if uqmbd.sampling_design(design).independent:
+    if uqmbd.extend.sampling_design(design).independent:
         return uniform_samples(design, [samples], dimension, seed), np.arange(count), count + np.arange(count)
     sizes = replicate_sizes(design, count, replicates)
     points = uniform_samples(design, sizes, 2 * dimension, seed)
@@ -155,6 +155,6 @@ def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) ->
     >>> sorted((4 * u[:, 0]).astype(int).tolist())
     [0, 1, 2, 3]
     """
-    found = uqmbd.sampling_design(design)
+    found = uqmbd.extend.sampling_design(design)
     streams = np.random.SeedSequence(seed).spawn(len(sizes))
     return np.concatenate([found.points(dimension, n, one) for n, one in zip(sizes, streams, strict=True)])

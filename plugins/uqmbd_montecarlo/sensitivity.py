@@ -75,7 +75,7 @@ def rows_at_once(rows: int, inputs: int, keep: int) -> int:
 
 
 def run_sobol(
-    problem: uqmbd.Problem,
+    problem: uqmbd.extend.Problem,
     values: Array,
     pairs: tuple[Index, Index],
     responses: Callable[[int, int], Array],
@@ -87,7 +87,7 @@ def run_sobol(
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the samples.
     values : array, shape (2 N, input)
         Inputs of the samples.
@@ -184,7 +184,7 @@ def _at(responses: Callable[[int, int], Array], places: Index) -> Array:
     return np.concatenate([responses(int(run[0]), int(run[-1]) + 1) for run in runs])
 
 
-def _variables(found: SobolIndices, labels: uqmbd.results.Labels, without: Mapping[str, str]) -> xr.Dataset:
+def _variables(found: SobolIndices, labels: uqmbd.extend.Labels, without: Mapping[str, str]) -> xr.Dataset:
     dims = ("input", *labels.dims)
     about = "not cut off at 0 and 1; 0 where the output does not vary"
     names = {"sobol_first": "first-order Sobol' index", "sobol_total": "total Sobol' index"}

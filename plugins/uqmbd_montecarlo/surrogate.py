@@ -37,14 +37,14 @@ class Surrogate:
     wall_time: float = 0.0
 
 
-def surrogate_of(control: uqmbd.Propagator | PolynomialChaos, problem: uqmbd.Problem) -> Surrogate:
+def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> Surrogate:
     """Train the surrogate on realisations of its own, or take the one that is given.
 
     Parameters
     ----------
-    control : uqmbd.Propagator or uqmbd.results.PolynomialChaos
+    control : uqmbd.extend.Propagator or uqmbd.results.PolynomialChaos
         A propagator must give a node with a child ``chaos``.
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the samples.
 
     Raises
@@ -75,7 +75,7 @@ def surrogate_of(control: uqmbd.Propagator | PolynomialChaos, problem: uqmbd.Pro
     return found
 
 
-def _check(chaos: PolynomialChaos, problem: uqmbd.Problem) -> None:
+def _check(chaos: PolynomialChaos, problem: uqmbd.extend.Problem) -> None:
     for what, given, wanted in (
         ("inputs", tuple(i.name for i in chaos.labels.inputs), problem.inputs.names),
         ("outputs", tuple(o.name for o in chaos.labels.outputs), tuple(o.name for o in problem.labels.outputs)),

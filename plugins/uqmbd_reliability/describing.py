@@ -10,7 +10,8 @@ import xarray as xr
 from scipy.special import ndtr
 
 import uqmbd
-from uqmbd.results import requirement_names, requirements_dataset
+from uqmbd.extend import requirements_dataset
+from uqmbd.results import requirement_names
 from uqmbd.typing import Array
 from uqmbd_reliability.analysis import Analysis
 from uqmbd_reliability.estimating import derivatives, with_any
@@ -21,8 +22,8 @@ __all__ = ["described"]
 
 
 def described(
-    problem: uqmbd.Problem,
-    requirements: Sequence[uqmbd.Requirement],
+    problem: uqmbd.extend.Problem,
+    requirements: Sequence[uqmbd.extend.Requirement],
     space: StandardSpace,
     found: Analysis,
     running: Array,
@@ -32,9 +33,9 @@ def described(
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         Of the study.
-    requirements : sequence of uqmbd.Requirement
+    requirements : sequence of uqmbd.extend.Requirement
         Those that were analysed.
     space : StandardSpace
         Of the inputs.

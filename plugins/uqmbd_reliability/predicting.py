@@ -48,7 +48,9 @@ class Predictor:
         return np.concatenate([np.zeros((0, len(self.chosen))), *found])
 
 
-def predictor(method: uqmbd.Propagator, problem: uqmbd.Problem, space: StandardSpace, chosen: list[int]) -> Predictor:
+def predictor(
+    method: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]
+) -> Predictor:
     """Run a method on the margins.
 
     Raises

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import requirement_names, sample_dataset, statistics_of_samples
+from uqmbd.extend import sample_dataset, statistics_of_samples
+from uqmbd.results import requirement_names
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
 from uqmbd_reliability.learning import FIRST, learn
@@ -26,7 +27,7 @@ FINEST = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reliability(uqmbd.Propagator):
+class Reliability(uqmbd.extend.Propagator):
     """Find how probably requirements are violated, where violations are too rare to be counted.
 
     It looks for the most likely violations (design points), and samples around them: each realisation is weighted by
@@ -49,7 +50,7 @@ class Reliability(uqmbd.Propagator):
         Realisations at most, all together: those of searches, of `surrogate`, and those that fail are counted, too.
     seed : int
         Of the random numbers: the same seed gives the same bits, whatever the number of workers.
-    surrogate : uqmbd.Propagator, optional
+    surrogate : uqmbd.extend.Propagator, optional
         A method that gives a surrogate of the margins, as ``Collocation(order=3)``, which is run first: the search goes
         over it, and real realisations are computed where the sign of a margin is in doubt.  The probability and its
         interval are those of the real mechanism; a poor surrogate costs realisations.  At least 500 of
@@ -83,10 +84,10 @@ class Reliability(uqmbd.Propagator):
     requirements: ClassVar[bool] = True
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
-    target_cov: Annotated[float, uqmbd.Bounds(FINEST, 1)] = 0.05
-    max_realisations: Annotated[int, uqmbd.Bounds(LEAST, 10**9)] = 3000
-    seed: Annotated[int, uqmbd.Bounds(0)] = 0
-    surrogate: uqmbd.Propagator | None = None
+    target_cov: Annotated[float, uqmbd.extend.Bounds(FINEST, 1)] = 0.05
+    max_realisations: Annotated[int, uqmbd.extend.Bounds(LEAST, 10**9)] = 3000
+    seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
+    surrogate: uqmbd.extend.Propagator | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,26 +98,26 @@ class Reliability(uqmbd.Propagator):
                 f"Reliability: method is {self.method!r}, and a surrogate is given; with one, leave the method out."
             )
 
-    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+    def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Count realisations, and the running margins that are kept."""
         wanted = len(study.mechanism.requirements)
         count = self.max_realisations if wanted else PILOT
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         memory, disk = 8 * count * (wanted * len(study.times) + 4), 8 * (PILOT + 20) * values
-        found = uqmbd.Estimate(count, memory, "running margins", at_most=True, disk=disk)
+        found = uqmbd.extend.Estimate(count, memory, "running margins", at_most=True, disk=disk)
         other = None if self.surrogate is None or not wanted else self.surrogate.estimate(study)
         if other is None:
             return found
         return replace(found, memory=max(found.memory, other.memory))
 
-    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Bound the realisations, and end where half a 95 % interval is the accuracy times the probability."""
         if not study.mechanism.requirements:
             return None
         # an interval reaches from p exp(-1.96 cov) to p exp(1.96 cov)
         wanted = self.target_cov if accuracy is None else float(np.log1p(accuracy)) / 1.96
         target = min(max(wanted, FINEST), 1.0)
-        return uqmbd.Sizing(
+        return uqmbd.extend.Sizing(
             option="max_realisations",
             at=lambda most: replace(self, max_realisations=most, target_cov=target),
             least=LEAST,
@@ -128,7 +129,7 @@ class Reliability(uqmbd.Propagator):
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, or a requirement that there is not."""
-        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+        if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_dear(study)):
             return f"its surrogate {self.surrogate.name!r}: {found}"
@@ -138,7 +139,7 @@ class Reliability(uqmbd.Propagator):
         """Say where there are no requirements."""
         return () if study.mechanism.requirements else (NOTHING,)
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Explore, search, sample, and summarise."""
         space = StandardSpace(problem.germ_space())
         names = [one.name for one in problem.requirements]
@@ -202,7 +203,7 @@ class Reliability(uqmbd.Propagator):
             return f"method 'subset' is for one requirement; give as requirement one of {', '.join(names)}"
         return None
 
-    def _without(self, problem: uqmbd.Problem, space: StandardSpace) -> xr.DataTree:
+    def _without(self, problem: uqmbd.extend.Problem, space: StandardSpace) -> xr.DataTree:
         """Give the statistics alone: there are no requirements, or they are answered in another run."""
         # in the latter case they are those of that run, and not computed again
         count = PILOT if self.surrogate is None or not problem.requirements else FIRST
@@ -214,8 +215,8 @@ class Reliability(uqmbd.Propagator):
 
     def _node(
         self,
-        problem: uqmbd.Problem,
-        pilot: uqmbd.Realisations,
+        problem: uqmbd.extend.Problem,
+        pilot: uqmbd.extend.Realisations,
         attrs: dict[str, Any],
         runs: Runs | None,
         children: dict[str, xr.Dataset],
@@ -255,7 +256,9 @@ class Reliability(uqmbd.Propagator):
             attrs={**attrs, "failures": failures, "samples_kept": len(fine), "statistics_samples": len(fine)},
         )
 
-    def _told(self, problem: uqmbd.Problem, runs: Runs, found: Analysis, names: tuple[str, ...]) -> dict[str, Any]:
+    def _told(
+        self, problem: uqmbd.extend.Problem, runs: Runs, found: Analysis, names: tuple[str, ...]
+    ) -> dict[str, Any]:
         """Say in words what was done, and warn where it is not what was asked for."""
         counted = len(found.sampled.points)
         points = f"{len(found.design_points)} design points" if found.design_points else "no design point"

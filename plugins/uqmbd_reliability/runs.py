@@ -32,7 +32,7 @@ class Runs:
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         With requirements.
     space : StandardSpace
         Of its inputs.
@@ -40,14 +40,14 @@ class Runs:
         Which requirements.
     """
 
-    def __init__(self, problem: uqmbd.Problem, space: StandardSpace, chosen: list[int]) -> None:
+    def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
         self._problem, self._space, self._chosen = problem, space, chosen
         self._running: list[Array] = []
         self.counters: Counter[str] = Counter()
         self.reasons: Counter[str] = Counter()
         self.wall_time = 0.0
         self.failures = self.count = 0
-        self.pilot: uqmbd.Realisations | None = None
+        self.pilot: uqmbd.extend.Realisations | None = None
 
     def __call__(self, points: Array) -> tuple[Array, Mask]:
         """Return margins (K, requirement) at points (K, d), and which realisations failed.

@@ -18,7 +18,7 @@ class StandardSpace:
 
     Parameters
     ----------
-    space : uqmbd.GermSpace
+    space : uqmbd.extend.GermSpace
         A Hermite germ is a standard normal variable; others are the quantiles of one.
 
     Examples
@@ -26,11 +26,11 @@ class StandardSpace:
     >>> import chaospy
     >>> from uqmbd.randomness import JointInput
     >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
-    >>> StandardSpace(uqmbd.GermSpace.of(JointInput.of([a, b]))).to_inputs(np.zeros((1, 2))).tolist()
+    >>> StandardSpace(uqmbd.extend.GermSpace.of(JointInput.of([a, b]))).to_inputs(np.zeros((1, 2))).tolist()
     [[1.0, 1.0]]
     """
 
-    space: uqmbd.GermSpace
+    space: uqmbd.extend.GermSpace
 
     @property
     def dimension(self) -> int:

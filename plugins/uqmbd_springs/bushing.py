@@ -9,7 +9,7 @@ import numpy as np
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.laws import law_values
 from uqmbd.typing import Vector
 
@@ -65,17 +65,19 @@ class Bushing(uqmbd.Component):
             "c": _matrix("damping", self.damping, size),
         }
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""
         i, j = p.body_i, p.body_j
         offset, into = j.point(p.point_j) - i.point(p.point_i), i.rotation.T
-        relative = uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)
+        relative = uqmbd.extend.relative_quaternion(i.attitude(p.turn), j.quaternion)
         # q and -q are one rotation: the sign of the scalar part goes with the vector part
         angle = 2 * relative[0] * sympy.Matrix(relative[1:])
         # in the axes of body i, as the displacement: it was in those of body j as drawn
         if p.space.dimension == 3:
             back = (p.turn[0], *(-x for x in p.turn[1:]))
-            angle = sympy.Matrix(uqmbd.quaternion_product(uqmbd.quaternion_product(p.turn, (0, *angle)), back)[1:])
+            angle = sympy.Matrix(
+                uqmbd.extend.quaternion_product(uqmbd.extend.quaternion_product(p.turn, (0, *angle)), back)[1:]
+            )
         size = p.space.dimension + len(angle)
         k, c = (sympy.Matrix(size, size, list(x)) for x in (p.k, p.c))
         strain = sympy.Matrix([*(into * offset), *angle])

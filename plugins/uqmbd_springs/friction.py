@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotationalFriction", "SlidingFriction"]
 
 
-def _smooth(p: uqmbd.Local, speed: Any) -> uqmbd.VirtualWork:
+def _smooth(p: uqmbd.extend.Local, speed: Any) -> uqmbd.VirtualWork:
     """Friction against a speed: ``damping v + friction v / sqrt(v^2 + transition^2)``."""
     return uqmbd.VirtualWork(-p.damping * speed - p.friction * speed / sympy.sqrt(speed**2 + p.transition**2), speed)
 
@@ -49,7 +49,7 @@ class RotationalFriction(uqmbd.Component):
             transition: Quantity = 0.01, axis_i: Vector = (), *, axis: Vector = (),
         ) -> None: ...  # fmt: skip
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""
         spin = p.body_j.angular_velocity - p.body_i.angular_velocity
         yield _smooth(p, spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i)))
@@ -102,7 +102,7 @@ class SlidingFriction(uqmbd.Component):
         ) -> None: ...  # fmt: skip
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         axis = p.let("axis", p.body_i.direction(p.axis_i))

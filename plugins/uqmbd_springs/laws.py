@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.laws import law_at, law_values, length, rate
 from uqmbd.typing import Quantity, Vector
 from uqmbd_springs.turning import turning
@@ -16,7 +16,7 @@ from uqmbd_springs.turning import turning
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
 
 
-class NonlinearSpringDamper(uqmbd.TypedComponent):
+class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
     """A force along the line between two points, by any law of length and rate; positive pulls the points together.
 
     The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
@@ -35,8 +35,8 @@ class NonlinearSpringDamper(uqmbd.TypedComponent):
     symbol = "spring"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
     law: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
@@ -48,7 +48,7 @@ class NonlinearSpringDamper(uqmbd.TypedComponent):
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         if p.space.dimension == 1:
@@ -89,11 +89,11 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         found = law_values(self.law, length, rate, package="uqmbd_springs")
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         near = getattr(self.joint_angle(), "near", 0)
         return {**found, "frame_i": frame_i, "frame_j": frame_j, "near": near}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.VirtualWork]:
         """Yield the counted angle and the virtual work."""
         speed, start = turning(p)
         angle = p.state("angle")

@@ -13,7 +13,7 @@ from uqmbd.typing import Vector
 __all__ = ["FollowerForce", "Gravity", "PointForce", "Torque"]
 
 
-class PointForce(uqmbd.TypedComponent):
+class PointForce(uqmbd.extend.TypedComponent):
     """A force on a point of a body, in world axes.
 
     It may depend on `uqmbd.t`, random variables, and quantities of bodies such as ``body.velocity[0]``.
@@ -27,16 +27,16 @@ class PointForce(uqmbd.TypedComponent):
     symbol = "force"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
-    body: uqmbd.NamedFrame
+    body: uqmbd.extend.NamedFrame
     point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
     force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, world axes", kind="vector")
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         yield uqmbd.VirtualWork(p.force, p.body.point_velocity(p.point))
 
 
-class FollowerForce(uqmbd.TypedComponent):
+class FollowerForce(uqmbd.extend.TypedComponent):
     """A force on a point of a body, in the axes of the body, with which it turns: a thrust.
 
     Examples
@@ -47,16 +47,16 @@ class FollowerForce(uqmbd.TypedComponent):
 
     symbol = "force"
     bodies = ("body",)
-    body: uqmbd.NamedFrame
+    body: uqmbd.extend.NamedFrame
     point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
     force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, body axes", kind="vector", axes="body")
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         yield uqmbd.VirtualWork(p.body.direction(p.force), p.body.point_velocity(p.point))
 
 
-class Gravity(uqmbd.TypedComponent):
+class Gravity(uqmbd.extend.TypedComponent):
     """Gravity of one body's own, added to that of the space: its negative switches that off, a difference tilts it.
 
     Examples
@@ -68,7 +68,7 @@ class Gravity(uqmbd.TypedComponent):
     symbol = "force"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
-    body: uqmbd.NamedFrame
+    body: uqmbd.extend.NamedFrame
     acceleration: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m/s^2", "acceleration of free fall to be added, world axes", kind="vector"
     )
@@ -78,12 +78,12 @@ class Gravity(uqmbd.TypedComponent):
         body: Any = self.attached["body"]
         return {"mass": body.mass, "com": tuple(body.com)}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Potential]:
         """Yield its energy."""
         yield uqmbd.Potential(-p.mass * sympy.Matrix(p.acceleration).dot(p.body.point(p.com)))
 
 
-class Torque(uqmbd.TypedComponent):
+class Torque(uqmbd.extend.TypedComponent):
     """A torque on a body, in world or body axes; in the plane one number.
 
     Examples
@@ -95,13 +95,13 @@ class Torque(uqmbd.TypedComponent):
     symbol = "torque"
     bodies = ("body",)
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    body: uqmbd.NamedFrame
+    body: uqmbd.extend.NamedFrame
     torque: uqmbd.Parameter[Vector] = uqmbd.Parameter("N m", "the torque", kind="moment")
     frame: uqmbd.Parameter[Literal["world", "body"]] = uqmbd.Parameter(
         "", "axes it is given in", kind="option", default="world", choices=("world", "body")
     )
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         w = p.body.angular_velocity if p.frame == "world" else p.body.body_angular_velocity
         yield uqmbd.VirtualWork(p.torque, w)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotorInertia", "SlidingInertia"]
@@ -36,7 +36,7 @@ class RotorInertia(uqmbd.Component):
             axis: Vector = (),
         ) -> None: ...  # fmt: skip
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Kinetic]:
         """Yield its energy."""
         spin = p.body_j.angular_velocity - p.body_i.angular_velocity
         speed = spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i))
@@ -83,7 +83,7 @@ class SlidingInertia(uqmbd.Component):
         ) -> None: ...
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Kinetic]:
         """Yield its energy."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         axis = p.let("axis", p.body_i.direction(p.axis_i))

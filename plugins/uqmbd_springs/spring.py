@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, overload
 import sympy
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 
 __all__ = ["SlidingSpringDamper", "SpringDamper"]
 
 
-class SpringDamper(uqmbd.TypedComponent):
+class SpringDamper(uqmbd.extend.TypedComponent):
     """A linear spring and damper along the line between two points.
 
     The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.  On a line it is counted
@@ -30,8 +30,8 @@ class SpringDamper(uqmbd.TypedComponent):
     symbol = "spring"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
     point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
     stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate", one_sign=True)
@@ -48,7 +48,7 @@ class SpringDamper(uqmbd.TypedComponent):
             else {}
         )
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         length = p.side * d[0] if p.space.dimension == 1 else sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
@@ -93,7 +93,7 @@ class SlidingSpringDamper(uqmbd.Component):
         ) -> None: ...  # fmt: skip
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         displacement = p.let("axis", p.body_i.direction(p.axis_i)).dot(offset)

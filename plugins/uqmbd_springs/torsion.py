@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import uqmbd
-from uqmbd import NamedFrame
+from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
 from uqmbd_springs.turning import turning
 
@@ -44,11 +44,11 @@ class TorsionSpringDamper(uqmbd.Component):
         """Lay a frame on each axis; in the plane take the angle from the drawing."""
         if not self.axis_i:
             return {"drawn": self.drawn_angle()}
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        frame_i, frame_j = uqmbd.extend.joint_frames(self.axis_i, self.axis_j)
         near = getattr(self.joint_angle(), "near", 0)
         return {"frame_i": frame_i, "frame_j": frame_j, "near": near}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.Potential | uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield the counted angle, energy and dissipation."""
         rate, start = turning(p)
         if p.stiffness != 0:

@@ -9,7 +9,7 @@ import uqmbd
 __all__ = ["turning"]
 
 
-def turning(p: uqmbd.Local) -> tuple[sympy.Expr, sympy.Expr]:
+def turning(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
     """Rate of the angle of body j relative to body i about a common axis, and the angle at the start.
 
     In the plane the drawn angle ``p.drawn`` tells which turn is meant; in space the angle starts within half a turn of
@@ -18,12 +18,12 @@ def turning(p: uqmbd.Local) -> tuple[sympy.Expr, sympy.Expr]:
     i, j = p.body_i, p.body_j
     speed = j.angular_velocity - i.angular_velocity
     if p.space.dimension == 3:
-        r = uqmbd.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
+        r = uqmbd.extend.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
         start = 2 * sympy.Piecewise((sympy.atan2(r[3], r[0]), r[0] >= 0), (sympy.atan2(-r[3], -r[0]), True))
         # half a turn to either side is one pose: the drawing tells which is meant
         turns = sympy.floor((p.near - start) / (2 * sympy.pi) + sympy.Rational(1, 2))
         return speed.dot(i.direction(p.axis_i)), start + 2 * sympy.pi * turns
-    r = uqmbd.relative_quaternion(i.quaternion, j.quaternion)
+    r = uqmbd.extend.relative_quaternion(i.quaternion, j.quaternion)
     start = 2 * sympy.atan2(r[1], r[0])
     # the pair of half angles knows two turns; the drawing tells which ones are meant
     return speed[0], start + 4 * sympy.pi * sympy.floor((p.drawn - start) / (4 * sympy.pi) + sympy.Rational(1, 2))

@@ -17,7 +17,7 @@ __all__ = ["RadialTyre", "RoadFollower"]
 ROAD = haversine_bump(sympy.Rational(1, 5), 1, start=-sympy.Rational(1, 2))
 
 
-class RoadFollower(uqmbd.TypedComponent):
+class RoadFollower(uqmbd.extend.TypedComponent):
     """A point of body j, the centre of a wheel, follows a road: its height is that of the road below it, plus `height`.
 
     The road lies in body i: forward is its first axis, up its last one.  Its profile is an expression in
@@ -31,8 +31,8 @@ class RoadFollower(uqmbd.TypedComponent):
     """
 
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
     height: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
@@ -43,18 +43,18 @@ class RoadFollower(uqmbd.TypedComponent):
         """Give what the profile contains to each realisation."""
         return law_values(self.road, distance, what="road", package="uqmbd_springs")
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         place = _place(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
         yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
-    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+    def reaction_point(self, p: uqmbd.extend.Local) -> sympy.Matrix:
         """World position of the point."""
         return p.body_j.point(p.point)
 
 
-class RadialTyre(uqmbd.TypedComponent):
+class RadialTyre(uqmbd.extend.TypedComponent):
     """A vertical spring and damper between the centre of a wheel, a point of body j, and the road below it.
 
     The road is that of `RoadFollower`.  With the compression ``c = road + radius - height`` the load is
@@ -70,8 +70,8 @@ class RadialTyre(uqmbd.TypedComponent):
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    body_i: uqmbd.NamedFrame
-    body_j: uqmbd.NamedFrame
+    body_i: uqmbd.extend.NamedFrame
+    body_j: uqmbd.extend.NamedFrame
     point: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "m", "centre of the wheel, frame of body j", kind="point", body="body_j"
     )
@@ -88,7 +88,7 @@ class RadialTyre(uqmbd.TypedComponent):
     prepare = RoadFollower.prepare
     reaction_point = RoadFollower.reaction_point
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+    def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         place = _place(p)
         road = law_at(p, p.road, {distance: place[0]}, what="road")
@@ -99,7 +99,7 @@ class RadialTyre(uqmbd.TypedComponent):
         yield uqmbd.VirtualWork(-(load + sympy.sqrt(load**2 + (p.stiffness * p.transition) ** 2)) / 2, rate)
 
 
-def _place(p: uqmbd.Local) -> sympy.Matrix:
+def _place(p: uqmbd.extend.Local) -> sympy.Matrix:
     """Where the point is in body i: forward first, up last; on a line it goes nowhere."""
     place = p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position)
     found: sympy.Matrix = p.let("place", [0, place[0]] if p.space.dimension == 1 else place)

@@ -153,7 +153,7 @@ def links(number: int) -> uqmbd.Mechanism:
     """
     length, angle = LINK["length"], LINK["angle"]
     mechanism = uqmbd.Mechanism(f"links_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
-    before: uqmbd.NamedFrame = mechanism.ground
+    before: uqmbd.extend.NamedFrame = mechanism.ground
     along = (np.sin(angle) * length, -np.cos(angle) * length)
     for k in range(number):
         mass: Any = chaospy.Normal(LINK["mass"], LINK["spread"] * LINK["mass"])
@@ -171,7 +171,7 @@ def spatial_links(number: int) -> uqmbd.Mechanism:
     mechanism = uqmbd.Mechanism(f"spatial_links_{number}", uqmbd.Spatial(gravity=(0, 0, -GRAVITY)))
     length, mass = LINK["length"], LINK["mass"]
     round_ = mass * length**2 / 12
-    before: uqmbd.NamedFrame = mechanism.ground
+    before: uqmbd.extend.NamedFrame = mechanism.ground
     end = (0, 0, -length / 2)
     for k in range(number):
         rod = mechanism.body(

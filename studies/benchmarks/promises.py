@@ -17,7 +17,7 @@ import chaospy
 import numpy as np
 
 import uqmbd
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -51,7 +51,7 @@ def chaos() -> results.PolynomialChaos:
     germs = tuple(Germ.classical(f"x{k}", ("hermite", "legendre")[k % 2]) for k in range(3))
     names, index = tuple(g.name for g in germs), index_set(3, 10)
     values = np.random.default_rng(0).normal(size=(len(index), 10, 1000)) * 0.5 ** index.sum(axis=1)[:, None, None]
-    axes = results.labels([f"y{k}" for k in range(10)], names, np.arange(1000.0))
+    axes = extend.labels([f"y{k}" for k in range(10)], names, np.arange(1000.0))
     return results.PolynomialChaos(values, index, GermSpace(names, germs, ()), axes)
 
 

@@ -66,19 +66,19 @@ class Task:
     at: float | None = None
 
     @cached_property
-    def problem(self) -> uqmbd.Problem:
+    def problem(self) -> uqmbd.extend.Problem:
         """What a propagator is given."""
         return self.study.problem(Galerkin())
 
     @cached_property
-    def space(self) -> uqmbd.GermSpace:
+    def space(self) -> uqmbd.extend.GermSpace:
         """Germs of the inputs."""
-        return uqmbd.GermSpace.of(self.problem.inputs, "rosenblatt")
+        return uqmbd.extend.GermSpace.of(self.problem.inputs, "rosenblatt")
 
     @cached_property
     def reference(self) -> tuple[Array, Array, Array]:
         """Converged mean, standard deviation and kurtosis, shape (output, time)."""
-        rule = uqmbd.gauss_tensor(self.space, CONVERGED)
+        rule = uqmbd.extend.gauss_tensor(self.space, CONVERGED)
         response = self.respond(self.space.to_inputs(rule.nodes), 1e-9)[0]
         mean = np.tensordot(rule.weights, response, 1)
         variance, fourth = (np.tensordot(rule.weights, (response - mean) ** k, 1) for k in (2, 4))
@@ -99,16 +99,16 @@ class Task:
         """One realisation, at the means."""
         self.respond(self.problem.inputs.means[None])
 
-    def nodes(self, order: int) -> tuple[uqmbd.Quadrature, Array]:
+    def nodes(self, order: int) -> tuple[uqmbd.extend.Quadrature, Array]:
         """Nodes and values of the basis at them: the same for both expansions."""
-        rule = uqmbd.gauss_tensor(self.space, order + 1)
-        return rule, self.space.evaluate(rule.nodes, uqmbd.index_set(self.space.dimension, order, "total"))
+        rule = uqmbd.extend.gauss_tensor(self.space, order + 1)
+        return rule, self.space.evaluate(rule.nodes, uqmbd.extend.index_set(self.space.dimension, order, "total"))
 
     def galerkin(self, order: int) -> tuple[Array, dict[str, Any]]:
         """Coefficients of the outputs, and what they cost."""
         rule, basis = self.nodes(order)
         ensemble = Ensemble(self.problem.model, self.space.to_inputs(rule.nodes))
-        projected = uqmbd.ProjectedEnsemble(ensemble, basis, rule.weights)
+        projected = uqmbd.extend.ProjectedEnsemble(ensemble, basis, rule.weights)
         found = projected.integrate(self.problem.times, self.problem.rtol)
         response = ensemble.outputs(self.problem.times, projected.nodal(found.coefficients))
         return projected.project(response), found.counters | {"unknowns": projected.unknowns}

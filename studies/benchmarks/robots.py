@@ -116,7 +116,7 @@ class Ours:
         self.q, self.v = start.q[0], start.v[0]
         states = np.concatenate([start.q, start.s, start.v], axis=1)
         self.a = ensemble.rates(0.0, states)[0, -len(self.v) :]
-        self.terms = uqmbd.mechanism_terms(self.mechanism)
+        self.terms = uqmbd.extend.mechanism_terms(self.mechanism)
         self.known = dict(zip(self.terms.coordinates, self.q, strict=True))
         self.known |= dict(zip(self.terms.velocities, self.v, strict=True))
         self.symbols = [se.sympify(x) for x in (*self.terms.coordinates, *self.terms.velocities)]
@@ -205,7 +205,7 @@ class Ours:
         known: dict[Any, Any] = {**self.known}
         a = self.a[self.index(name)]
         q, v = ([known[x] for x in xs] for xs in (body.q, body.v))
-        frame = uqmbd.Frame(self.mechanism.space, q, v, list(a))
+        frame = uqmbd.extend.Frame(self.mechanism.space, q, v, list(a))
         # the rate of the angular velocity, from the quaternion's second derivative
         e, ee = np.array(q[3:], dtype=float), np.array(a[3:], dtype=float)
         angular = 2 * _product(ee, e * (1, -1, -1, -1))[1:]

@@ -207,7 +207,7 @@ def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
         warnings.simplefilter("ignore")
         node = study.propagate(Collocation(alignment="phase", seed=seed, **options))
     chaos = surrogate(node)
-    points = uqmbd.VerificationPoints.drawn(chaos.space, SAMPLES, 20_000 + seed, 0)
+    points = uqmbd.extend.VerificationPoints.drawn(chaos.space, SAMPLES, 20_000 + seed, 0)
     others = study.problem(Collocation()).realise(chaos.space.to_inputs(points.germs))
     known = points[others.good]
     wrong = chaos.evaluate_germs(known.germs) - others.response[others.good]

@@ -21,7 +21,7 @@ import pytest
 
 import uqmbd
 import uqmbd.report
-from uqmbd import plugins, results
+from uqmbd import extend, plugins, results
 from uqmbd.cli import tables
 from uqmbd.cli.check.check import _equations
 from uqmbd.cli.run.settings import apply_settings, parse_value
@@ -77,9 +77,9 @@ class FakeStudy:
             progress.start(one.node_name, one.samples)
             progress.advance(one.node_name, one.samples)
             progress.finish(one.node_name)
-            axes = results.labels([("slider_x", "m"), ("angle [1]", "")], [("length", "m", "Normal")], self.times)
+            axes = extend.labels([("slider_x", "m"), ("angle [1]", "")], [("length", "m", "Normal")], self.times)
             mean, std = np.full((2, 2), float(one.samples)), np.full((2, 2), 0.031)
-            statistics = results.statistics_dataset(axes, mean=mean, std=std)
+            statistics = extend.statistics_dataset(axes, mean=mean, std=std)
             nodes.append(
                 results.propagator_node(
                     one.node_name,
@@ -343,7 +343,7 @@ def test_check_of_bodies_that_nothing_holds():
     ball, pair, *more = uqmbd.findings(uqmbd.Study("parts", made, [0, 1]))
     assert "body 'ball' is connected to nothing" in ball.message and not more
     assert "bodies 'one', 'two' are connected with each other only" in pair.message
-    assert ball.severity is pair.severity is uqmbd.Severity.NOTE
+    assert ball.severity is pair.severity is uqmbd.extend.Severity.NOTE
 
 
 def test_check_of_bodies_that_are_drawn_in_degrees():

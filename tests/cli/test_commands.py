@@ -268,4 +268,4 @@ def test_commands_of_plugins_are_loaded_alone():
     code = "import sys; from uqmbd import plugins; plugins.commands(); print(*(x for x in sys.modules if x.startswith('uqmbd_')))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {name.partition(".")[0] for name in run.stdout.split()} <= {"uqmbd_calibration", "uqmbd_calibration.command"}
-    assert uqmbd.Command is plugins.Command
+    assert uqmbd.extend.Command is plugins.Command

@@ -152,7 +152,7 @@ def test_a_calibration_is_replaced_by_the_next_and_not_by_what_the_user_changed(
     "names", ["a.nc", ["a.txt"], ["../a.nc"], [".nc"], [".a.nc"], ["a/b.nc"], ["a\\b.nc"], [3], [""]]
 )
 def test_names_that_are_none_of_results_are_refused(names: object, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="output_folder: names"), uqmbd.output_folder(tmp_path / "out", names):
+    with pytest.raises(StudyError, match="output_folder: names"), uqmbd.extend.output_folder(tmp_path / "out", names):
         pass
 
 
@@ -162,14 +162,14 @@ def test_a_folder_that_there_cannot_be_is_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("the user's")
-    with pytest.raises(StudyError), uqmbd.output_folder(folder, ["a.nc"]):
+    with pytest.raises(StudyError), uqmbd.extend.output_folder(folder, ["a.nc"]):
         pass
     assert Path("file").read_text() == "the user's"
 
 
 def test_a_second_command_keeps_what_the_first_one_wrote(tmp_path, capsys):
     for k in range(3):
-        with uqmbd.output_folder(tmp_path, ["fit.nc"]) as folder:
+        with uqmbd.extend.output_folder(tmp_path, ["fit.nc"]) as folder:
             save(xr.DataTree(xr.Dataset(attrs={"study": f"crank {k}"})), folder / "fit.nc")
     assert load(tmp_path / "fit.nc").attrs["study"] == "crank 2"
     assert load(tmp_path / "previous" / "fit.nc").attrs["study"] == "crank 1"
@@ -177,9 +177,9 @@ def test_a_second_command_keeps_what_the_first_one_wrote(tmp_path, capsys):
 
 
 def test_a_command_that_ends_early_takes_no_file_of_others_for_its_own(tmp_path):
-    with pytest.raises(ZeroDivisionError), uqmbd.output_folder(tmp_path, ["fit.nc"]) as folder:
+    with pytest.raises(ZeroDivisionError), uqmbd.extend.output_folder(tmp_path, ["fit.nc"]) as folder:
         (folder / "fit.nc").write_bytes(b"data of the user")
         raise ZeroDivisionError
-    with pytest.raises(StudyError, match=r"fit.nc is in the way"), uqmbd.output_folder(tmp_path, ["fit.nc"]):
+    with pytest.raises(StudyError, match=r"fit.nc is in the way"), uqmbd.extend.output_folder(tmp_path, ["fit.nc"]):
         pass
     assert (tmp_path / "fit.nc").read_bytes() == b"data of the user"

@@ -35,7 +35,7 @@ pytestmark = [
 ]
 
 
-def pendulum(*methods: uqmbd.Propagator) -> uqmbd.Study:
+def pendulum(*methods: uqmbd.extend.Propagator) -> uqmbd.Study:
     """A rod of uncertain length and mass, integrated by IDA: a piece takes some tenths of a second."""
     length = uqmbd.RandomVariable("length", chaospy.Normal(1.0, 0.02), units="m")
     mass = uqmbd.RandomVariable("mass", chaospy.Normal(1.0, 0.05), units="kg")

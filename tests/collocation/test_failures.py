@@ -151,9 +151,11 @@ def test_failed_verification_does_not_end_a_refinement(resting, warned, adaptive
     """Beyond 0.98 in x1 a realisation fails: no node is there, but a verification point is."""
     edge = sympy.Rational(98, 100)
     study = resting(lambda a, b: sympy.exp(a) + b, UNIFORM, UNIFORM, y2=lambda a, b: sympy.sqrt(edge - b))
-    space = uqmbd.GermSpace.of(study.mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(study.mechanism.inputs)
     seed = next(
-        k for k in range(99) if (uqmbd.VerificationPoints.drawn(space, 16, k, STREAM).germs[:, 1] > 0.98).sum() == 1
+        k
+        for k in range(99)
+        if (uqmbd.extend.VerificationPoints.drawn(space, 16, k, STREAM).germs[:, 1] > 0.98).sum() == 1
     )
     options = Collocation(adaptive=adaptive, order=1, verify=16, seed=seed, tolerance=0.02)
     node, messages = warned(lambda: study.propagate(options))

@@ -46,7 +46,7 @@ class Source:
         response = self.function(values)
         status = np.where(np.isfinite(response), Status.OK, Status.NOT_FINITE)
         messages = tuple("" if ok else "it is too far" for ok in np.isfinite(response))
-        return uqmbd.Realisations(values, response[:, None, None], status, messages, {}, 0.0)
+        return uqmbd.extend.Realisations(values, response[:, None, None], status, messages, {}, 0.0)
 
 
 def planned(space, **options):
@@ -119,9 +119,9 @@ def test_an_order_takes_few_levels_that_resolve_it():
     """Order 3 of three inputs needs (2, 0, 0), (1, 1, 0), (1, 1, 1), not (2, 1, 0); (3, 0, 0) replaces (2, 0, 0)."""
     space = space_of(*[chaospy.Normal(0, 1)] * 3)
     plan = planned(space, order=3)
-    np.testing.assert_array_equal(plan.multi_index, uqmbd.index_set(3, 3))
+    np.testing.assert_array_equal(plan.multi_index, uqmbd.extend.index_set(3, 3))
     assert len(plan.nodes) == 1 + 3 * (2 + 6) + 3 * 2**2 + 2**3
-    terms = uqmbd.index_set(3, 3)
+    terms = uqmbd.extend.index_set(3, 3)
     coefficients = np.random.default_rng(3).normal(size=len(terms))
     fit = fitted(space, lambda x: space.evaluate(x, terms) @ coefficients, order=3)
     np.testing.assert_allclose(fit.coefficients[:, 0, 0], coefficients, atol=1e-12)
@@ -243,7 +243,7 @@ def genz(name, a, u):
 
 def errors_by_level(space, function, mean, std, levels):
     """Errors of mean, standard deviation and surrogate (root mean square) of each level, over the deviation."""
-    points = uqmbd.monte_carlo_rule(space, 1024, 7, "sobol").nodes
+    points = uqmbd.extend.monte_carlo_rule(space, 1024, 7, "sobol").nodes
     truth, found = function(space.to_inputs(points)), []
     for level in levels:
         fit = fitted(space, function, level=level)

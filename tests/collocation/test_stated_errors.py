@@ -41,7 +41,7 @@ ORDERS, SEEDS = (1, 2, 3, 4, 5), (0, 1)
 def case(request, resting):
     symbols, numbers, distributions = CASES[request.param]
     study = resting(symbols, *distributions)
-    space = uqmbd.GermSpace.of(study.mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(study.mechanism.inputs)
     germs = space.from_uniform(np.random.default_rng(7).random((4000, 2)))
     return study, germs, numbers(*space.to_inputs(germs).T)
 

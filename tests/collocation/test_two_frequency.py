@@ -65,7 +65,7 @@ def relative(chaos, inputs, known):
 
 def drawn(study, count):
     """Inputs (count, 2) as they are distributed, in the order of their names."""
-    space = uqmbd.GermSpace.of(study.mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(study.mechanism.inputs)
     return space.to_inputs(space.from_uniform(np.random.default_rng(3).random((count, 2))))
 
 
@@ -90,7 +90,7 @@ def test_moments_are_those_of_gauss_nodes():
     node = study.propagate(Collocation(order=5, index_set="tensor", alignment="two-frequency"))
     chaos = surrogate(node)
     at, weight = np.polynomial.legendre.leggauss(120)
-    space = uqmbd.GermSpace.of(study.mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(study.mechanism.inputs)
     grid = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
     weights = np.outer(weight, weight) / 4
     inputs = space.to_inputs(space.from_uniform((grid.reshape(-1, 2) + 1) / 2))

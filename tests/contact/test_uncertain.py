@@ -124,7 +124,7 @@ class Slow(PlaneImpact):
     def terms(self, p):
         for event in super().terms(p):
             yield uqmbd.Event(
-                event.guard, uqmbd.Impact(event.jump.speed / 2, p.restitution, event.jump.sliding, p.friction)
+                event.guard, uqmbd.extend.Impact(event.jump.speed / 2, p.restitution, event.jump.sliding, p.friction)
             )
 
 
@@ -134,7 +134,9 @@ class Anchored(SphereImpact):
     def terms(self, p):
         for _ in super().terms(p):
             speed = p.body_j.velocity[0]
-            yield uqmbd.Event(p.body_j.position[0], uqmbd.Impact(speed, p.restitution, speed, p.friction * p.radius_i))
+            yield uqmbd.Event(
+                p.body_j.position[0], uqmbd.extend.Impact(speed, p.restitution, speed, p.friction * p.radius_i)
+            )
 
 
 @pytest.mark.parametrize(

@@ -57,10 +57,10 @@ def test_a_surrogate_is_drawn_from(tree):
 
 
 def test_what_failed_is_left_out_and_counted():
-    axes = uqmbd.results.labels(["x"], ["k"], [0.0, 1.0])
+    axes = uqmbd.extend.labels(["x"], ["k"], [0.0, 1.0])
     response = np.arange(12.0).reshape(6, 1, 2)
-    samples = uqmbd.results.sample_dataset(response, np.arange(6.0)[:, None], axes, status=[0, 0, 2, 0, 3, 0])
-    statistics = uqmbd.results.statistics_of_samples(samples)
+    samples = uqmbd.extend.sample_dataset(response, np.arange(6.0)[:, None], axes, status=[0, 0, 2, 0, 3, 0])
+    statistics = uqmbd.extend.statistics_of_samples(samples)
     node = uqmbd.results.propagator_node("mine", statistics, samples, propagator="p", realisations=6, wall_time=0.0)
     found = uqmbd.to_arviz(node)
     assert found.attrs["left_out"] == 2
@@ -69,10 +69,10 @@ def test_what_failed_is_left_out_and_counted():
 
 
 def test_inputs_of_a_calibration_are_posterior():
-    axes = uqmbd.results.labels(["x"], ["k"], [0.0])
-    samples = uqmbd.results.sample_dataset([[[1.0]], [[2.0]]], [[3.0], [4.0]], axes)
+    axes = uqmbd.extend.labels(["x"], ["k"], [0.0])
+    samples = uqmbd.extend.sample_dataset([[[1.0]], [[2.0]]], [[3.0], [4.0]], axes)
     node = uqmbd.results.propagator_node(
-        "mine", uqmbd.results.statistics_of_samples(samples), samples, propagator="p", realisations=2, wall_time=0.0,
+        "mine", uqmbd.extend.statistics_of_samples(samples), samples, propagator="p", realisations=2, wall_time=0.0,
         attrs={"population": "posterior of a record"},
     )  # fmt: skip
     assert list(uqmbd.to_arviz(node).children) == ["posterior", "posterior_predictive"]
@@ -113,8 +113,8 @@ def test_what_is_refused(tree):
     ):
         with pytest.raises(uqmbd.StudyError, match=words):
             uqmbd.to_arviz(*arguments)
-    axes = uqmbd.results.labels(["x"], ["k"], [0.0])
-    bare = uqmbd.results.statistics_dataset(axes, mean=[[0.0]], std=[[1.0]])
+    axes = uqmbd.extend.labels(["x"], ["k"], [0.0])
+    bare = uqmbd.extend.statistics_dataset(axes, mean=[[0.0]], std=[[1.0]])
     node = uqmbd.results.propagator_node("mine", bare, propagator="p", realisations=2, wall_time=0.0)
     with pytest.raises(uqmbd.StudyError, match="'mine' holds neither samples nor a surrogate"):
         uqmbd.to_arviz(node)

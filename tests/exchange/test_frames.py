@@ -80,8 +80,8 @@ def test_outputs_over_time_are_chosen_and_joined_by_the_sample(tree):
 
 
 def test_failures_are_rows_with_a_word():
-    axes = uqmbd.results.labels(["x"], ["k"], [0.0, 1.0])
-    samples = uqmbd.results.sample_dataset(
+    axes = uqmbd.extend.labels(["x"], ["k"], [0.0, 1.0])
+    samples = uqmbd.extend.sample_dataset(
         np.arange(8.0).reshape(4, 1, 2),
         [[1.0], [2.0], [3.0], [4.0]],
         axes,
@@ -89,7 +89,7 @@ def test_failures_are_rows_with_a_word():
         meanings={0: "ok", 2: "lost", 7: "given up"},
     )
     node = uqmbd.results.propagator_node(
-        "mine", uqmbd.results.statistics_of_samples(samples), samples, propagator="p", realisations=4, wall_time=0.0
+        "mine", uqmbd.extend.statistics_of_samples(samples), samples, propagator="p", realisations=4, wall_time=0.0
     )
     assert uqmbd.samples_to_frame(node)["status"].tolist() == ["ok", "given_up", "lost", "ok"]
     assert uqmbd.samples_to_frame(node, "x")["x"].isna().tolist() == [

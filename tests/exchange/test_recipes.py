@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.extend import labels, project
 from uqmbd.randomness import JointInput
-from uqmbd.results import PolynomialChaos, labels, project
+from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 
@@ -26,8 +27,8 @@ def ishigami(x):
 def chaos():
     """Ishigami's function, projected: a surrogate of an output without a time."""
     inputs = [uqmbd.RandomVariable(f"x_{k}", chaospy.Uniform(-np.pi, np.pi)) for k in (1, 2, 3)]
-    space = uqmbd.GermSpace.of(JointInput.of(inputs))
-    rule, terms = uqmbd.gauss_tensor(space, [16, 16, 16]), space.basis(14, "total")
+    space = uqmbd.extend.GermSpace.of(JointInput.of(inputs))
+    rule, terms = uqmbd.extend.gauss_tensor(space, [16, 16, 16]), space.basis(14, "total")
     values = ishigami(space.to_inputs(rule.nodes))[:, None]
     return PolynomialChaos(
         project(values, space.evaluate(rule.nodes, terms), rule.weights),

@@ -19,7 +19,7 @@ from uqmbd_springs import PointForce, SpringDamper, TorsionSpringDamper
 STUDIES = Path(__file__).parents[2] / "studies"
 
 
-class Collocation(uqmbd.Propagator):
+class Collocation(uqmbd.extend.Propagator):
     """Pseudo-spectral projection of the outputs on a Gauss tensor: the textbook, apart from the plugin under test."""
 
     name = "textbook"
@@ -33,9 +33,9 @@ class Collocation(uqmbd.Propagator):
 
     def coefficients(self, study):
         problem = study.problem(self)
-        space = uqmbd.GermSpace.of(problem.inputs)
-        terms = uqmbd.index_set(space.dimension, self.order, "tensor")
-        rule = uqmbd.gauss_tensor(space, self.order + 1)
+        space = uqmbd.extend.GermSpace.of(problem.inputs)
+        terms = uqmbd.extend.index_set(space.dimension, self.order, "tensor")
+        rule = uqmbd.extend.gauss_tensor(space, self.order + 1)
         found = problem.realise(space.to_inputs(rule.nodes))
         assert not found.failures
         return np.tensordot(space.evaluate(rule.nodes, terms).T * rule.weights, found.response, 1)
@@ -216,8 +216,8 @@ def test_force_that_ends_at_random_times(integrator):
     times = np.linspace(0, 1, 21)
     study = uqmbd.Study("pushed", mechanism, times)
     node = study.propagate(Galerkin(order=3, index_set="tensor", integrator=integrator, verify=0))
-    space = uqmbd.GermSpace.of(mechanism.inputs)
-    rule = uqmbd.gauss_tensor(space, 4)
+    space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    rule = uqmbd.extend.gauss_tensor(space, 4)
     until, m = space.to_inputs(rule.nodes).T[:, :, None]
     done = np.minimum(times, until)
     expected = 6 / m * (done**2 / 2 + done * (times - done))
@@ -231,8 +231,8 @@ def test_dependent_inputs(mechanisms):
     times = np.linspace(0, 0.5, 11)
     mechanism = mechanisms["oscillator"](stiffness, mass=mass)
     found = uqmbd.Study("dependent", mechanism, times).propagate(Galerkin(order=3))["statistics"]
-    space = uqmbd.GermSpace.of(mechanism.inputs)
-    rule = uqmbd.gauss_tensor(space, 20)
+    space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    rule = uqmbd.extend.gauss_tensor(space, 20)
     values = dict(zip(mechanism.inputs.names, space.to_inputs(rule.nodes).T, strict=True))
     x = np.cos(np.sqrt(values["stiffness"] / values["mass"])[:, None] * times)
     mean = rule.weights @ x

@@ -48,7 +48,7 @@ def test_node_that_cannot_be_assembled_is_named_before_any_integration(monkeypat
         raise AssertionError("integrated")
 
     monkeypatch.setattr(ProjectedEnsemble, "integrate", never)
-    monkeypatch.setattr(uqmbd.Problem, "realise", never)
+    monkeypatch.setattr(uqmbd.extend.Problem, "realise", never)
     study = uqmbd.Study("fragile", fragile(0.6), [0.0, 1.0])
     expected = r"galerkin: 2 of 4 nodes cannot be assembled, the first at length = 0\.64\d+: .*(left|right).*truncate"
     with pytest.raises(uqmbd.AssemblyError, match=expected):

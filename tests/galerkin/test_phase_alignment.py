@@ -73,7 +73,7 @@ def run(mechanism, end, method, rtol=1e-8, count=None, **options):
 
 
 def inputs_of(mechanism, count, seed=1):
-    space = uqmbd.GermSpace.of(mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     return space.to_inputs(space.from_uniform(np.random.default_rng(seed).uniform(size=(count, space.dimension))))
 
 

@@ -90,7 +90,7 @@ def used(made: Any, names: dict[str, Any]) -> None:
         if isinstance(made, uqmbd.Component):
             for mechanism in mechanisms:
                 mechanism.add(made)
-        if isinstance(made, uqmbd.Propagator):
+        if isinstance(made, uqmbd.extend.Propagator):
             _study(made).run(progress=False)
             return
         if isinstance(made, uqmbd.RandomVariable):
@@ -112,7 +112,7 @@ def _mechanism(speed: Any) -> uqmbd.Mechanism:
     return mechanism
 
 
-def _study(method: uqmbd.Propagator) -> uqmbd.Study:
+def _study(method: uqmbd.extend.Propagator) -> uqmbd.Study:
     import chaospy
 
     mechanism = _mechanism(uqmbd.RandomVariable("speed", chaospy.Normal(1, 0.1)))

@@ -99,7 +99,7 @@ def smooth_step(**corners: Any) -> Any:
     return uqmbd.step(*corners.values())
 
 
-def study(call: Caller, mechanism: uqmbd.Mechanism, method: uqmbd.Propagator) -> None:
+def study(call: Caller, mechanism: uqmbd.Mechanism, method: uqmbd.extend.Propagator) -> None:
     made = call(
         "Study", uqmbd.Study, name="study", mechanism=mechanism, times=TIMES, propagators=[method], rtol=1e-6,
         integrator="auto", start="drawn", report_times=(0.01,), convergence=None,

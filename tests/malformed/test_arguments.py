@@ -108,7 +108,7 @@ def test_an_option_of_another_type_is_refused_by_name(name, option, value):
 
 def test_options_of_a_method_of_a_plugin_are_held_against_their_types():
     @dataclass(frozen=True, kw_only=True)
-    class Mine(uqmbd.Propagator):
+    class Mine(uqmbd.extend.Propagator):
         name: ClassVar[str] = "mine"
         level: int = 1
         kind: Literal["fast", "exact"] | None = None

@@ -62,7 +62,7 @@ def test_helpers_on_rotations_refuse_what_is_no_vector(call):
         if (key == "range" and len(RIGHT[name][place]) == 3) or key in FITTING:
             continue  # (0, 1, 2) is a vector
         with pytest.raises(uqmbd.StudyError):
-            getattr(uqmbd, name)(*given)
+            getattr(uqmbd.extend, name)(*given)
 
 
 def _falling():
@@ -102,7 +102,7 @@ def test_masked_numbers_are_nowhere_taken_as_what_is_below_the_mask(masked):
         lambda: mechanism.body("c", mass=1, position=masked),
         lambda: mechanism.output("y", masked),
         lambda: uqmbd.maximum(masked),
-        lambda: uqmbd.law_values(masked, sympy.Symbol("x")),
+        lambda: uqmbd.laws.law_values(masked, sympy.Symbol("x")),
     ):
         with pytest.raises(uqmbd.StudyError):
             make()
@@ -111,7 +111,7 @@ def test_masked_numbers_are_nowhere_taken_as_what_is_below_the_mask(masked):
 @pytest.mark.parametrize("value", [1j, sympy.I, 2 + 3j, sympy.sqrt(-2) * sympy.Symbol("x")], ids=str)
 def test_a_law_is_real(value):
     with pytest.raises(uqmbd.StudyError, match="law is"):
-        uqmbd.law_values(value, sympy.Symbol("x"))
+        uqmbd.laws.law_values(value, sympy.Symbol("x"))
 
 
 @pytest.mark.parametrize(
@@ -119,8 +119,8 @@ def test_a_law_is_real(value):
 )
 def test_a_total_is_a_whole_number(value):
     with pytest.raises(uqmbd.StudyError, match="AtMost: the total is"):
-        uqmbd.AtMost(value)
-    assert uqmbd.AtMost(np.int64(5)) + 1 == 6
+        uqmbd.extend.AtMost(value)
+    assert uqmbd.extend.AtMost(np.int64(5)) + 1 == 6
 
 
 def _raw(found: list[Probe]) -> list[str]:

@@ -80,9 +80,9 @@ CALLS = {
     "spline": lambda x: uqmbd.spline([0, 1], x),
     "argument of a spline": lambda x: uqmbd.spline([0, 1], [0, 1])(x),
     "nominal": uqmbd.nominal,
-    "quaternions": lambda x: uqmbd.quaternion_product(x, (1, 0, 0, 0)),
-    "axes": lambda x: uqmbd.smallest_rotation((1, 0, 0), x),
-    "frames": lambda x: uqmbd.joint_frames((1, 0, 0), x),
+    "quaternions": lambda x: uqmbd.extend.quaternion_product(x, (1, 0, 0, 0)),
+    "axes": lambda x: uqmbd.extend.smallest_rotation((1, 0, 0), x),
+    "frames": lambda x: uqmbd.extend.joint_frames((1, 0, 0), x),
 }
 
 

@@ -494,7 +494,7 @@ def test_the_public_functions_find_the_readers(tmp_path):
     path.write_text(f'<robot name="robot">{TWO}</robot>', encoding="utf-8")
     read = uqmbd.from_urdf(path)
     assert (
-        isinstance(read, uqmbd.ImportedMechanism)
+        isinstance(read, uqmbd.extend.ImportedMechanism)
         and read.source == str(path)
         and read.read_by == f"uqmbd {uqmbd.__version__}"
     )

@@ -12,9 +12,10 @@ import pytest
 import sympy
 
 import uqmbd
+from uqmbd.extend import project
 from uqmbd.randomness import GermSpace, index_set
 from uqmbd.randomness.quadrature.rules import gauss_tensor
-from uqmbd.results import PolynomialChaos, project
+from uqmbd.results import PolynomialChaos
 
 
 def resting(outputs: dict[str, sympy.Expr | None], times: Sequence[float] = (0.0, 1.0)) -> uqmbd.Study:
@@ -27,7 +28,7 @@ def resting(outputs: dict[str, sympy.Expr | None], times: Sequence[float] = (0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quadrature(uqmbd.Propagator):
+class Quadrature(uqmbd.extend.Propagator):
     """Pseudo-spectral projection on a tensor Gauss rule: the least that gives a chaos."""
 
     name: ClassVar[str] = "quadrature"
@@ -35,7 +36,7 @@ class Quadrature(uqmbd.Propagator):
     nodes: int = 4
     chaos: bool = True
 
-    def fit(self, problem: uqmbd.Problem) -> tuple[PolynomialChaos, uqmbd.Realisations]:
+    def fit(self, problem: uqmbd.extend.Problem) -> tuple[PolynomialChaos, uqmbd.extend.Realisations]:
         space = GermSpace.of(problem.inputs)
         rule = gauss_tensor(space, self.nodes)
         found = problem.realise(space.to_inputs(rule.nodes))

@@ -122,6 +122,6 @@ def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
             pass
 
     monkeypatch.setattr(tempfile, "TemporaryFile", Full)
-    passing = Passing(uqmbd.results.labels(["x"], ["k"], [0.0]), again=True)
+    passing = Passing(uqmbd.extend.labels(["x"], ["k"], [0.0]), again=True)
     with pytest.raises(uqmbd.StudyError, match="No space left on device.*Run in a folder, or set TMPDIR"):
         passing.add(0, np.ones((2, 1, 1)), np.ones(2, dtype=bool))

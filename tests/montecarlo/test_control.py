@@ -14,9 +14,10 @@ import pytest
 import xarray as xr
 
 import uqmbd
+from uqmbd.extend import labels, project
 from uqmbd.randomness import GermSpace, JointInput, index_set
 from uqmbd.randomness.quadrature.rules import gauss_tensor
-from uqmbd.results import PolynomialChaos, labels, project, propagator_nodes, sample_statistics, validate
+from uqmbd.results import PolynomialChaos, propagator_nodes, sample_statistics, validate
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.control import FOLDS, controlled_statistics, fold_of, variables

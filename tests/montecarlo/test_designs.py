@@ -12,7 +12,8 @@ from scipy import stats
 from scipy.stats import norm
 
 import uqmbd
-from uqmbd.results import Moments, replicate_errors, sample_statistics, validate
+from uqmbd.extend import Moments, replicate_errors
+from uqmbd.results import sample_statistics, validate
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
 

@@ -10,9 +10,10 @@ import pytest
 import sympy
 
 import uqmbd
+from uqmbd.extend import labels, statistics_dataset
 from uqmbd.propagation.existence import existence_of, grows
 from uqmbd.report import write_report
-from uqmbd.results import labels, load, save, statistics_dataset
+from uqmbd.results import load, save
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import SpringDamper
 

@@ -28,7 +28,9 @@ def test_a_row_for_each_method_and_one_for_all_fit_any_width(width):
     board = Board()
     board.stage("loading", 0.0)
     board.settle(2.0)
-    board.expect({"monte-carlo": 500, "a method with a label that is much too long": uqmbd.AtMost(5000), "last": 16})
+    board.expect(
+        {"monte-carlo": 500, "a method with a label that is much too long": uqmbd.extend.AtMost(5000), "last": 16}
+    )
     board.begun("monte-carlo", 500, 2.0)
     board.moved("monte-carlo", 125)
     lines = shown(board, 4.0, width)
@@ -42,11 +44,11 @@ def test_a_row_for_each_method_and_one_for_all_fit_any_width(width):
 def test_what_ended_early_counts_what_there_was():
     """500, 1531 of at most 5000, and 7 of 16 before a failure are 2038 of 2038."""
     board = Board()
-    board.expect({"a": 500, "b": uqmbd.AtMost(5000), "c": 16, "unfit": None})
+    board.expect({"a": 500, "b": uqmbd.extend.AtMost(5000), "c": 16, "unfit": None})
     board.ended("unfit", "failed", 0.0)
     for label, total, done, state in (
         ("a", 500, 500, "done"),
-        ("b", uqmbd.AtMost(5000), 1531, "done"),
+        ("b", uqmbd.extend.AtMost(5000), 1531, "done"),
         ("c", 16, 7, "failed"),
     ):
         board.begun(label, total, 0.0)
@@ -99,7 +101,7 @@ def test_who_knows_nothing_of_it_is_told_nothing_of_it():
     plain = Plain()
     for tell, given in ((expected, {"a": 3}), (failed, "a")):
         tell(plain, given)
-    plain.start("a", uqmbd.AtMost(5))
+    plain.start("a", uqmbd.extend.AtMost(5))
     assert plain.total == 5 and plain.total + 1 == 6
 
 
@@ -111,7 +113,7 @@ def test_a_study_announces_its_methods_and_tells_of_failures():
         def __getattr__(self, name):
             return lambda *given: told.append((name, *given))
 
-    class Broken(uqmbd.Propagator):
+    class Broken(uqmbd.extend.Propagator):
         name = "broken"
 
         def propagate(self, problem):

@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.dynamics import integrate
 from uqmbd_montecarlo import MonteCarlo
 
@@ -117,7 +117,7 @@ def test_results_know_their_angles(node, tmp_path):
     results.validate(tree)
     loaded = results.load(results.save(tree, tmp_path / "a.nc"))
     assert loaded.identical(tree)
-    again = results.statistics_of_samples(loaded["monte-carlo/samples"].to_dataset())
+    again = extend.statistics_of_samples(loaded["monte-carlo/samples"].to_dataset())
     # samples know nothing of how they were integrated
     assert again.identical(node["statistics"].to_dataset().drop_vars("integration_error"))
 
@@ -163,10 +163,10 @@ def test_rounding_does_not_choose_the_turn(drawn):
 @pytest.mark.thorough
 def test_chaos_of_an_angle(problem):
     """The unwrapped angle is linear in the inputs: order 1 has its moments exactly, and the direction's closely."""
-    space = uqmbd.GermSpace.of(problem.inputs)
-    rule, index = uqmbd.gauss_tensor(space, 3), uqmbd.index_set(2, 1)
+    space = uqmbd.extend.GermSpace.of(problem.inputs)
+    rule, index = uqmbd.extend.gauss_tensor(space, 3), uqmbd.extend.index_set(2, 1)
     response = problem.realise(space.to_inputs(rule.nodes)).response
-    coefficients = results.project(response, space.evaluate(rule.nodes, index), rule.weights)
+    coefficients = extend.project(response, space.evaluate(rule.nodes, index), rule.weights)
     chaos = results.PolynomialChaos(coefficients, index, space, problem.labels)
     sigma = np.hypot(AROUND, SPREAD * TIMES)
     np.testing.assert_allclose(chaos.mean[0], START + RATE * TIMES, atol=1e-5)

@@ -65,11 +65,11 @@ def test_level_by_the_deprecated_name():
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mine(uqmbd.Propagator):
+class Mine(uqmbd.extend.Propagator):
     """A method with fields that are no options."""
 
     name: ClassVar[str] = "mine"
-    order: Annotated[int, uqmbd.Bounds(0)] = 3
+    order: Annotated[int, uqmbd.extend.Bounds(0)] = 3
     cache: dict = field(init=False, repr=False, compare=False)
     extra: InitVar[int] = 1
 

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import propagator_node, statistics_dataset, validate
+from uqmbd.extend import statistics_dataset
+from uqmbd.results import propagator_node, validate
 from uqmbd.testing.propagators.executors import Recorder
 from uqmbd.wording import format_percent
 from uqmbd_collocation import Collocation
@@ -88,7 +89,7 @@ def test_the_stated_error_is_that_against_the_closed_form(springs, propagator, r
 def test_no_method_need_do_anything(springs):
     """A propagator of somebody else, who knows nothing of it, and computes its realisations or none at all."""
 
-    class Mine(uqmbd.Propagator):
+    class Mine(uqmbd.extend.Propagator):
         name: ClassVar[str] = "mine"
 
         def propagate(self, problem):
@@ -96,7 +97,7 @@ def test_no_method_need_do_anything(springs):
             data = statistics_dataset(problem.labels, mean=found.response[0], std=np.zeros(problem.labels.shape))
             return problem.node(self, data, realisations=1, wall_time=found.wall_time)
 
-    class Table(uqmbd.Propagator):
+    class Table(uqmbd.extend.Propagator):
         name: ClassVar[str] = "table"
 
         def propagate(self, problem):
@@ -259,7 +260,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
 
 def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
     """A driven angle has no spread to be compared with."""
-    from uqmbd.results import integration_shares
+    from uqmbd.results.comparison import integration_shares
 
     found = uqmbd.Study("s", crank(), TIMES, [MonteCarlo(samples=5, seed=1)]).run()["monte-carlo/statistics"]
     heading, tip = integration_shares(found.to_dataset())

@@ -44,14 +44,14 @@ class BackwardEuler:
                         matrix[rows, columns] = v
                         y[one] -= np.linalg.solve(matrix, r)
             states.append(np.concatenate(ensemble.expand(y), axis=1))
-        return uqmbd.Trajectories(times, np.stack(states, axis=1), ("",) * len(ensemble))
+        return uqmbd.extend.Trajectories(times, np.stack(states, axis=1), ("",) * len(ensemble))
 
 
 class Projecting(BackwardEuler):
     """The same, that can integrate projected equations, too: it leaves them to the integrator of uqmbd."""
 
     name = "projecting"
-    capabilities = uqmbd.Capabilities(projected=True)
+    capabilities = uqmbd.extend.Capabilities(projected=True)
 
     def integrate_projected(self, projected, times, rtol):
         return projected.integrate(times, rtol, "dop853")
@@ -61,7 +61,7 @@ class Hopeful(BackwardEuler):
     """It claims to follow events."""
 
     name = "hopeful"
-    capabilities = uqmbd.Capabilities(events=True)
+    capabilities = uqmbd.extend.Capabilities(events=True)
 
 
 class Strange(BackwardEuler):

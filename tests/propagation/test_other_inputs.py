@@ -19,11 +19,11 @@ from uqmbd_springs import SpringDamper
 
 
 @dataclass(frozen=True, kw_only=True)
-class Elsewhere(uqmbd.Propagator):
+class Elsewhere(uqmbd.extend.Propagator):
     """Run a method with another stiffness."""
 
     name: ClassVar[str] = "elsewhere"
-    method: uqmbd.Propagator
+    method: uqmbd.extend.Propagator
     variables: tuple[uqmbd.RandomVariable, ...]
 
     def propagate(self, problem):

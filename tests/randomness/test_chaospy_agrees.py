@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.extend import labels
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.results import PolynomialChaos, labels
+from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 
 from ..mechanisms import pendulum
@@ -68,12 +69,15 @@ def test_gauss_rules(name):
 def test_tensor_rules_and_clenshaw_curtis():
     joint = chaospy.J(chaospy.Normal(1, 2), chaospy.Uniform(0, 1))
     space = GermSpace.of(JointInput.of([uqmbd.RandomVariable(n, d) for n, d in zip("ab", joint, strict=True)]))
-    ours, (theirs, weights) = uqmbd.gauss_tensor(space, [4, 4]), chaospy.generate_quadrature(3, joint, rule="gaussian")
+    ours, (theirs, weights) = (
+        uqmbd.extend.gauss_tensor(space, [4, 4]),
+        chaospy.generate_quadrature(3, joint, rule="gaussian"),
+    )
     places, others = (np.lexsort(np.round(x.T, 9)) for x in (space.to_inputs(ours.nodes), theirs.T))
     assert np.allclose(space.to_inputs(ours.nodes)[places], theirs.T[others], rtol=0, atol=1e-9)
     assert np.allclose(ours.weights[places], weights[others], rtol=0, atol=1e-12)
     space, _ = one(chaospy.Uniform(0, 1))
-    ours = uqmbd.clenshaw_curtis(space, 3)
+    ours = uqmbd.extend.clenshaw_curtis(space, 3)
     theirs, weights = chaospy.generate_quadrature(8, chaospy.Uniform(0, 1), rule="clenshaw_curtis")
     places = np.argsort(ours.nodes[:, 0])
     assert np.allclose(space.to_inputs(ours.nodes)[places, 0], theirs[0], rtol=0, atol=1e-12)
@@ -85,7 +89,7 @@ def test_sparse_rules_integrate_alike():
     joint = chaospy.J(*(chaospy.Uniform(-1, 1) for _ in range(3)))
     space = GermSpace.of(JointInput.of([uqmbd.RandomVariable(n, chaospy.Uniform(-1, 1)) for n in "abc"]))
     nodes, weights = chaospy.generate_quadrature(4, joint, rule="gaussian", sparse=True)
-    ours = uqmbd.smolyak(space, 3)
+    ours = uqmbd.extend.smolyak(space, 3)
     powers = np.array(chaospy.glexindex(0, 8, 3))
     exact = np.where(powers % 2, 0.0, 1 / (powers + 1)).prod(axis=1)
     for x, w in ((nodes.T, weights), (ours.nodes, ours.weights)):
@@ -96,7 +100,7 @@ def test_sparse_rules_integrate_alike():
 @pytest.mark.parametrize(("dimension", "order"), [(1, 4), (2, 3), (3, 2), (4, 3)])
 def test_index_sets(kind, truncation, dimension, order):
     theirs = chaospy.glexindex(0, order + 1, dimension, cross_truncation=truncation)
-    assert {tuple(row) for row in uqmbd.index_set(dimension, order, kind).tolist()} == {
+    assert {tuple(row) for row in uqmbd.extend.index_set(dimension, order, kind).tolist()} == {
         tuple(row) for row in theirs.tolist()
     }
 

@@ -109,7 +109,7 @@ def test_scores_of_a_copula_are_those_of_its_density():
         ["a", "b", "c"], chaospy.MvNormal([0, 0, 0], [[1, 0.5, 0.3], [0.5, 1, 0], [0.3, 0, 1]])
     )
     mechanism = spring({}, [a, b, c], lambda *v: 50 + sum(v))
-    space = StandardSpace(uqmbd.GermSpace.of(mechanism.inputs))
+    space = StandardSpace(uqmbd.extend.GermSpace.of(mechanism.inputs))
     u = np.random.default_rng(0).normal(size=(1, 3))
     z, correlation = space.to_inputs(u)[0], np.array([[1, 0.5, 0.3], [0.5, 1, 0], [0.3, 0, 1]])
 

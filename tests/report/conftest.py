@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend, results
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set, random_vector
 from uqmbd.results.chaos.sampling import random_germs
 
@@ -25,17 +25,17 @@ def oscillator_node(
     stiffness, mass = rng.normal(40.0, 2.0, samples), rng.uniform(0.95, 1.05, samples)
     x = np.cos(np.sqrt(stiffness / mass)[:, None] * times)
     response = np.stack([x, 1e5 + 1e-3 * x, 0.15 + 0.0 * x, 0.0 * x], axis=1)
-    axes = results.labels(
+    axes = extend.labels(
         zip(NAMES, ("m", "N", "", "rad"), strict=True),
         [("k_1$", "N/m", "Normal(mu=40, sigma=2)"), ("<script>alert(1)", "kg", "Uniform(0.95, 1.05)")],
         times,
     )
     status = np.where(np.arange(samples) < failing, 2, 0)
     messages = ["step too small at 'pin' <img src=x>" if s else "" for s in status]
-    data = results.sample_dataset(response, np.stack([stiffness, mass], axis=1), axes, status=status, messages=messages)
+    data = extend.sample_dataset(response, np.stack([stiffness, mass], axis=1), axes, status=status, messages=messages)
     return results.propagator_node(
         label,
-        results.statistics_of_samples(data, independent="sampling" not in (options or {})),
+        extend.statistics_of_samples(data, independent="sampling" not in (options or {})),
         data,
         propagator="monte-carlo",
         seed=seed,
@@ -49,9 +49,9 @@ def oscillator_node(
 def chaos_node(label: str) -> xr.DataTree:
     """Return a node without samples and quantiles, as a third-party method may give."""
     times = np.linspace(0.0, 2.0, 41)
-    axes = results.labels(zip(NAMES, ("m", "N", "", "rad"), strict=True), [], times)
+    axes = extend.labels(zip(NAMES, ("m", "N", "", "rad"), strict=True), [], times)
     mean = np.stack([np.cos(6.3 * times), 1e5 + 0 * times, 0.15 + 0 * times, 0 * times])
-    statistics = results.statistics_dataset(axes, mean=mean, std=0.01 * np.abs(mean) * (mean != 0.15))
+    statistics = extend.statistics_dataset(axes, mean=mean, std=0.01 * np.abs(mean) * (mean != 0.15))
     return results.propagator_node(label, statistics, propagator="galerkin", realisations=9, wall_time=0.01)
 
 
@@ -77,9 +77,9 @@ def surrogate_node(
         return np.stack([x, 1e5 + 1e-3 * x, 0.15 + 0.0 * x, 0.0 * x], axis=1)[:, : len(names)]
 
     rule, index = gauss_tensor(space, nodes or order + 1), index_set(2, order)
-    coefficients = results.project(model(rule.nodes), space.evaluate(rule.nodes, index), rule.weights)
+    coefficients = extend.project(model(rule.nodes), space.evaluate(rule.nodes, index), rule.weights)
     germs = random_germs(space, verify, 3) if verify else None
-    axes = results.labels(
+    axes = extend.labels(
         zip(names, ("m", "N", "", "rad"), strict=False),
         list(zip(joint.names, joint.units, joint.descriptions, strict=True)),
         times,

@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.errors import StudyError
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -78,7 +78,7 @@ class Wrong:
 def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Return the report of the study with three plugin sections."""
     path = tmp_path_factory.mktemp("report") / "new" / "report.html"
-    with pytest.warns(uqmbd.PluginWarning, match="is left out") as told:
+    with pytest.warns(uqmbd.extend.PluginWarning, match="is left out") as told:
         assert report.write_report(study, path, sections=[Extra(), Broken(), Wrong()]) == path
     assert len(told) == 2
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
@@ -182,10 +182,10 @@ def test_reports_stay_small(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     names = [(f"x{k}", "m") for k in range(3)]
     response = np.sin(30 * times + rng.normal(size=(1000, 3, 1))) + 0.01 * rng.normal(size=(1000, 3, 2000))
-    axes = results.labels(names, ["k"], times)
-    samples = results.sample_dataset(response, rng.normal(size=(1000, 1)), axes)
+    axes = extend.labels(names, ["k"], times)
+    samples = extend.sample_dataset(response, rng.normal(size=(1000, 1)), axes)
     node = results.propagator_node(
-        "a", results.statistics_of_samples(samples), samples, propagator="p", realisations=1000, wall_time=1.0
+        "a", extend.statistics_of_samples(samples), samples, propagator="p", realisations=1000, wall_time=1.0
     )
     path = report.write_report(results.study_tree([node], study="s", mechanism="m"), tmp_path / "a.html")
     assert path.stat().st_size / 3 * 20 < 15e6
@@ -230,8 +230,8 @@ def test_from_a_file(study: xr.DataTree, tmp_path: Path) -> None:
 
 def test_odd_nodes_do_not_end_the_report(make_node: Callable[..., xr.DataTree], tmp_path: Path) -> None:
     """A single time, all quantiles unknown, or unreadable options still make a report."""
-    axes = results.labels(["x"], [], [1.0])
-    statistics = results.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
+    axes = extend.labels(["x"], [], [1.0])
+    statistics = extend.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
     node = results.propagator_node("one", statistics, propagator="p", realisations=0, wall_time=np.nan)
     node.attrs["options"] = "not JSON"
     tree = results.study_tree([node], study="s", mechanism="m")
@@ -257,7 +257,7 @@ def test_what_a_section_sets_is_undone(tmp_path: Path, before: str) -> None:
     """Settings of Matplotlib are as before, also where the section is the first to load it; other sections do not."""
     code = f"""
 import sys
-from uqmbd import report, results
+from uqmbd import extend, report, results
 {before}
 class Plain:
     title = "plain"
@@ -269,9 +269,9 @@ class Bold:
         import matplotlib
         matplotlib.rcParams["font.size"] = 99
         return "<p>text</p>"
-axes = results.labels(["x"], [], [0.0, 1.0])
+axes = extend.labels(["x"], [], [0.0, 1.0])
 node = results.propagator_node(
-    "m", results.statistics_dataset(axes, mean=[[0, 1]], std=[[0, 0]]), propagator="p", realisations=1, wall_time=0
+    "m", extend.statistics_dataset(axes, mean=[[0, 1]], std=[[0, 0]]), propagator="p", realisations=1, wall_time=0
 )
 tree = results.study_tree([node], study="s", mechanism="m")
 report.write_report(tree, "a.html", sections=[Plain()])

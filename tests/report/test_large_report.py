@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import RandomVariable, report, results
+from uqmbd import RandomVariable, extend, report, results
 from uqmbd.randomness import GermSpace, JointInput, index_set
 from uqmbd.results.chaos.sampling import random_germs
 
@@ -40,7 +40,7 @@ def chaos(order: int, outputs: int) -> results.PolynomialChaos:
     """Return a chaos whose coefficients fall with the order, and whose outputs are the less uncertain the later."""
     variables = [RandomVariable(f"input_{k}", chaospy.Uniform(-1, 1), units="m") for k in range(INPUTS)]
     space = GermSpace.of(JointInput.of(variables))
-    axes = results.labels(
+    axes = extend.labels(
         [(f"output_{k:02d}", "m") for k in reversed(range(outputs))],
         [(v.name, "m", "Uniform(-1, 1)") for v in variables],
         TIMES,
@@ -73,9 +73,9 @@ def written(folder: Path, outputs: int) -> Path:
     """Return the report."""
     one = chaos(2, outputs)
     inputs, values = one.sample(200, 1)
-    data = results.sample_dataset(values, inputs, one.labels)
+    data = extend.sample_dataset(values, inputs, one.labels)
     sampled = results.propagator_node(
-        "monte-carlo", results.statistics_of_samples(data), data, propagator="monte-carlo", realisations=200,
+        "monte-carlo", extend.statistics_of_samples(data), data, propagator="monte-carlo", realisations=200,
         wall_time=60.0,
     )  # fmt: skip
     nodes = [

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.progress import Lines, Notebook, Silent, told
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
@@ -240,11 +240,11 @@ def test_a_terminal_with_ipython_is_no_notebook(monkeypatch):
 
 def test_results_of_one_time_show_densities_and_others_what_is_over_another_output():
     def tree(times):
-        axes = results.labels([("x", "m"), ("y", "N")], ["k"], times)
+        axes = extend.labels([("x", "m"), ("y", "N")], ["k"], times)
         k = np.random.default_rng(0).normal(1, 0.1, (40, 1))
         response = np.stack([k * np.sin(5 * np.array(times)), k * np.cos(5 * np.array(times))], axis=1)
-        samples = results.sample_dataset(response, k, axes)
-        statistics = results.statistics_of_samples(samples)
+        samples = extend.sample_dataset(response, k, axes)
+        statistics = extend.statistics_of_samples(samples)
         node = results.propagator_node("a", statistics, samples=samples, propagator="p", realisations=40, wall_time=0.0)
         return results.study_tree([node], study="s", mechanism="m", attrs={"over": '{"y": "x"}'})
 

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.wording import format_cells
 from uqmbd_montecarlo import MonteCarlo
 
@@ -49,13 +49,13 @@ def test_rounding_is_zero_without_a_sign() -> None:
 def tree() -> xr.DataTree:
     """A method by samples and one that solves for all realisations at once, with a mean that is zero but for rounding."""
     times = np.linspace(0, 2, 5)
-    axes = results.labels([("a", "m/s^2")], [("k", "N/m")], times)
+    axes = extend.labels([("a", "m/s^2")], [("k", "N/m")], times)
     inputs = np.random.default_rng(2).normal(size=(60, 1))
     response = (inputs - inputs.mean()) * np.ones(5) - 1.6e-9
-    samples = results.sample_dataset(response[:, None], inputs, axes)
-    first = results.statistics_of_samples(samples)
+    samples = extend.sample_dataset(response[:, None], inputs, axes)
+    first = extend.statistics_of_samples(samples)
     held = {"samples": samples}
-    about = results.statistics_dataset(axes, mean=np.full((1, 5), -1.6e-9), std=np.ones((1, 5)))
+    about = extend.statistics_dataset(axes, mean=np.full((1, 5), -1.6e-9), std=np.ones((1, 5)))
     first, about = (one.assign(integration_error=1e-9 * one["std"]) for one in (first, about))
     nodes = [
         results.propagator_node("counted", first, propagator="p", realisations=60, wall_time=0.3, children=held),

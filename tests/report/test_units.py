@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.cli.tables import show_summary
 from uqmbd.wording import reciprocal_units, typeset_units
 
@@ -19,14 +19,14 @@ RAW = re.compile(r"m/s\^2|kg\*m\*\*2|\[1\]|\d( ± [\d.]+)? 1$", re.MULTILINE)
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
     """Two methods with an acceleration and a ratio, over time."""
-    axes = results.labels([("a", "m/s^2"), ("ratio", "1")], [("I", "kg*m**2"), ("c", "1")], np.linspace(0, 2, 5))
+    axes = extend.labels([("a", "m/s^2"), ("ratio", "1")], [("I", "kg*m**2"), ("c", "1")], np.linspace(0, 2, 5))
     rng = np.random.default_rng(1)
     nodes = []
     for label in ("mine", "yours"):
         inputs = rng.uniform(1, 2, (60, 2))
         response = inputs[:, :, None] * np.linspace(3, 4, 5)
-        samples = results.sample_dataset(response, inputs, axes)
-        about = results.statistics_of_samples(samples)
+        samples = extend.sample_dataset(response, inputs, axes)
+        about = extend.statistics_of_samples(samples)
         nodes.append(
             results.propagator_node(
                 label, about, propagator="p", realisations=60, wall_time=1.0, children={"samples": samples}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import results
+from uqmbd import extend, results
 
 
 def oscillator_node(label: str, *, samples: int = 200, seed: int = 1, failing: int = 3) -> xr.DataTree:
@@ -21,7 +21,7 @@ def oscillator_node(label: str, *, samples: int = 200, seed: int = 1, failing: i
         [np.cos(rate * times), 1e4 * -(rate**2) * np.cos(rate * times), np.broadcast_to(0.15, (samples, times.size))],
         axis=1,
     )
-    axes = results.labels(
+    axes = extend.labels(
         [("slider_x", "m"), ("$F_{pin}$ & <b>", "N"), ("länge", "")],
         [("k_1", "N/m", "Normal(mu=40, sigma=2)"), ("mass", "kg", "Uniform(lower=0.95, upper=1.05)")],
         times,
@@ -29,10 +29,10 @@ def oscillator_node(label: str, *, samples: int = 200, seed: int = 1, failing: i
     status = np.where(np.arange(samples) < failing, 2, 0)
     messages = ["step too small at t = 0.4 s: 'pin' <singular> ü" if s else "" for s in status]
     drawn = np.stack([stiffness, mass], axis=1)
-    data = results.sample_dataset(response, drawn, axes, status=status, messages=messages)
+    data = extend.sample_dataset(response, drawn, axes, status=status, messages=messages)
     return results.propagator_node(
         label,
-        results.statistics_of_samples(data),
+        extend.statistics_of_samples(data),
         data,
         propagator="monte-carlo",
         seed=seed,

@@ -12,7 +12,8 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import by_output, labels, load, output, sample_dataset, save, statistics_dataset, surrogate
+from uqmbd.extend import labels, sample_dataset, statistics_dataset
+from uqmbd.results import by_output, load, output, save, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute

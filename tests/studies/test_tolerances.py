@@ -70,7 +70,7 @@ def test_a_million_linkages_with_the_allocated_tolerances_have_the_yield(script)
     study, prices = script["study"], script["COSTS"]
     found = allocate(study, None, script["ALLOWED"], cost={name: 1e-4 * price for name, price in prices.items()})
     generator = np.random.default_rng(11)
-    centres = {v.name: uqmbd.stated_tolerance(v.distribution).mean for v in study.mechanism.inputs.variables}
+    centres = {v.name: uqmbd.extend.stated_tolerance(v.distribution).mean for v in study.mechanism.inputs.variables}
 
     def share(widths, count):
         violated = 0

@@ -275,7 +275,7 @@ class Needle(Base):
 
     def motion(self):
         x, y = self.attached["body_j"].direction((1, 0))
-        return {"angle": uqmbd.JointAngle(x, y)}
+        return {"angle": uqmbd.extend.JointAngle(x, y)}
 
     def terms(self, p):
         yield uqmbd.Potential(self.offset(p).dot(self.offset(p)))
@@ -286,16 +286,16 @@ class Tachometer(Needle):
 
     def motion(self):
         body = self.attached["body_j"]
-        cosine, sine = uqmbd.relative_quaternion(self.attached["body_i"].quaternion, body.quaternion)
+        cosine, sine = uqmbd.extend.relative_quaternion(self.attached["body_i"].quaternion, body.quaternion)
         rate = 2 * (body.q[2] * body.v[3] - body.q[3] * body.v[2])
-        return {"angle": uqmbd.JointAngle(cosine, sine, half=True, signed=True, rate=rate)}
+        return {"angle": uqmbd.extend.JointAngle(cosine, sine, half=True, signed=True, rate=rate)}
 
 
 class Talker(Needle):
     """What its motion says is no coordinate of its bodies."""
 
     def motion(self):
-        return {"displacement": uqmbd.JointDisplacement(uqmbd.t)}
+        return {"displacement": uqmbd.extend.JointDisplacement(uqmbd.t)}
 
 
 class Sundial(Needle):

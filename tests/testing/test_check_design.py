@@ -20,7 +20,7 @@ def test_designs_of_the_core(design):
 
 
 def test_names_of_the_core_are_those_that_plugins_cannot_take():
-    assert plugins.KINDS["designs"].reserved == uqmbd.sampling_designs()[: len(CORE)]
+    assert plugins.KINDS["designs"].reserved == uqmbd.extend.sampling_designs()[: len(CORE)]
 
 
 class Shifted:
@@ -81,4 +81,4 @@ def test_base_that_is_no_number_is_refused():
 )
 def test_unknown_names_are_told_with_a_suggestion(name, told):
     with pytest.raises(uqmbd.StudyError, match=told):
-        uqmbd.sampling_design(name)
+        uqmbd.extend.sampling_design(name)

@@ -26,9 +26,9 @@ def made(**own):
         def integrate(self, ensemble, times, rtol):
             return Dop853().integrate(ensemble, times, rtol)
 
-    declared = {name: own.pop(name) for name in set(own) & {field.name for field in fields(uqmbd.Capabilities)}}
+    declared = {name: own.pop(name) for name in set(own) & {field.name for field in fields(uqmbd.extend.Capabilities)}}
     if declared:
-        Made.capabilities = uqmbd.Capabilities(**declared)
+        Made.capabilities = uqmbd.extend.Capabilities(**declared)
     for key, value in own.items():
         setattr(Made, key, value)
     return Made
@@ -66,7 +66,7 @@ def test_what_is_not_declared_is_never_asked_for():
     [
         (made(name=""), "`name` is ''; expected a string"),
         (made(integrate=None), "has no method integrate"),
-        (made(capabilities={"events": True}), "`capabilities` is {'events': True}; expected uqmbd.Capabilities"),
+        (made(capabilities={"events": True}), "`capabilities` is {'events': True}; expected uqmbd.extend.Capabilities"),
         (made(projected=True), "declares projected=True, but has no method integrate_projected"),
         (made(segments=True), "declares segments=True, but has no method integrate_segments"),
         (made(__init__=lambda self, steps: None), "cannot be made without arguments"),
@@ -101,7 +101,7 @@ def _raising(self, ensemble, times, rtol):
         (_even, "accuracy: stone: with rtol=0.0001 the y is .*; expected"),
         (_coarse, "accuracy: oscillator: with rtol=.* the .*; expected .*, within .* of its size"),
         (_raising, "accuracy: stone: it raised ZeroDivisionError: steps of no length"),
-        (lambda *given: np.zeros(3), "returned array.*; expected uqmbd.Trajectories"),
+        (lambda *given: np.zeros(3), "returned array.*; expected uqmbd.extend.Trajectories"),
     ],
 )
 def test_accuracy(integrate, problem):
@@ -145,7 +145,7 @@ def _worse_alone(ensemble, times, found):
         (lambda e, t, found: replace(found, messages=()), r"messages are \(\)"),
         (lambda e, t, found: replace(found, times=t + 1), "times are"),
         (lambda e, t, found: replace(found, messages=("stiff",) * 3), "realisation 0 failed: 'stiff'"),
-        (lambda e, t, found: replace(found, counters=uqmbd.Counters()), "counters: stone: steps, residuals and"),
+        (lambda e, t, found: replace(found, counters=uqmbd.extend.Counters()), "counters: stone: steps, residuals and"),
         (_start_off, "the states at the first time differ from ensemble.start by 1e-07"),
         (_off_the_pin, "constraints: pendulum: the state .* is off the constraints 'pin: pin"),
         (_other_bits, "reproducibility: pendulum: .*; expected the same bits"),
@@ -206,7 +206,7 @@ def test_bounded_steps(blind, case):
 
     def integrate(self, ensemble, times, rtol):
         model = replace(ensemble.model, **blind)
-        return Dop853().integrate(uqmbd.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
+        return Dop853().integrate(uqmbd.extend.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
 
     check_integrator(made(integrate=integrate))
     with pytest.raises(AssertionError, match=f"bounded_steps: {case}: .* the speed is"):
@@ -216,7 +216,7 @@ def test_bounded_steps(blind, case):
 def _fallen(self, ensemble, times, rtol):
     """Through the floor."""
     model = replace(ensemble.model, events=())
-    return Dop853().integrate(uqmbd.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
+    return Dop853().integrate(uqmbd.extend.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
 
 
 def _times(change):
@@ -311,10 +311,10 @@ def test_declarations_of_before_are_read_with_a_warning():
         events = paced = unlocked = True
 
     with pytest.warns(
-        DeprecationWarning, match=r"uqmbd.Capabilities\(events=True, bounded_steps=True, releases_gil=True"
+        DeprecationWarning, match=r"uqmbd.extend.Capabilities\(events=True, bounded_steps=True, releases_gil=True"
     ):
         found = capabilities_of(Former)
-    assert found == uqmbd.Capabilities(events=True, bounded_steps=True, releases_gil=True)
+    assert found == uqmbd.extend.Capabilities(events=True, bounded_steps=True, releases_gil=True)
 
 
 @pytest.mark.parametrize(
@@ -328,4 +328,4 @@ def test_declarations_of_before_are_read_with_a_warning():
 )
 def test_capabilities_that_cannot_be(options, words):
     with pytest.raises(uqmbd.StudyError, match=words):
-        uqmbd.Capabilities(**options)
+        uqmbd.extend.Capabilities(**options)

@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 
 import uqmbd
+from uqmbd.extend import statistics_dataset
 from uqmbd.progress import Silent as Silently
-from uqmbd.results import statistics_dataset
 from uqmbd.testing import check_propagator
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
@@ -177,7 +177,7 @@ class Hidden(Collocated):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plain(uqmbd.Propagator):
+class Plain(uqmbd.extend.Propagator):
     """Monte Carlo by hand, without a thought of what may go wrong: the base of the careless ones."""
 
     name: ClassVar[str] = "plain"
@@ -381,7 +381,7 @@ def test_class_that_is_no_dataclass():
 @pytest.mark.parametrize(
     ("given", "options", "words"),
     [
-        (lambda: 3, {}, "returned 3; expected a uqmbd.Propagator"),
+        (lambda: 3, {}, "returned 3; expected a uqmbd.extend.Propagator"),
         (MonteCarlo(), {"moments": ["rock"]}, "there is no case 'rock'; there are: stone, oscillator, pendulum"),
     ],
 )

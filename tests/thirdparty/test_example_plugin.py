@@ -181,7 +181,8 @@ import sys
 import numpy as np
 
 from uqmbd.report import installed_sections, write_report
-from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
+from uqmbd.extend import labels, statistics_dataset
+from uqmbd.results import propagator_node, study_tree
 
 times = np.linspace(0, 2, 21)
 axes = labels([("fall", "m"), ("<script>", "")], [], times)

@@ -49,7 +49,7 @@ class Toy(uqmbd.Component):
             ("lower", play + H_SLEEVE * tilt, below, 0),
             ("upper", play - H_SLEEVE * tilt, below, 0),
         ):
-            yield uqmbd.Event(gap, uqmbd.Impact(p.rate_of(gap), restitution, [sliding], FRICTION), label)
+            yield uqmbd.Event(gap, uqmbd.extend.Impact(p.rate_of(gap), restitution, [sliding], FRICTION), label)
 
 
 def inertia(name, mean, spread):

@@ -61,7 +61,8 @@ def with_spread(mean: float, std: float) -> str:
 
 def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
     """Print each output at the end time, failures, wall times and where the files are."""
-    from uqmbd.results import differing, propagator_nodes, scalar_nodes
+    from uqmbd.results import propagator_nodes, scalar_nodes
+    from uqmbd.results.requirements import differing
 
     nodes = propagator_nodes(tree)
     still = scalar_nodes(nodes)
@@ -108,7 +109,7 @@ def _clock(node: xr.DataTree) -> str:
 
 def _integration(node: xr.DataTree) -> str:
     """Say how large the error of the time integration is, of the output with the largest."""
-    from uqmbd.results import worst_integration_share
+    from uqmbd.results.comparison import worst_integration_share
 
     inner = [node, *(child for name, child in node.children.items() if name == "scalars")]
     found = [worst_integration_share(one["statistics"].to_dataset()) for one in inner]

@@ -19,7 +19,7 @@ __all__ = ["Workers"]
 class Workers:
     """Who computes, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command say.
 
-    A parameter of this type, of a command, is replaced by these three options: see `uqmbd.Command`.
+    A parameter of this type, of a command, is replaced by these three options: see `uqmbd.extend.Command`.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Workers:
 
     @contextmanager
     def at_work(self, *files: str | Path) -> Iterator[int | Executor]:
-        """Yield what `Study.run`, `uqmbd.pool` and others take as workers; what is started for it ends with it.
+        """Yield what `Study.run`, `uqmbd.extend.pool` and others take as workers; what is started for it ends with it.
 
         Parameters
         ----------

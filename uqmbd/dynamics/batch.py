@@ -24,7 +24,7 @@ class Sampler(Protocol):
 
 
 class Batch(Protocol):
-    """K realisations of one model; `uqmbd.Ensemble` is the one class of this kind, and says what is what."""
+    """K realisations of one model; `uqmbd.extend.Ensemble` is the one class of this kind, and says what is what."""
 
     model: Model
     values: Array

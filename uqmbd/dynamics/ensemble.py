@@ -324,7 +324,7 @@ class Ensemble:
         return after
 
     def event_times(self, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
-        """Name the times of events, for the ``scalars`` of `uqmbd.Trajectories`.
+        """Name the times of events, for the ``scalars`` of `uqmbd.extend.Trajectories`.
 
         Outputs use them as `uqmbd.Component.event_time`.
 

@@ -57,7 +57,8 @@ def to_arviz(results: Any, draws: int | None = None, seed: int | None = None) ->
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, sample_dataset, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, sample_dataset, statistics_dataset
     >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0, 1.0])
     >>> samples = sample_dataset([[[1.0, 2.0]], [[1.5, 2.5]], [[1.2, 2.2]]], [[3.0], [4.0], [5.0]], axes)
     >>> statistics = statistics_dataset(axes, mean=[[1.2, 2.2]], std=[[0.2, 0.2]])

@@ -49,7 +49,8 @@ def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str |
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> quantile = {"quantile": [[[0.0, 1.0]]], "probability": [0.5]}
     >>> statistics = statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.2]], **quantile)
@@ -108,7 +109,8 @@ def samples_to_frame(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, sample_dataset, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, sample_dataset, statistics_dataset
     >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0, 1.0])
     >>> samples = sample_dataset([[[1.0, 2.0]], [[1.5, 2.5]]], [[3.0], [4.0]], axes)
     >>> statistics = statistics_dataset(axes, mean=[[1.2, 2.2]], std=[[0.2, 0.2]])

@@ -53,7 +53,7 @@ class ImportedJoint:
     Examples
     --------
     >>> import uqmbd
-    >>> hinge = uqmbd.ImportedJoint("elbow", "hinge", "upper", "lower", None, None, None, (0.0,), (-1.5, 1.5))
+    >>> hinge = uqmbd.extend.ImportedJoint("elbow", "hinge", "upper", "lower", None, None, None, (0.0,), (-1.5, 1.5))
     >>> hinge.units, hinge.limits, hinge.margin is None
     ('rad', (-1.5, 1.5), True)
     """
@@ -98,7 +98,7 @@ class Omission:
     Examples
     --------
     >>> import uqmbd
-    >>> meshes = uqmbd.Omission("meshes", ("hand.stl", "arm.stl"), "nothing is drawn from them")
+    >>> meshes = uqmbd.extend.Omission("meshes", ("hand.stl", "arm.stl"), "nothing is drawn from them")
     >>> meshes.count, meshes.listed
     (2, 'hand.stl, arm.stl')
     """
@@ -213,7 +213,7 @@ class ImportedMechanism(Mechanism):
     Examples
     --------
     >>> import uqmbd
-    >>> robot = uqmbd.ImportedMechanism("robot", uqmbd.Spatial(), source="robot.urdf", read_by="MuJoCo")
+    >>> robot = uqmbd.extend.ImportedMechanism("robot", uqmbd.Spatial(), source="robot.urdf", read_by="MuJoCo")
     >>> robot.source, dict(robot.joints), len(robot.not_taken)
     ('robot.urdf', {}, 0)
     """

@@ -86,7 +86,7 @@ PLUGIN_KINDS = {
         module="propagator",
         page="how-to/plugins/propagator.md",
         registry="propagators",
-        base="uqmbd.Propagator",
+        base="uqmbd.extend.Propagator",
     ),
     "integrator": PluginKind(
         title="An integrator",
@@ -95,7 +95,7 @@ PLUGIN_KINDS = {
         module="integrator",
         page="how-to/plugins/integrator.md",
         registry="integrators",
-        base="uqmbd.Integrator",
+        base="uqmbd.extend.Integrator",
     ),
     "design": PluginKind(
         title="A sampling design",
@@ -104,7 +104,7 @@ PLUGIN_KINDS = {
         module="design",
         page="how-to/plugins/sampling_design.md",
         registry="designs",
-        base="uqmbd.SamplingDesign",
+        base="uqmbd.extend.SamplingDesign",
     ),
     "section": PluginKind(
         title="A section of the report",
@@ -130,7 +130,7 @@ PLUGIN_KINDS = {
         module="command",
         page="how-to/plugins/command.md",
         registry="commands",
-        base="uqmbd.Command",
+        base="uqmbd.extend.Command",
     ),
 }
 """By the word that `--kind` takes."""

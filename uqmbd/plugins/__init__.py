@@ -12,9 +12,9 @@ eight hooks, each of which returns classes::
     def uqmbd_components():
         return [Magnet]
 
-Modules that offer commands are named in the entry-point group ``uqmbd.commands``: see `uqmbd.Command`.
+Modules that offer commands are named in the entry-point group ``uqmbd.commands``: see `uqmbd.extend.Command`.
 
-A plugin that fails is a `uqmbd.PluginWarning` with its name and the reason; the others are not affected. The
+A plugin that fails is a `uqmbd.extend.PluginWarning` with its name and the reason; the others are not affected. The
 environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
 """
 

@@ -20,8 +20,8 @@ class Command(Protocol):
     commands, and shows the traceback.
 
     A parameter of the type `uqmbd.Workers` without a default, after a ``*``, becomes the options ``--workers``,
-    ``--dask`` and ``--mpi``: ``with workers.at_work(script) as executor:`` yields what `Study.run`, `uqmbd.pool` and
-    others take as workers.
+    ``--dask`` and ``--mpi``: ``with workers.at_work(script) as executor:`` yields what `Study.run`,
+    `uqmbd.extend.pool` and others take as workers.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Command(Protocol):
     ...     help = "Count bodies."
     ...     def run(self, script: Annotated[str, typer.Argument(help="Study script.")]) -> None:
     ...         print(script)
-    >>> command: type[uqmbd.Command] = Count
+    >>> command: type[uqmbd.extend.Command] = Count
     """
 
     name: str

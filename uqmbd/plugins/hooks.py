@@ -31,20 +31,20 @@ class _Hooks:
 
     @_hookspec
     def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer subclasses of `uqmbd.Propagator`, known by their class attribute ``name``."""
+        """Offer subclasses of `uqmbd.extend.Propagator`, known by their class attribute ``name``."""
 
     @_hookspec
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer time integrators, classes as `uqmbd.Integrator` says, known by their class attribute ``name``.
+        """Offer time integrators, classes as `uqmbd.extend.Integrator` says, known by their class attribute ``name``.
 
-        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
-        can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
+        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.extend.Trajectories`.  What
+        more it can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
         ``segments``, ``paced``, ``watched``, ``delegates``.  The core registers its own by this hook.
         """
 
     @_hookspec
     def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer sampling designs, classes as `uqmbd.SamplingDesign` says, known by their class attribute ``name``.
+        """Offer sampling designs: classes like `uqmbd.extend.SamplingDesign`, known by their attribute ``name``.
 
         The core registers its own by this hook.
         """
@@ -53,7 +53,8 @@ class _Hooks:
     def uqmbd_readers(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer readers of model files, known by their class attribute ``name``, the format, such as ``"urdf"``.
 
-        The class is made without arguments; its method ``read(path, **options)`` returns `uqmbd.ImportedMechanism`.
+        The class is made without arguments; its method ``read(path, **options)`` returns
+        `uqmbd.extend.ImportedMechanism`.
         """
 
     @_hookspec
@@ -64,12 +65,13 @@ class _Hooks:
     def uqmbd_checks(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer checks of studies, classes made without arguments, known by the name of the class.
 
-        The method ``find(study)`` returns an iterable of `uqmbd.Finding`.  The core registers its own by this hook.
+        The method ``find(study)`` returns an iterable of `uqmbd.extend.Finding`.  The core registers its own by this
+        hook.
         """
 
     @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
-        """Offer commands of the command line, classes as `uqmbd.Command` says, made without arguments.
+        """Offer commands of the command line, classes as `uqmbd.extend.Command` says, made without arguments.
 
         The module that implements it is named in the entry-point group ``uqmbd.commands``.
         """
@@ -107,7 +109,7 @@ def integrator_problem(cls: type) -> str:
     declared = getattr(cls, "capabilities", None)
     declared = cls if declared is None else declared
     if declared is not cls and not hasattr(declared, "bounded_steps"):
-        return f"whose class attribute `capabilities` is {declared!r}; expected uqmbd.Capabilities(...)"
+        return f"whose class attribute `capabilities` is {declared!r}; expected uqmbd.extend.Capabilities(...)"
     for flag, method in INTEGRATOR_METHODS.items():
         if getattr(declared, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
             return f"which declares {flag}=True, but has no method {method}"
@@ -126,7 +128,7 @@ def command_problem(cls: type) -> str:
 
 KINDS = {
     "components": Kind("uqmbd_components", "component", "uqmbd.Component", False),
-    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
+    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.extend.Propagator", True),
     "integrators": Kind(
         "uqmbd_integrators",
         "integrator",

@@ -87,7 +87,7 @@ def propagator(name: str) -> type:
     Returns
     -------
     type
-        A subclass of `uqmbd.Propagator`.
+        A subclass of `uqmbd.extend.Propagator`.
 
     Raises
     ------

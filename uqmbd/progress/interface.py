@@ -16,7 +16,7 @@ class AtMost(int):
     """A total that is a maximum: work of which it is told may end before.
 
     Methods that find out by themselves how many realisations they need begin with it:
-    ``problem.progress.start(problem.label, uqmbd.AtMost(5000))``.  Who knows nothing of it takes it as a number.
+    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``.  Who knows nothing of it takes it as a number.
 
     Examples
     --------

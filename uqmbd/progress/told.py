@@ -26,6 +26,6 @@ def told(progress: Progress | bool | None) -> Progress:
         return Lines(sys.stderr) if progress else Silent()
     if not all(callable(getattr(progress, name, None)) for name in ("start", "advance", "finish")):
         raise StudyError(
-            f"progress is {progress!r}; expected True, False, None, or an object with the methods of uqmbd.Progress."
+            f"progress is {progress!r}; expected True, False, None, or an object like uqmbd.extend.Progress."
         )
     return progress

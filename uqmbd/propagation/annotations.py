@@ -33,7 +33,7 @@ class Method(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class Bounds:
-    """Which numbers an option may be, as a part of its annotation: ``order: Annotated[int, uqmbd.Bounds(0)] = 3``.
+    """Which numbers an option may be, in its annotation: ``order: Annotated[int, uqmbd.extend.Bounds(0)] = 3``.
 
     Of a tuple each number is meant; one number stands for a tuple of itself.
 

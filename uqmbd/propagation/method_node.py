@@ -14,7 +14,8 @@ from uqmbd.propagation.execution import Kind, solver_counters
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
 from uqmbd.randomness import JointInput
-from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
+from uqmbd.results import propagator_node
+from uqmbd.results.schema import InputInfo, Labels, OutputInfo, labels
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ from uqmbd.propagation.method_node import labels_of, method_node
 from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.reduction import Reduction, Reductions, Work
 from uqmbd.randomness import GermSpace, JointInput, RandomVariable
-from uqmbd.results import Labels
+from uqmbd.results.schema import Labels
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class Problem:
     >>> problem.label, problem.labels.shape, problem.timeless
     ('collocation', (1, 5), False)
     >>> space = problem.germ_space()
-    >>> rule = uqmbd.gauss_tensor(space, 2)
+    >>> rule = uqmbd.extend.gauss_tensor(space, 2)
     >>> response = problem.realise(space.to_inputs(rule.nodes)).response
     >>> round(float(rule.weights @ response[:, 0, -1]), 4)  # mean angle after 2 s: 13 rad
     13.0
@@ -475,7 +475,7 @@ class Problem:
             raise StudyError(f"{self.label}: {reason}.")
 
     def germ_space(self, transform: str = "rosenblatt") -> GermSpace:
-        """Return the germs of the inputs; see `uqmbd.GermSpace.of`.
+        """Return the germs of the inputs; see `uqmbd.extend.GermSpace.of`.
 
         Raises
         ------
@@ -499,8 +499,8 @@ class Problem:
         Parameters
         ----------
         needed : str
-            Name of a field of `uqmbd.Capabilities`: ``projected`` to integrate a `uqmbd.ProjectedEnsemble`,
-            ``segments`` for `histories`.
+            Name of a field of `uqmbd.extend.Capabilities`: ``projected`` to integrate a
+            `uqmbd.extend.ProjectedEnsemble`, ``segments`` for `histories`.
         integrator : str, optional
             Default: that of the study.
         remedy : str
@@ -521,7 +521,7 @@ class Problem:
         values : array, shape (K, input)
             Inputs.
         points : int
-            Points of a segment, see `uqmbd.results.AlignedElement.points`.
+            Points of a segment, see `uqmbd.extend.AlignedElement.points`.
         least : int
             Segments that each realisation is to have, for which it is followed beyond the last output time, at most
             eight times as long.

@@ -21,7 +21,7 @@ def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
     --------
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
-    >>> print(uqmbd.nothing_random(mechanism.inputs, mechanism.name))
+    >>> print(uqmbd.extend.nothing_random(mechanism.inputs, mechanism.name))
     nothing in mechanism 'stone' is random; declare a uqmbd.RandomVariable, or use uqmbd.simulate
     """
     if len(inputs):

@@ -52,7 +52,7 @@ def write_report(
         to a folder ``previous-N`` there, and anything else is an error.
     sections : sequence of Section
         Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
-        and the reason, and a `uqmbd.PluginWarning`. One that returns an empty text is left out.
+        and the reason, and a `uqmbd.extend.PluginWarning`. One that returns an empty text is left out.
     folder : path-like, optional
         Where every figure of the sections of the core is written as a file, too (SVG, the animation as GIF), under its
         output's name and its own; one that cannot be drawn is a warning. Default: nowhere.
@@ -71,7 +71,8 @@ def write_report(
     Examples
     --------
     >>> import tempfile
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
+    >>> from uqmbd.results import propagator_node, study_tree
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 0.1]]),
     ...                        propagator="p", realisations=1, wall_time=0.0)

@@ -22,7 +22,7 @@ def installed_sections() -> list[Section]:
 
     Warns
     -----
-    uqmbd.PluginWarning
+    uqmbd.extend.PluginWarning
         For each section that cannot be made, and is left out.
 
     Examples

@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import Finding, Severity
-from uqmbd.results import failed_methods, propagator_nodes, surrogate_parts, varies
+from uqmbd.results import failed_methods, propagator_nodes, varies
+from uqmbd.results.chaos import surrogate_parts
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 

@@ -2,181 +2,124 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from uqmbd.results import chaos, comparison, requirements, schema, statistics, storage, tree
 from uqmbd.results.accessor import Accessor
 from uqmbd.results.chaos import (
     AlignedChaos,
-    AlignedElement,
     ComposedChaos,
-    Landmarks,
-    LeastSquares,
-    NodeRegression,
     PiecewiseChaos,
     PolynomialChaos,
     QuasiPeriodicChaos,
-    QuasiPeriodicElement,
-    chaos_from_dataset,
-    least_squares,
-    project,
-    regress_on_nodes,
-    stored_as,
     surrogate,
-    surrogate_parts,
 )
 from uqmbd.results.comparison import (
-    IntegrationShare,
     StatedAccuracy,
     align,
     choose_reference,
     compare,
-    integration_shares,
-    overall,
-    own_statements,
     recommend,
     relative_errors,
     stated_accuracy,
-    statements,
-    worst_integration_share,
 )
 from uqmbd.results.requirements import (
     Answer,
-    Violations,
     answers,
     clopper_pearson,
     compare_requirements,
-    differing,
     requirement_names,
-    requirements_dataset,
     requirements_of,
     unmet,
 )
-from uqmbd.results.schema import (
-    DEFAULT_PROBABILITIES,
-    STATUS_MEANINGS,
-    InputInfo,
-    Labels,
-    OutputInfo,
-    comparable,
-    failed_methods,
-    join_nodes,
-    labels,
-    node_parts,
-    propagator_node,
-    propagator_nodes,
-    sample_dataset,
-    statistics_dataset,
-    validate,
-    with_reasons,
-)
+from uqmbd.results.schema import STATUS_MEANINGS, failed_methods, propagator_node, propagator_nodes, validate
 from uqmbd.results.selection import by_output, output
 from uqmbd.results.statistics import (
-    CircularMoments,
-    CountedQuantiles,
-    Moments,
     circular_mean,
-    circular_of_components,
     circular_std,
     mean_direction,
     mean_rotation,
-    quantiles_of_chunks,
-    replicate_errors,
     rotation_std,
     sample_statistics,
-    statistics_of_samples,
     unwrap_samples,
     varies,
     varying,
 )
-from uqmbd.results.storage import SampleChunk, SampleStore, SampleStoreChunks, load, open, save
-from uqmbd.results.tree import happening, joined_outputs, scalar_nodes, study_tree, with_requirements, with_scalars
+from uqmbd.results.storage import SampleStore, load, open, save
+from uqmbd.results.tree import scalar_nodes, study_tree
 from uqmbd.status import Status
 
 __all__ = [
     "Accessor",
     "AlignedChaos",
-    "AlignedElement",
     "Answer",
-    "CircularMoments",
     "ComposedChaos",
-    "CountedQuantiles",
-    "DEFAULT_PROBABILITIES",
-    "InputInfo",
-    "IntegrationShare",
-    "Labels",
-    "Landmarks",
-    "LeastSquares",
-    "Moments",
-    "NodeRegression",
-    "OutputInfo",
     "PiecewiseChaos",
     "PolynomialChaos",
     "QuasiPeriodicChaos",
-    "QuasiPeriodicElement",
     "STATUS_MEANINGS",
-    "SampleChunk",
     "SampleStore",
-    "SampleStoreChunks",
     "StatedAccuracy",
     "Status",
-    "Violations",
     "align",
     "answers",
     "by_output",
-    "chaos_from_dataset",
     "choose_reference",
     "circular_mean",
-    "circular_of_components",
     "circular_std",
     "clopper_pearson",
-    "comparable",
     "compare",
     "compare_requirements",
-    "differing",
     "failed_methods",
-    "integration_shares",
-    "join_nodes",
-    "happening",
-    "joined_outputs",
-    "labels",
-    "least_squares",
     "load",
     "mean_direction",
     "mean_rotation",
-    "node_parts",
     "open",
     "output",
-    "overall",
-    "own_statements",
-    "project",
     "propagator_node",
-    "quantiles_of_chunks",
     "propagator_nodes",
     "recommend",
-    "regress_on_nodes",
     "relative_errors",
-    "replicate_errors",
     "requirement_names",
-    "requirements_dataset",
     "requirements_of",
     "rotation_std",
-    "sample_dataset",
     "sample_statistics",
     "save",
     "scalar_nodes",
     "stated_accuracy",
-    "statements",
-    "statistics_dataset",
-    "statistics_of_samples",
-    "stored_as",
     "study_tree",
     "surrogate",
-    "surrogate_parts",
     "unmet",
     "unwrap_samples",
     "validate",
     "varies",
     "varying",
-    "with_reasons",
-    "with_requirements",
-    "with_scalars",
-    "worst_integration_share",
 ]
+
+_MOVED = frozenset(
+    """
+    AlignedElement CircularMoments CountedQuantiles DEFAULT_PROBABILITIES InputInfo Labels Landmarks Moments
+    OutputInfo QuasiPeriodicElement Violations labels least_squares project quantiles_of_chunks regress_on_nodes
+    replicate_errors requirements_dataset sample_dataset statistics_dataset statistics_of_samples stored_as
+    with_reasons
+    """.split()
+)
+"""Names that are in `uqmbd.extend` now."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return a name that was public here, with a warning, until 0.2."""
+    import warnings
+
+    import uqmbd
+
+    if name in _MOVED:
+        found, text = getattr(uqmbd.extend, name), f"is uqmbd.extend.{name} now"
+    else:
+        folders = (chaos, comparison, requirements, schema, statistics, storage, tree)
+        held = [folder for folder in folders if name in folder.__all__]
+        if not held:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found, text = getattr(held[0], name), "is not public any more"
+    warnings.warn(f"uqmbd.results.{name} {text}; the name is removed here in version 0.2.", DeprecationWarning, 2)
+    return found

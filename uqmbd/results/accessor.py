@@ -29,7 +29,7 @@ class Accessor:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [2.0]])
     >>> data.uqmbd.output("F")["std"].attrs["units"], list(data.uqmbd.by_output("mean"))
     ('N', ['x', 'F'])

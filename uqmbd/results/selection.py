@@ -57,7 +57,7 @@ def output(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [2.0]])
     >>> found = output(data, "F")
     >>> found["std"].item(), found["std"].attrs["long_name"], found["std"].attrs["units"]
@@ -120,7 +120,7 @@ def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "me
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [2.0]])
     >>> {name: (one.dims, one.attrs["units"]) for name, one in by_output(data, "std").items()}
     {'x': (('time',), 'm'), 'F': (('time',), 'N')}

@@ -25,7 +25,7 @@ def check_command(command: type[Command], module: str = "") -> None:
     Parameters
     ----------
     command : type
-        As `uqmbd.Command` says.
+        As `uqmbd.extend.Command` says.
     module : str
         Name of the module that the entry point in the group ``uqmbd.commands`` names; not looked at if empty.
 

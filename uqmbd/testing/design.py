@@ -33,7 +33,7 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
     Parameters
     ----------
     design : type
-        As `uqmbd.SamplingDesign` says.
+        As `uqmbd.extend.SamplingDesign` says.
     dimensions : tuple of int
         Of the cubes.
 

@@ -90,7 +90,7 @@ def draw(component: type[uqmbd.Component], path: Path) -> None:
     plt.close(figure)
 
 
-class _Shown(uqmbd.Frame):
+class _Shown(uqmbd.extend.Frame):
     """A body whose points, directions and turns have symbols of their own, for equations that people read."""
 
     def __init__(self, space: Any, letter: str, names: dict[tuple[Any, ...], str]) -> None:
@@ -167,7 +167,7 @@ def equations(component: type[uqmbd.Component]) -> list[str]:
             values[key] = value
     ends = [role.rsplit("_", 1)[-1] if role.rsplit("_", 1)[-1] in ("i", "j") else role for role in component.bodies]
     frames = {role: _Shown(space, end, names) for role, end in zip(component.bodies, ends, strict=True)}
-    local = uqmbd.Local(space, frames, values, uqmbd.t)
+    local = uqmbd.extend.Local(space, frames, values, uqmbd.t)
     terms, _ = made.stated(local)
     spoken: dict[Any, str] = {symbol: rf"\mathrm{{{_words(name)}}}" for name, symbol in local.states.items()}
     for symbol, (kind, expression) in local.quantities.items():
@@ -236,7 +236,7 @@ def _rows(line: Line, spoken: dict[Any, str]) -> str:
     return rf"{head} {{}}&{rows[0]}" + "".join(rf" \\ &\quad {{}}{row}" for row in rows[1:])
 
 
-def _needed(used: set[Any], local: uqmbd.Local) -> set[Any]:
+def _needed(used: set[Any], local: uqmbd.extend.Local) -> set[Any]:
     """Return the named quantities that terms hold, themselves or in others."""
     found, todo = set(), [x for x in used if x in local.quantities]
     while todo:
@@ -247,7 +247,7 @@ def _needed(used: set[Any], local: uqmbd.Local) -> set[Any]:
     return found
 
 
-def _named(symbol: Any, local: uqmbd.Local) -> str:
+def _named(symbol: Any, local: uqmbd.extend.Local) -> str:
     """Return the name of a quantity, with an axis where several are entries of one vector."""
     same = [x for x, (kind, _) in local.quantities.items() if x.name == symbol.name and kind == "value"]
     below = f"_{{{'xyz'[same.index(symbol) % 3]}}}" if len(same) > 1 else ""
@@ -284,12 +284,12 @@ def _lines(term: Any) -> Iterator[Line]:
             for f, v in zip(_column(force), _column(velocity), strict=True):
                 if f != 0:
                     yield [r"\dot s =", v, r":\quad F =", f]
-        case uqmbd.Constraint(equations=found) | uqmbd.VelocityConstraint(equations=found):
+        case uqmbd.Constraint(equations=found) | uqmbd.extend.VelocityConstraint(equations=found):
             for e in _column(found):
                 yield ["0 =", e]
         case uqmbd.Auxiliary(state=state, rate=rate):
             yield [r"\frac{\mathrm d}{\mathrm dt}\,", state, "=", sympy.sympify(rate)]
-        case uqmbd.Event(guard=guard, jump=uqmbd.Impact(speed=speed, restitution=restitution)):
+        case uqmbd.Event(guard=guard, jump=uqmbd.extend.Impact(speed=speed, restitution=restitution)):
             yield ["g =", sympy.sympify(guard)]
             yield [r"\dot g =", sympy.sympify(speed), r",\quad \dot g^+ / \dot g^- =", -sympy.sympify(restitution)]
 

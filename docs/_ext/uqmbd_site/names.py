@@ -13,7 +13,7 @@ from typing import Any
 
 __all__ = ["CORE", "PLUGINS", "file_names", "kind", "public_names", "returned", "told_at_its_place"]
 
-CORE = ("uqmbd", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
+CORE = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
 """Public modules of uqmbd."""
 
 PLUGINS = (

@@ -9,6 +9,6 @@ __all__ = ["Calibrate"]
 
 
 @uqmbd.hookimpl
-def uqmbd_commands() -> list[type[uqmbd.Command]]:
+def uqmbd_commands() -> list[type[uqmbd.extend.Command]]:
     """Return the command of this package."""
     return [Calibrate]

@@ -43,7 +43,7 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
     study = uqmbd.load_study(script)
     records = _records(paths, options)
     methods = _methods(study, options.only)
-    with uqmbd.output_folder(out, WRITTEN), options.workers.at_work(script) as workers:
+    with uqmbd.extend.output_folder(out, WRITTEN), options.workers.at_work(script) as workers:
         found = calibrate(
             study,
             records,
@@ -65,7 +65,7 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
 
 def _predicted(
     study: uqmbd.Study,
-    methods: Sequence[uqmbd.Propagator],
+    methods: Sequence[uqmbd.extend.Propagator],
     found: Calibration,
     out: Path,
     workers: int | Executor,
@@ -105,7 +105,7 @@ def _records(paths: Sequence[Path], options: Options) -> list[Record]:
     ]
 
 
-def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.Propagator]:
+def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.extend.Propagator]:
     """Choose methods of a study; one that has none is predicted by collocation."""
     known = {method.node_name: method for method in study.propagators}
     for label in only:
@@ -114,5 +114,5 @@ def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.Propagator]:
                 f"--only {label}: the study has no method of that label; it has {', '.join(known) or 'none'}."
             )
     if not known:
-        return [uqmbd.propagator("collocation")(order=3)]
+        return [uqmbd.extend.propagator("collocation")(order=3)]
     return [method for label, method in known.items() if not only or label in only]

@@ -111,7 +111,7 @@ def corrected(
     weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
     best: tuple[float, Corrected] | None = None
     for degree, over in enumerate(OVER):
-        terms = uqmbd.index_set(len(free), degree, "total")
+        terms = uqmbd.extend.index_set(len(free), degree, "total")
         if degree and len(near) < over * len(terms) + 1:
             break
         for own in (None, base) if usable else (None,):
@@ -153,7 +153,7 @@ def tangent(
     predicted = np.concatenate(base(points), axis=1)
     own = base if bool(np.isfinite(predicted).all()) else None
     left = real - (predicted if own is not None else 0.0)
-    terms = uqmbd.index_set(len(free), 1, "total")
+    terms = uqmbd.extend.index_set(len(free), 1, "total")
     coefficients = np.zeros((len(terms), real.shape[1]))
     coefficients[terms.sum(axis=1) == 0] = left[:1]
     for k in range(len(free)):
@@ -164,7 +164,7 @@ def tangent(
 
 def enough(inputs: int, degree: int = 2) -> int:
     """Return how many realisations a polynomial takes."""
-    return int(np.ceil(OVER[degree] * len(uqmbd.index_set(inputs, degree, "total")))) + 2
+    return int(np.ceil(OVER[degree] * len(uqmbd.extend.index_set(inputs, degree, "total")))) + 2
 
 
 def _fitted(basis: Array, target: Array, weights: Array) -> tuple[Array, Array]:

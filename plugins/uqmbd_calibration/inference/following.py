@@ -26,6 +26,6 @@ def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
             return np.inf
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            error = np.sqrt(np.mean(uqmbd.errors_over_largest(chaos) ** 2))
+            error = np.sqrt(np.mean(uqmbd.extend.errors_over_largest(chaos) ** 2))
         worst = max(worst, float(error) if np.isfinite(error) else np.inf)
     return worst

@@ -31,12 +31,12 @@ class Exhausted(Exception):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Asking(uqmbd.Propagator):
+class _Asking(uqmbd.extend.Propagator):
     """What `Study.problem` is asked for: a name, as calibration computes realisations itself."""
 
     name: ClassVar[str] = "calibration"
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Refuse: it is no method."""
         raise uqmbd.StudyError(f"{problem.label}: calibrate() is called by itself, not by a study.")
 
@@ -141,12 +141,12 @@ class OperatingPoint:
         over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 
-    def surrogates(self, methods: Sequence[uqmbd.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
+    def surrogates(self, methods: Sequence[uqmbd.extend.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
         """Run methods on the outputs over time, and the first one on those without; known inputs are as good as fixed.
 
         Parameters
         ----------
-        methods : sequence of uqmbd.Propagator
+        methods : sequence of uqmbd.extend.Propagator
             For outputs over time: the next one is tried where those before leave an error that is too large, and the
             one with the least error is taken.
         outputs : sequence of str
@@ -180,7 +180,7 @@ class OperatingPoint:
             found.append(self._propagated(methods[0], still=True))
         return found
 
-    def _propagated(self, method: uqmbd.Propagator, *, still: bool = False) -> xr.DataTree:
+    def _propagated(self, method: uqmbd.extend.Propagator, *, still: bool = False) -> xr.DataTree:
         """Run a method, and count its realisations."""
         inputs = self.study.mechanism.inputs
         if self._values:
@@ -188,7 +188,7 @@ class OperatingPoint:
             for column, value in self._values.items():
                 width = NARROW * max(abs(value), abs(float(inputs.means[column])), 1e-30)
                 one = variables[column]
-                variables[column] = uqmbd.uniform_variable(one.name, value - width, value + width, one.units)
+                variables[column] = uqmbd.extend.uniform_variable(one.name, value - width, value + width, one.units)
             inputs = type(inputs).of(variables)
         problem = self.study.problem(method, self._executor, self._progress)
         problem = problem.without_time() if still else problem
@@ -211,7 +211,7 @@ class OperatingPoint:
         )
 
 
-def _expected(method: uqmbd.Propagator, study: uqmbd.Study) -> int:
+def _expected(method: uqmbd.extend.Propagator, study: uqmbd.Study) -> int:
     """Return how many realisations a method takes, by its own estimate."""
     found = method.estimate(study)
     return 0 if found is None else found.realisations

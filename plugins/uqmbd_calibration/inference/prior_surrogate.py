@@ -99,20 +99,20 @@ def prior_surrogate(nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks:
 
 def default_methods(
     study: uqmbd.Study, *, moving: bool, known: Sequence[str], most: int
-) -> tuple[uqmbd.Propagator, ...]:
+) -> tuple[uqmbd.extend.Propagator, ...]:
     """Choose collocations of the installed plugins that about half of the realisations suffice for.
 
     The first is at equal times; where it does not follow outputs over time those that are aligned, at events and at
     phases, are next.  These split no germ space: a motion that is damped took 2500 realisations so.
     """
-    collocation = uqmbd.propagator("collocation")
+    collocation = uqmbd.extend.propagator("collocation")
     inputs = study.mechanism.inputs
     free = len(inputs) - len(known)
     # an order that no term of a known input has
     weights = {"weights": tuple(1e3 if name in known else 1.0 for name in inputs.names)} if known else {}
     best: dict[str, Any] = {}
     for order in range(1, HIGHEST + 1):
-        samples = int(np.ceil(OVER * len(uqmbd.index_set(max(free, 1), order, "total"))))
+        samples = int(np.ceil(OVER * len(uqmbd.extend.index_set(max(free, 1), order, "total"))))
         # an aligned one follows its nodes up to three times
         cost = samples + VERIFY + (3 * samples + VERIFY if moving else 0)
         if order == 1 and cost > most:

@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement, Status
+from uqmbd.extend import AlignedElement
+from uqmbd.results import AlignedChaos, Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem
 from uqmbd_collocation.alignment.combined_paths import CombinedPaths
@@ -65,15 +66,15 @@ class _Fitted:
 class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     plans: Plans
     paths: Paths
     tolerance: Limits
-    given: uqmbd.Verification | None = None
+    given: uqmbd.extend.Verification | None = None
     """Verification realisations that are known; else each element has its own."""
     done: list[_Fitted] = field(default_factory=list)
 
-    def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[AlignedChaos]:
+    def compute(self, boxes: Iterable[uqmbd.extend.GermBox]) -> list[AlignedChaos]:
         """Fit and verify the elements of some boxes."""
         plans, boxes = self.plans, list(boxes)
         points = plans.points_of_elements(boxes, len(self.done))
@@ -85,7 +86,7 @@ class _Elements:
         self.done += found
         return [one.chaos for one in found]
 
-    def _fitted(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
+    def _fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> _Fitted:
         """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
         while True:
             before = self.paths.least, self.paths.longer
@@ -93,7 +94,7 @@ class _Elements:
             if (self.paths.least, self.paths.longer) == before:
                 return found
 
-    def _fitted_once(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
+    def _fitted_once(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> _Fitted:
         """Fit an element to those of its nodes that have the most frequent sequence; verify it at points."""
         paths, problem, plans, local = self.paths, self.problem, self.plans, box.local
         nodes = plans.first_nodes(local)
@@ -108,7 +109,7 @@ class _Elements:
             lost = (lost * len(nodes) + count * share) / (len(nodes) + count)
         warn_of_failures(verification, problem.label)
         scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
-        spread = uqmbd.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes
+        spread = uqmbd.extend.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes
         cutting = paths.cutting(local, nodes, spread, sequence)
         for extension in range(EXTENSIONS):
             aligned = AlignedProblem(problem, cutting.cut, len(cutting.labels), paths.points)
@@ -121,7 +122,11 @@ class _Elements:
                 fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
             edges, nodal = aligned.split(fit.coefficients)
             chaos = AlignedChaos(
-                (AlignedElement.through(uqmbd.GermBox.whole(local), cutting.labels, edges, nodal, cutting.landmarks),),
+                (
+                    AlignedElement.through(
+                        uqmbd.extend.GermBox.whole(local), cutting.labels, edges, nodal, cutting.landmarks
+                    ),
+                ),
                 fit.multi_index,
                 problem.labels,
                 **verification.known,
@@ -146,21 +151,23 @@ class _Elements:
             cutting = further
         return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
 
-    def _known(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> uqmbd.Verification | None:
+    def _known(
+        self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints
+    ) -> uqmbd.extend.Verification | None:
         """Return the given realisations in a box, if they are those at some points."""
         if self.given is None or len(points) != (inside := box.contains(self.given.points.germs)).sum():
             return None
-        return uqmbd.Verification(box.local, self.given.points[inside], self.given.response[inside], len(points))
+        return uqmbd.extend.Verification(box.local, self.given.points[inside], self.given.response[inside], len(points))
 
 
 def align(
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     plans: Plans,
     paths: Paths,
-    limits: uqmbd.ElementLimits,
+    limits: uqmbd.extend.ElementLimits,
     tolerance: Limits,
-    given: uqmbd.Verification | None = None,
+    given: uqmbd.extend.Verification | None = None,
 ) -> Expanded:
     """Expand times of landmarks and the motion between them, in elements where their sequences differ or it is wrong.
 
@@ -177,7 +184,7 @@ def align(
         boxes = _boxes(paths, plans, space, limits.most)
         chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
     else:
-        refined = uqmbd.refine_elements(
+        refined = uqmbd.extend.refine_elements(
             space,
             work.compute,
             limits,
@@ -228,14 +235,14 @@ def align(
     )
 
 
-def _remedy(limits: uqmbd.ElementLimits, count: int) -> str:
+def _remedy(limits: uqmbd.extend.ElementLimits, count: int) -> str:
     """Say what makes elements smaller where sequences differ."""
     if limits.elements is None:
         return "Raise max_elements" if count >= limits.most else "Give elements='adaptive', which splits by the error"
     return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
-def _share(runs: Runs, points: uqmbd.VerificationPoints, which: Mask) -> float:
+def _share(runs: Runs, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
     """Return the share, by the weights of points (V,), that some of the realisations stand for that did not fail."""
     where = runs.at(points.germs)
     good = np.flatnonzero(runs.good(where))
@@ -247,9 +254,9 @@ def _met(one: _Fitted) -> bool:
     return one.refinement is None or one.refinement.met
 
 
-def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> list[uqmbd.GermBox]:
+def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int) -> list[uqmbd.extend.GermBox]:
     """Split the germ space until the nodes of each box have the same sequence, or there are enough boxes."""
-    boxes, done = [uqmbd.GermBox.whole(space)], list[uqmbd.GermBox]()
+    boxes, done = [uqmbd.extend.GermBox.whole(space)], list[uqmbd.extend.GermBox]()
     while boxes:
         box = boxes.pop(0)
         nodes = plans.first_nodes(box.local)
@@ -262,7 +269,7 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> lis
     return done
 
 
-def _scale(known: uqmbd.Verification, times: Array) -> Array:
+def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
     """Return what errors of the time and of the outputs (1 + O,) are compared with.
 
     An error of the time is that of the output which moves fastest for its standard deviation.
@@ -274,7 +281,7 @@ def _scale(known: uqmbd.Verification, times: Array) -> Array:
     return np.concatenate([[tick], np.where(std > 0, std, np.inf)])
 
 
-def _guilty(box: uqmbd.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
+def _guilty(box: uqmbd.extend.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
     """Germ along which a split separates the sequences best."""
     best, germ = np.inf, None
     for k in range(nodes.shape[1]):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedElement, Labels, OutputInfo
+from uqmbd.extend import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.landmarks import Cut
 from uqmbd_collocation.runs import Derived
@@ -24,7 +24,7 @@ class AlignedProblem(Derived):
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     cut : callable
         Computes realisations from landmark to landmark.
@@ -32,7 +32,7 @@ class AlignedProblem(Derived):
         How many segments there are, and points of each.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     cut: Cut
     segments: int
     points: int
@@ -44,7 +44,7 @@ class AlignedProblem(Derived):
         columns = np.arange(float(self.segments * self.points))
         return replace(inner, outputs=(OutputInfo("time", "s"), *inner.outputs), times=columns)
 
-    def realise(self, values: Array) -> uqmbd.Realisations:
+    def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute realisations, cut at the landmarks: response (K, 1 + O, segments * points)."""
         cut, found = self.cut(values)
         where = AlignedElement.points(self.points)

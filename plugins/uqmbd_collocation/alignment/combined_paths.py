@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedElement, Landmarks, Status
+from uqmbd.extend import AlignedElement, Landmarks
+from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.event_paths import POINTS as FIRST
 from uqmbd_collocation.alignment.event_paths import EventPaths
@@ -41,7 +42,7 @@ BISECTIONS = 54
 class _Motion:
     """One realisation: a history, with the phase (S, P) at the points of its segments, rad."""
 
-    history: uqmbd.History
+    history: uqmbd.extend.History
     phase: Array
 
     @property
@@ -81,7 +82,7 @@ class CombinedPaths:
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     events : EventPaths
         Realisations from event to event.
@@ -91,14 +92,14 @@ class CombinedPaths:
         Realisations that were followed anew.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     events: EventPaths
-    clock: uqmbd.Clock
+    clock: uqmbd.extend.Clock
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
     _fine: int = FIRST
     _longer: float = 1.0
-    _known: dict[bytes, uqmbd.History] = field(default_factory=dict)
+    _known: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
     _marks: dict[bytes, Merged] = field(default_factory=dict)
 
     points: ClassVar[int] = POINTS
@@ -108,7 +109,9 @@ class CombinedPaths:
     landmarks: ClassVar[str] = "times of events and of equal phase"
 
     @classmethod
-    def of(cls, problem: uqmbd.Problem, events: EventPaths | None, clock: uqmbd.Clock | None) -> CombinedPaths:
+    def of(
+        cls, problem: uqmbd.extend.Problem, events: EventPaths | None, clock: uqmbd.extend.Clock | None
+    ) -> CombinedPaths:
         """Make them of what events and phases have found, or say what is missing."""
         if events is None or clock is None:
             raise Impossible(problem.label, "there are not both events and a clock", "Leave one of them out.")
@@ -151,16 +154,16 @@ class CombinedPaths:
         """Return the events of realisations at inputs (K, d); phases between them are the same in all."""
         return self.events.sequences(values)
 
-    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
         """Return how realisations of an element are cut; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
-    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
+    def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
         """Return the landmarks of an element.
 
         Parameters
         ----------
-        space : uqmbd.GermSpace
+        space : uqmbd.extend.GermSpace
             Of the element.
         germs : array, shape (K, d)
             Nodes.
@@ -198,7 +201,9 @@ class CombinedPaths:
             lambda values: self.cut(values, sequence, marks), labels, kind, farther if marks.ending else None
         )
 
-    def cut(self, values: Array, sequence: tuple[str, ...], marks: Merged) -> tuple[Landmarked, uqmbd.Realisations]:
+    def cut(
+        self, values: Array, sequence: tuple[str, ...], marks: Merged
+    ) -> tuple[Landmarked, uqmbd.extend.Realisations]:
         """Return realisations in segments; those whose landmarks come in another order are no part of this element."""
         if marks.ending:
             self._reach(values, len(sequence), float(marks.phases[-1][-1]))
@@ -215,7 +220,7 @@ class CombinedPaths:
                 edges[k], response[k] = motion.cut(marks, outputs)
         status = np.array([int(Status.INTEGRATION_FAILED if text else Status.OK) for text in messages])
         nothing = np.zeros((len(values), 0, 0))
-        return Landmarked(edges, response), uqmbd.Realisations(values, nothing, status, tuple(messages), {}, 0.0)
+        return Landmarked(edges, response), uqmbd.extend.Realisations(values, nothing, status, tuple(messages), {}, 0.0)
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
         """Follow realisations whose last segment, of a count, no event ends until they get to a phase, if they do."""
@@ -238,7 +243,7 @@ class CombinedPaths:
         rate = TURN / self.clock.turn
         return [_Motion(history, rate * history.response[:, self.clock.row]) for history in found]
 
-    def _histories(self, values: Array, longer: float) -> list[uqmbd.History]:
+    def _histories(self, values: Array, longer: float) -> list[uqmbd.extend.History]:
         known = self.events.histories(values)
         longer = max(longer, self.longer)
         if self._fine == FIRST and longer == self.longer:
@@ -268,7 +273,7 @@ def _coefficients(values: Array) -> Array:
     return np.asarray(found)
 
 
-def _resolved(history: uqmbd.History) -> bool:
+def _resolved(history: uqmbd.extend.History) -> bool:
     """Say whether the points between events tell a motion: its last coefficients are small."""
     found = np.abs(_coefficients(history.response))
     tail = found[..., -max(2, found.shape[-1] // 8) :].max(axis=(0, 2), initial=0.0)

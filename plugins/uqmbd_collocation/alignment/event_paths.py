@@ -41,7 +41,7 @@ class EventPaths:
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     least : int
         Segments that each has.
@@ -53,12 +53,12 @@ class EventPaths:
         Realisations so far.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     least: int = 1
     longer: float = 1.0
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
-    _known: dict[bytes, uqmbd.History] = field(default_factory=dict)
+    _known: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
 
     points: ClassVar[int] = POINTS
     failures: ClassVar[int] = 0
@@ -97,7 +97,7 @@ class EventPaths:
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 
-    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
         """Return how realisations of an element are cut."""
         return self._cutting(space.to_inputs(germs), sequence)
 
@@ -117,7 +117,7 @@ class EventPaths:
 
         return Cutting(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
-    def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[Landmarked, uqmbd.Realisations]:
+    def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[Landmarked, uqmbd.extend.Realisations]:
         """Return realisations in segments; those whose sequence is another one are no part of this element."""
         histories = self.histories(values, len(sequence))
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
@@ -126,7 +126,7 @@ class EventPaths:
         response = np.full((len(values), count, outputs, POINTS), np.nan)
         for k in np.flatnonzero(same):
             edges[k], response[k] = histories[k].edges[: count + 1], histories[k].response[:count, :outputs]
-        told = uqmbd.Realisations(
+        told = uqmbd.extend.Realisations(
             values,
             response.reshape(len(values), outputs, -1),
             np.where(same, int(Status.OK), int(Status.INTEGRATION_FAILED)),
@@ -136,7 +136,7 @@ class EventPaths:
         )
         return Landmarked(edges, response), told
 
-    def histories(self, values: Array, count: int = 1) -> list[uqmbd.History]:
+    def histories(self, values: Array, count: int = 1) -> list[uqmbd.extend.History]:
         """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`.
 
         Each has at least a number of segments, unless no event follows.
@@ -176,7 +176,7 @@ class EventPaths:
         begin, end = self.problem.times[[0, -1]]
         return float(begin + self.longer * (end - begin)) if self.longer > 1 else float(end)
 
-    def _enough(self, history: uqmbd.History | None, count: int) -> bool:
+    def _enough(self, history: uqmbd.extend.History | None, count: int) -> bool:
         if history is None:
             return False
         if not history.final:

@@ -25,7 +25,7 @@ class Impossible(uqmbd.StudyError):
         return type(self), self.parts
 
 
-def without_clock(problem: uqmbd.Problem, why: str) -> Impossible:
+def without_clock(problem: uqmbd.extend.Problem, why: str) -> Impossible:
     """Return the error of phases where there is no clock."""
     if problem.model.events:
         return Impossible(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedElement, Landmarks
+from uqmbd.extend import AlignedElement, Landmarks
 from uqmbd.typing import Array
 
 __all__ = [
@@ -75,14 +75,14 @@ class Landmarked:
     edges : array, shape (K, S + 1)
         Times of the landmarks, s; NaN where a realisation does not reach one.
     response : array, shape (K, S, O, N)
-        Outputs at `uqmbd.results.AlignedElement.points` of each segment.
+        Outputs at `uqmbd.extend.AlignedElement.points` of each segment.
     """
 
     edges: Array
     response: Array
 
 
-Cut = Callable[[Array], tuple[Landmarked, uqmbd.Realisations]]
+Cut = Callable[[Array], tuple[Landmarked, uqmbd.extend.Realisations]]
 """From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
 
 
@@ -109,14 +109,16 @@ class Cutting:
     farther: Callable[[float, float], Cutting | None] | None = None
 
 
-def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Marks, outputs: int, points: int) -> Landmarked:
+def phase_landmarks(
+    found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, marks: Marks, outputs: int, points: int
+) -> Landmarked:
     """Cut realisations where their phases pass given values, and at equal distances of time behind the last of these.
 
     Parameters
     ----------
-    found : uqmbd.Dense
+    found : uqmbd.extend.Dense
         Realisations, which are fine.
-    phases : uqmbd.Phases
+    phases : uqmbd.extend.Phases
         Of these.
     marks : Marks
         Where.
@@ -138,7 +140,7 @@ def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Marks, outp
     return Landmarked(edges, response)
 
 
-def time_landmarks(found: uqmbd.Dense, edges: Array, outputs: int, points: int) -> Landmarked:
+def time_landmarks(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: int) -> Landmarked:
     """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_landmarks`."""
     moments = edges[:-1, None] + AlignedElement.points(points) * np.diff(edges)[:, None]
     response = np.empty((len(found.values), len(edges) - 1, outputs, points))
@@ -163,9 +165,9 @@ def marks_behind(starts: Array, last: float) -> Array:
     return np.asarray(np.arange(first, np.ceil(last / step) + 1) * step)
 
 
-def everywhere(space: uqmbd.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
+def everywhere(space: uqmbd.extend.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
     """Return values (K, N) at germs (K, d), and those of a polynomial of order 2 through them at others (M, d)."""
-    terms = uqmbd.index_set(space.dimension, 2)
+    terms = uqmbd.extend.index_set(space.dimension, 2)
     terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
     fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]
     return np.concatenate([known, space.evaluate(spread, terms) @ fit])

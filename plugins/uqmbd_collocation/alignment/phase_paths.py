@@ -55,7 +55,7 @@ STANDS: Sequence = ("the clock stands",)
 class _Path:
     """One realisation, known until the end of `found`; it fails on the way to `limit`, with the reason `beyond`."""
 
-    found: uqmbd.Dense
+    found: uqmbd.extend.Dense
     row: int
     status: int
     message: str
@@ -69,7 +69,7 @@ class PhasePaths:
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     wanted : str, optional
         Name of the clock that the user asks for.
@@ -83,9 +83,9 @@ class PhasePaths:
         Of the interpolation, over the range of an output: the largest.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     wanted: str | None = None
-    clock: uqmbd.Clock | None = None
+    clock: uqmbd.extend.Clock | None = None
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
     error: float = 0.0
@@ -156,9 +156,9 @@ class PhasePaths:
         if not groups:
             raise without_clock(self.problem, f"all realisations failed: {paths[0].message}")
         found, rows = max(groups, key=lambda group: len(group[1]))
-        self.clock, why = uqmbd.choose_clock(self.problem, found, self.end, self.wanted)
+        self.clock, why = uqmbd.extend.choose_clock(self.problem, found, self.end, self.wanted)
         if self.clock is not None and self.wanted is not None:
-            other, _ = uqmbd.choose_clock(self.problem, found, self.end, None)
+            other, _ = uqmbd.extend.choose_clock(self.problem, found, self.end, None)
             if other is not None and other.name != self.clock.name and self._in_all(other, found):
                 self.better = other.name
         swings = self.clock.kinds[-1] if self.clock else None
@@ -187,13 +187,13 @@ class PhasePaths:
         """
         if not self._clock.turn or sequence not in (*self._kinds, STANDS):
             return np.zeros(len(seen), dtype=bool)
-        at_times = uqmbd.Dense(self.problem.times, seen, 0.0)
+        at_times = uqmbd.extend.Dense(self.problem.times, seen, 0.0)
         turns = [kind.phases(at_times).running(self.end) for kind in self._clock.kinds[:2]]
         if sequence in self._kinds[:2]:
             return np.asarray(~turns[self._kinds.index(sequence)])
         return np.asarray(turns[0] | turns[1])
 
-    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Marks:
+    def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Marks:
         """Return the landmarks that all realisations of an element need; none where its clock stands.
 
         Where the clock comes to rest in some of them the landmarks are those that all nodes have; what is behind is
@@ -201,7 +201,7 @@ class PhasePaths:
 
         Parameters
         ----------
-        space : uqmbd.GermSpace
+        space : uqmbd.extend.GermSpace
             Of the element.
         germs : array, shape (K, d)
             Nodes.
@@ -229,7 +229,7 @@ class PhasePaths:
         marks = marks_behind(others[:, 0], float(others[:, 1].max()) + 2 * np.pi / PER_TURN)
         return self._common(kind, values[same], marks)
 
-    def _common(self, kind: uqmbd.Clock, values: Array, marks: Array) -> Marks:
+    def _common(self, kind: uqmbd.extend.Clock, values: Array, marks: Array) -> Marks:
         """Return the marks (S,) that all of some realisations pass before their clock comes to rest, if it does."""
         groups, _ = self._reaching(kind, values, float(marks[-1]))
         common = marks[marks <= min((p.lasting.min(initial=np.inf) for _, p, _ in groups), default=np.inf) + 1e-9]
@@ -241,7 +241,7 @@ class PhasePaths:
         tail = self.end - first + MARGIN * (self.end - self.begin)
         return Marks(common, tail, 1 + int(np.count_nonzero(self.problem.times > first)) // STANDING)
 
-    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Cutting:
+    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Cutting:
         """Return how realisations of an element are cut; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
@@ -255,7 +255,7 @@ class PhasePaths:
         segments = -(-len(self.problem.times) // STANDING)
         return Cutting(lambda values: self.cut_in_time(values, segments), ("",) * segments, "time")
 
-    def cut(self, values: Array, marks: Marks, sequence: Sequence) -> tuple[Landmarked, uqmbd.Realisations]:
+    def cut(self, values: Array, marks: Marks, sequence: Sequence) -> tuple[Landmarked, uqmbd.extend.Realisations]:
         """Return realisations from phase to phase; one that does not reach the last has failed."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._reaching(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
@@ -267,8 +267,8 @@ class PhasePaths:
         return Landmarked(edges, response), self._told(values, paths, edges, sequence)
 
     def _reaching(
-        self, kind: uqmbd.Clock, values: Array, last: float, more: float = 0.0
-    ) -> tuple[list[tuple[uqmbd.Dense, uqmbd.Phases, list[int]]], list[_Path]]:
+        self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
+    ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_Path]]:
         """Follow realisations (K, d) until their phases are the last, rad, and longer, s, if they get there."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
@@ -280,7 +280,7 @@ class PhasePaths:
                 break
         return read, paths
 
-    def cut_in_time(self, values: Array, segments: int) -> tuple[Landmarked, uqmbd.Realisations]:
+    def cut_in_time(self, values: Array, segments: int) -> tuple[Landmarked, uqmbd.extend.Realisations]:
         """Return realisations in segments of the same times."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._groups(values)
@@ -291,7 +291,7 @@ class PhasePaths:
             edges[rows], response[rows] = part.edges, part.response
         return Landmarked(edges, response), self._told(values, paths, edges, STANDS)
 
-    def at_times(self, values: Array) -> uqmbd.Realisations:
+    def at_times(self, values: Array) -> uqmbd.extend.Realisations:
         """Return realisations at the output times: of those that are followed, and anew of those that failed."""
         outputs = self.problem.labels.shape[0]
         response = np.full((len(values), *self.problem.labels.shape), np.nan)
@@ -307,9 +307,9 @@ class PhasePaths:
             response[left], status[left] = found.response, found.status
             for at, message in zip(left.tolist(), found.messages, strict=True):
                 messages[at] = message
-        return uqmbd.Realisations(values, response, status, tuple(messages), {}, 0.0)
+        return uqmbd.extend.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
-    def _told(self, values: Array, paths: list[_Path], edges: Array, sequence: Sequence) -> uqmbd.Realisations:
+    def _told(self, values: Array, paths: list[_Path], edges: Array, sequence: Sequence) -> uqmbd.extend.Realisations:
         status = np.array([path.status for path in paths])
         lost = (status == Status.OK) & ~np.isfinite(edges).all(axis=1)
         same = np.array([other == sequence for other in self.sequences(values)])
@@ -327,10 +327,10 @@ class PhasePaths:
                 )
             messages.append(reason)
         status = np.where(lost, int(Status.INTEGRATION_FAILED), status)
-        return uqmbd.Realisations(values, np.zeros((len(values), 0, 0)), status, tuple(messages), {}, 0.0)
+        return uqmbd.extend.Realisations(values, np.zeros((len(values), 0, 0)), status, tuple(messages), {}, 0.0)
 
     @property
-    def _clock(self) -> uqmbd.Clock:
+    def _clock(self) -> uqmbd.extend.Clock:
         if self.clock is None:
             raise uqmbd.StudyError(f"{self.problem.label}: no clock was chosen.")
         return self.clock
@@ -343,21 +343,21 @@ class PhasePaths:
             names[1] += ", backwards"
         return [(name,) for name in names]
 
-    def _kind(self, sequence: Sequence) -> uqmbd.Clock:
+    def _kind(self, sequence: Sequence) -> uqmbd.extend.Clock:
         return self._clock.kinds[self._kinds.index(sequence)]
 
-    def _in_all(self, clock: uqmbd.Clock, found: uqmbd.Dense) -> bool:
+    def _in_all(self, clock: uqmbd.extend.Clock, found: uqmbd.extend.Dense) -> bool:
         good = np.isfinite(found.values).all(axis=(1, 2))
         if not good.all():
             return False
         return bool(np.any([k.phases(found).running(self.end) for k in clock.kinds], axis=0).all())
 
-    def _phases(self, kind: uqmbd.Clock, seen: uqmbd.Dense, values: Array) -> uqmbd.Phases:
+    def _phases(self, kind: uqmbd.extend.Clock, seen: uqmbd.extend.Dense, values: Array) -> uqmbd.extend.Phases:
         """Read the phases of realisations at inputs (K, d)."""
         near = self.starts.near(values) if self.starts is not None and not kind.turn else None
         return kind.phases(seen, near)
 
-    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.Dense, list[int]]], list[_Path]]:
+    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_Path]]:
         """Realisations (K) as far as they are known, put together where they have the same times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
@@ -399,7 +399,7 @@ class PhasePaths:
     def _follow(self, values: Array, until: float) -> None:
         """Compute realisations; what fails behind the last output time is kept as far as it is known."""
         times = self.problem.times
-        found, told = uqmbd.dense(self.problem.watching(), values, until, max(2 * len(times), self._fine), times)
+        found, told = uqmbd.extend.dense(self.problem.watching(), values, until, max(2 * len(times), self._fine), times)
         self._fine = len(found.times)
         self.spent += len(values) * found.integrations
         self.counters.update(told.counters)

@@ -26,17 +26,17 @@ class Watching(Derived):
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     paths : Paths
         Tells the sequence of what was watched.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     paths: Paths
     _seen: list[Array] = field(default_factory=list)
 
-    def realise(self, values: Array) -> uqmbd.Realisations:
+    def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute realisations, and keep what is watched of those that do not fail."""
         found = self.problem.watching().realise(values)
         self._seen.append(found.response[found.good])

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 import uqmbd
-from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, Status
+from uqmbd.extend import QuasiPeriodicElement
+from uqmbd.results import QuasiPeriodicChaos, Status
 from uqmbd.typing import Array
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
@@ -39,14 +40,14 @@ class _Fitted:
 class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     plans: Plans
     series: SeriesProblem
     tolerance: Limits
-    given: uqmbd.Verification | None = None
+    given: uqmbd.extend.Verification | None = None
     done: list[_Fitted] = field(default_factory=list)
 
-    def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[QuasiPeriodicChaos]:
+    def compute(self, boxes: Iterable[uqmbd.extend.GermBox]) -> list[QuasiPeriodicChaos]:
         """Fit and verify the elements of some boxes."""
         plans, boxes = self.plans, list(boxes)
         points = plans.points_of_elements(boxes, len(self.done))
@@ -54,7 +55,7 @@ class _Elements:
         self.done += found
         return [one.chaos for one in found]
 
-    def _fitted(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
+    def _fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> _Fitted:
         """Fit an element, and verify it at points by the outputs themselves."""
         problem, local = self.problem, box.local
         verified = Runs(problem, local)
@@ -68,7 +69,7 @@ class _Elements:
         fit, refinement = computed(runs, self.plans, points if refined else points[:0], self.tolerance)
         waves = self.series.split(fit.coefficients)
         chaos = QuasiPeriodicChaos(
-            (QuasiPeriodicElement(uqmbd.GermBox.whole(local), **vars(waves)),),
+            (QuasiPeriodicElement(uqmbd.extend.GermBox.whole(local), **vars(waves)),),
             self.series.lattice,
             float(problem.times[0]),
             fit.multi_index,
@@ -77,7 +78,7 @@ class _Elements:
         )
         return _Fitted(chaos, fit, runs, verified, refinement)
 
-    def _scale(self, known: uqmbd.Verification) -> Array:
+    def _scale(self, known: uqmbd.extend.Verification) -> Array:
         """Return what errors of frequencies and outputs (1 + O,) are compared with.
 
         That of a frequency moves phases at the last time: the output that moves most for its standard deviation counts.
@@ -89,12 +90,12 @@ class _Elements:
 
 
 def expand_series(
-    problem: uqmbd.Problem,
-    space: uqmbd.GermSpace,
+    problem: uqmbd.extend.Problem,
+    space: uqmbd.extend.GermSpace,
     plans: Plans,
-    limits: uqmbd.ElementLimits,
+    limits: uqmbd.extend.ElementLimits,
     tolerance: Limits,
-    given: uqmbd.Verification | None = None,
+    given: uqmbd.extend.Verification | None = None,
 ) -> Expanded:
     """Find frequencies and harmonics, and expand them.
 
@@ -102,7 +103,7 @@ def expand_series(
     ----------
     problem, space, plans, limits, tolerance
         Of the study, and of the method.
-    given : uqmbd.Verification, optional
+    given : uqmbd.extend.Verification, optional
         Realisations that are known; default: they are computed.
 
     Raises
@@ -116,9 +117,9 @@ def expand_series(
     series.find(space.to_inputs(plans.first_nodes(space)))
     work, children = _Elements(problem, plans, series, tolerance, given), dict[str, Any]()
     if limits.elements is None:
-        (chaos,), kept = work.compute([uqmbd.GermBox.whole(space)]), work.done
+        (chaos,), kept = work.compute([uqmbd.extend.GermBox.whole(space)]), work.done
     else:
-        refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
+        refined = uqmbd.extend.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
         chaos, kept, children = refined.chaos, [work.done[k] for k in refined.kept], {"elements": refined.steps}
     if len(kept) == 1 and kept[0].refinement is not None:
         children["refinement"] = history(kept[0].refinement.steps)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Labels, OutputInfo, Status
+from uqmbd.extend import Labels, OutputInfo
+from uqmbd.results import Status
 from uqmbd.typing import Array, Index, Mask
 from uqmbd_collocation.runs import Derived
 from uqmbd_collocation.two_frequency.identification import QUASI_PERIODIC, Identified, Kind, follow, identify
@@ -75,7 +76,7 @@ class SeriesProblem(Derived):
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     kind : Kind
         What all realisations have in common; set by `find`.
@@ -93,7 +94,7 @@ class SeriesProblem(Derived):
         The largest so far, over the scale of the output.
     """
 
-    problem: uqmbd.Problem
+    problem: uqmbd.extend.Problem
     kind: Kind | None = None
     scales: Array = field(default_factory=lambda: np.zeros(0))
     kept: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
@@ -162,7 +163,7 @@ class SeriesProblem(Derived):
         self._keep(values[good], identified.series)
         self._lose(values, told)
 
-    def realise(self, values: Array) -> uqmbd.Realisations:
+    def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute realisations, and their series: response (K, 1 + O, 2 + 2 H).
 
         Raises
@@ -196,7 +197,7 @@ class SeriesProblem(Derived):
                 response[k, 1:, 2:] = np.where(waves, amplitudes[:, 2:][:, np.tile(used, 2)], 0.0)
         status = np.array([self._lost.get(key, (int(Status.OK), ""))[0] for key in keys])
         messages = tuple(self._lost.get(key, (0, ""))[1] for key in keys)
-        return uqmbd.Realisations(values, response, status, messages, {}, 0.0)
+        return uqmbd.extend.Realisations(values, response, status, messages, {}, 0.0)
 
     def split(self, coefficients: Array) -> Waves:
         """Return what coefficients (P, 1 + O, 2 + 2 H) of the columns mean."""
@@ -209,10 +210,12 @@ class SeriesProblem(Derived):
             outputs[:, :, 2 : 2 + half] - 1j * outputs[:, :, 2 + half :],
         )
 
-    def _followed(self, values: Array, known: bool = False) -> tuple[uqmbd.Dense, uqmbd.Realisations, NDArray[np.intp]]:
+    def _followed(
+        self, values: Array, known: bool = False
+    ) -> tuple[uqmbd.extend.Dense, uqmbd.extend.Realisations, NDArray[np.intp]]:
         """Compute realisations over their times, with those that are fine."""
         end = float(self.problem.times[0]) + self.longer * self.length
-        found, told = uqmbd.dense(self.problem, values, end, self._count if known else 0)
+        found, told = uqmbd.extend.dense(self.problem, values, end, self._count if known else 0)
         self.spent += len(values)
         self.counters.update(told.counters)
         finite = np.isfinite(found.values).all(axis=(1, 2))
@@ -222,7 +225,7 @@ class SeriesProblem(Derived):
             raise uqmbd.IntegrationError(f"{self.label}: all {len(values)} realisations failed: {reason}")
         return found, told, good
 
-    def _signals(self, found: uqmbd.Dense, k: int) -> Signals:
+    def _signals(self, found: uqmbd.extend.Dense, k: int) -> Signals:
         return Signals(found.times - found.times[0], found.values[k].T / self.scales).thinned(UNSEEN)
 
     def _scales(self, values: Array) -> Array:
@@ -287,7 +290,7 @@ class SeriesProblem(Derived):
     def _keep(self, values: Array, series: Sequence[Series]) -> None:
         self._known.update(zip(_keys(values), series, strict=True))
 
-    def _lose(self, values: Array, told: uqmbd.Realisations) -> None:
+    def _lose(self, values: Array, told: uqmbd.extend.Realisations) -> None:
         """Note which realisations failed, those that are not known."""
         for k, key in enumerate(_keys(values)):
             if key not in self._known:

@@ -41,12 +41,12 @@ CLOSE = 0.03
 """Relative distance of the verified probability from the one asked for that is close enough."""
 
 
-class _Named(uqmbd.Propagator):
+class _Named(uqmbd.extend.Propagator):
     """Gives the realisations of an allocation their name in messages and progress."""
 
     name = "allocation"
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Refuse: an allocation has no node."""
         raise uqmbd.StudyError("An allocation is computed by uqmbd_reliability.allocate.")
 
@@ -62,7 +62,7 @@ def allocate(
     loosest: float = 1.0,
     seed: int = 0,
     workers: int | Executor = 1,
-    progress: uqmbd.Progress | bool | None = None,
+    progress: uqmbd.extend.Progress | bool | None = None,
 ) -> Allocation:
     """Find how far which tolerances have to be tightened, or may be loosened, to reach a probability at the least cost.
 
@@ -130,7 +130,7 @@ def allocate(
     """
     where = "allocate"
     _check(where, study, probability, verify, narrowest, loosest, seed)
-    with uqmbd.pool(workers) as executor:
+    with uqmbd.extend.pool(workers) as executor:
         problem = study.problem(_Named(label="allocation"), executor, progress)
         rows, names = _chosen(where, problem, requirement)
         inputs = tightened(where, problem, cost, loosest)
@@ -139,7 +139,7 @@ def allocate(
 
 def _allocated(
     where: str,
-    problem: uqmbd.Problem,
+    problem: uqmbd.extend.Problem,
     rows: list[int],
     names: tuple[str, ...],
     probability: float,
@@ -193,7 +193,7 @@ def _allocated(
 class _Realisations:
     """Real realisations, and all that were computed."""
 
-    def __init__(self, problem: uqmbd.Problem, rows: list[int], inputs: Tightened, loosest: float) -> None:
+    def __init__(self, problem: uqmbd.extend.Problem, rows: list[int], inputs: Tightened, loosest: float) -> None:
         self.problem, self.rows, self.inputs = problem, rows, inputs
         self.factors = np.full(len(inputs.names), loosest)
         self.values: list[Array] = []
@@ -217,7 +217,7 @@ class _Realisations:
         """How many failed."""
         return sum(int(np.isnan(m[:, 0]).sum()) for m in self.margins)
 
-    def surrogate(self, where: str, space: uqmbd.GermSpace) -> Surrogate:
+    def surrogate(self, where: str, space: uqmbd.extend.GermSpace) -> Surrogate:
         """Fit a surrogate to those that did not fail."""
         values, margins = np.concatenate(self.values), np.concatenate(self.margins)
         known = ~np.isnan(margins[:, 0])
@@ -277,10 +277,10 @@ def _result(
 
 def _uniform(count: int, dimension: int, seed: int) -> Array:
     """Return points of Sobol', shape (count, dimension)."""
-    return np.asarray(uqmbd.sampling_design("sobol").points(dimension, count, seed))
+    return np.asarray(uqmbd.extend.sampling_design("sobol").points(dimension, count, seed))
 
 
-def _chosen(where: str, problem: uqmbd.Problem, requirement: str | None) -> tuple[list[int], tuple[str, ...]]:
+def _chosen(where: str, problem: uqmbd.extend.Problem, requirement: str | None) -> tuple[list[int], tuple[str, ...]]:
     known = [r.name for r in problem.requirements]
     if not known:
         raise uqmbd.StudyError(

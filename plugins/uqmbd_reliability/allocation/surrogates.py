@@ -36,7 +36,7 @@ class Surrogate:
 
     Attributes
     ----------
-    space : uqmbd.GermSpace
+    space : uqmbd.extend.GermSpace
         Of the inputs.
     index : array of int, shape (P, d)
         Degrees of the terms.
@@ -48,7 +48,7 @@ class Surrogate:
         Root mean square error at points that are left out, over the standard deviation of the margins.
     """
 
-    space: uqmbd.GermSpace
+    space: uqmbd.extend.GermSpace
     index: Index
     coefficients: Array
     order: int
@@ -60,12 +60,12 @@ class Surrogate:
         return np.concatenate([self.space.evaluate(part, self.index) @ self.coefficients for part in parts])
 
 
-def fitted(space: uqmbd.GermSpace, values: Array, margins: Array) -> Surrogate:
+def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> Surrogate:
     """Fit polynomials to realisations.
 
     Parameters
     ----------
-    space : uqmbd.GermSpace
+    space : uqmbd.extend.GermSpace
         Of the inputs.
     values : array, shape (K, input)
         Where realisations were computed.
@@ -76,7 +76,7 @@ def fitted(space: uqmbd.GermSpace, values: Array, margins: Array) -> Surrogate:
     best: Surrogate | None = None
     spread = np.maximum(margins.std(axis=0), np.finfo(float).tiny)
     for order in range(1, HIGHEST + 1):
-        index = uqmbd.index_set(space.dimension, order)
+        index = uqmbd.extend.index_set(space.dimension, order)
         if order > 1 and (len(index) > MOST or SPARE * len(index) > len(values)):
             break
         basis = space.evaluate(germs, index)

@@ -71,7 +71,7 @@ class Tightened:
         return np.array(found)
 
 
-def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None, loosest: float) -> Tightened:
+def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loosest: float) -> Tightened:
     """Return the inputs that a cost names; without one those with a stated tolerance, each as dear as it is tight.
 
     Raises
@@ -81,7 +81,7 @@ def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None, loosest: fl
     """
     variables = problem.inputs.variables
     names = [v.name for v in variables]
-    stated = {v.name: uqmbd.stated_tolerance(v.distribution) for v in variables}
+    stated = {v.name: uqmbd.extend.stated_tolerance(v.distribution) for v in variables}
     if cost is None:
         chosen = [name for name in names if stated[name] is not None]
         if not chosen:
@@ -160,7 +160,7 @@ def _number(where: str, name: str, function: Callable[[float], float], tolerance
     return float(found)
 
 
-def _variance(problem: uqmbd.Problem, column: int) -> float:
+def _variance(problem: uqmbd.extend.Problem, column: int) -> float:
     levels = (np.arange(4096) + 0.5) / 4096
     uniform = np.full((len(levels), len(problem.inputs)), 0.5)
     uniform[:, column] = levels

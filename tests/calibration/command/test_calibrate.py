@@ -173,7 +173,7 @@ import dataclasses
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Broken(uqmbd.Propagator):
+class Broken(uqmbd.extend.Propagator):
     name = "broken"
 
     def propagate(self, problem):

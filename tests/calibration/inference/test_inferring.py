@@ -167,7 +167,7 @@ def test_corrections_are_exact_for_polynomials(seed, inputs, degree):
     import uqmbd
 
     generator = np.random.default_rng(seed)
-    terms = uqmbd.index_set(inputs, degree, "total")
+    terms = uqmbd.extend.index_set(inputs, degree, "total")
     weights = generator.standard_normal((len(terms), 7))
 
     def polynomial(z):

@@ -5,7 +5,8 @@ import pytest
 
 import uqmbd
 from uqmbd.cli.compare.differences import what_differs
-from uqmbd.results import InputInfo, labels, propagator_node, sample_dataset, save, statistics_dataset, study_tree
+from uqmbd.extend import InputInfo, labels, sample_dataset, statistics_dataset
+from uqmbd.results import propagator_node, save, study_tree
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 

@@ -15,7 +15,7 @@ SCRIPT = """
     from uqmbd_collocation import Collocation
     from uqmbd_montecarlo import MonteCarlo
 
-    class Broken(uqmbd.Propagator):
+    class Broken(uqmbd.extend.Propagator):
         name = "broken"
 
         def propagate(self, problem):
@@ -110,9 +110,9 @@ def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, mon
 
 @pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypatch):
-    import uqmbd.results.tree
+    import uqmbd.results.tree.study
 
-    monkeypatch.setattr(uqmbd.results.tree, "compare_both", failing)
+    monkeypatch.setattr(uqmbd.results.tree.study, "compare_both", failing)
     methods = "MonteCarlo(samples=8, seed=1), Collocation(order=1, verify=0)"
     status, out, err = cli("run", "fall.py", "--out", "r", methods=methods)
     assert (status, "no ink" in out) == (0, True), err

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 import xarray as xr
 
-from uqmbd.results import answers, differing, load, requirements_dataset, unmet
+from uqmbd.extend import requirements_dataset
+from uqmbd.results import answers, load, unmet
+from uqmbd.results.requirements import differing
 from uqmbd.wording import format_interval
 
 SCRIPT = """

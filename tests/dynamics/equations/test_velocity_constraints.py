@@ -37,7 +37,7 @@ def bound(terms, space=None, **body):
     ],
 )
 def test_what_is_no_equation_between_velocities_is_refused(equation, message):
-    mechanism, _ = bound(lambda p: [uqmbd.VelocityConstraint(equation(p), "blade")])
+    mechanism, _ = bound(lambda p: [uqmbd.extend.VelocityConstraint(equation(p), "blade")])
     with pytest.raises(uqmbd.StudyError, match=message) as error:
         uqmbd.check(mechanism)
     assert "_v" not in str(error.value), "names that nobody but the program knows"
@@ -49,7 +49,7 @@ def test_what_is_linear_after_expansion_is_taken():
         u, w = p.body.velocity
         return (u + w) ** 2 - (u - w) ** 2 - 4 * u * w + u
 
-    mechanism, _ = bound(lambda p: [uqmbd.VelocityConstraint(equation(p))])
+    mechanism, _ = bound(lambda p: [uqmbd.extend.VelocityConstraint(equation(p))])
     assert uqmbd.check(mechanism).velocity_mobility == 2
 
 
@@ -59,7 +59,7 @@ def test_a_velocity_in_a_constraint_of_positions_points_to_the_term():
         uqmbd.check(mechanism)
     mechanism = uqmbd.Mechanism("trial", uqmbd.Planar())
     body = mechanism.body("body", mass=1, inertia=1)
-    with pytest.raises(uqmbd.StudyError, match=r"uqmbd\.VelocityConstraint"):
+    with pytest.raises(uqmbd.StudyError, match=r"uqmbd\.extend\.VelocityConstraint"):
         mechanism.add(PointOnPlane("plane", mechanism.ground, body, (0, 1.0 * body.velocity[0]), (0, 0), (0, 1)))
 
 
@@ -108,7 +108,7 @@ def test_equations_of_both_kinds_that_depend_on_each_other():
     """The derivative of an equation of positions is redundant, and it is the one between velocities that is dropped."""
 
     def terms(p):
-        yield uqmbd.VelocityConstraint(p.body.velocity[1], "speed")
+        yield uqmbd.extend.VelocityConstraint(p.body.velocity[1], "speed")
         yield uqmbd.Constraint(p.body.position[1] - 0.3, "place")
 
     mechanism, body = bound(terms, position=(0, 0.3), velocity=(1, 0))
@@ -125,8 +125,10 @@ def test_a_dropped_equation_between_velocities_that_contradicts_is_seen():
     """Redundant where it starts, but not later: the first wants ``x' = 0``, the second something else as y grows."""
 
     def terms(p):
-        yield uqmbd.VelocityConstraint(p.body.velocity[0], "first")
-        yield uqmbd.VelocityConstraint(p.body.velocity[0] + p.body.position[1] ** 2 * p.body.velocity[1], "second")
+        yield uqmbd.extend.VelocityConstraint(p.body.velocity[0], "first")
+        yield uqmbd.extend.VelocityConstraint(
+            p.body.velocity[0] + p.body.position[1] ** 2 * p.body.velocity[1], "second"
+        )
 
     mechanism, body = bound(terms, velocity=(0, 1))
     mechanism.output("x", body.position[0])
@@ -136,7 +138,7 @@ def test_a_dropped_equation_between_velocities_that_contradicts_is_seen():
 
 def test_stated_velocities_that_contradict_are_told():
     def terms(p):
-        yield uqmbd.VelocityConstraint(p.body.velocity[0], "speed")
+        yield uqmbd.extend.VelocityConstraint(p.body.velocity[0], "speed")
 
     mechanism, body = bound(terms, velocity=(1, 0))
     mechanism.output("x", body.position[0])
@@ -155,7 +157,7 @@ def test_a_prescribed_speed(integrator, close):
         speed = uqmbd.Parameter("m/s", "speed along x")
 
         def terms(self, p):
-            yield uqmbd.VelocityConstraint(p.body.velocity[0] - p.speed, "speed")
+            yield uqmbd.extend.VelocityConstraint(p.body.velocity[0] - p.speed, "speed")
 
     mechanism = uqmbd.Mechanism("driven", uqmbd.Translational(gravity=(0, -10)))
     body = mechanism.body("body", mass=2.0)
@@ -175,7 +177,7 @@ def test_terms_of_the_mechanism():
     mechanism = uqmbd.Mechanism("sleigh", uqmbd.Planar())
     body = mechanism.body("body", mass=1, inertia=1)
     mechanism.add(Skate("blade", mechanism.ground, body, (0, 0), (1, 0)))
-    terms = uqmbd.mechanism_terms(mechanism)
+    terms = uqmbd.extend.mechanism_terms(mechanism)
     assert terms.equations == ("body: unit quaternion",) and terms.velocity_equations == ("blade: blade",)
     (e0, e1), (x, y) = body.q[2:], body.v[:2]
     expected = (e0**2 - e1**2) * y - 2 * e0 * e1 * x

@@ -19,7 +19,7 @@ NUMBERS = st.lists(st.floats(-1, 1).map(lambda x: round(x, 2)), min_size=14, max
 
 def _terms(self, p):
     q, v = [*p.body_i.position, *p.body_j.position], [*p.body_i.velocity, *p.body_j.velocity]
-    yield uqmbd.VelocityConstraint(equation([getattr(p, f"n{k}") for k in range(14)], q, v, p.time), "bound")
+    yield uqmbd.extend.VelocityConstraint(equation([getattr(p, f"n{k}") for k in range(14)], q, v, p.time), "bound")
 
 
 Bound = type(

@@ -288,7 +288,7 @@ def test_an_integrator_of_a_plugin_that_cannot_bound_its_steps_is_refused(monkey
     for options in ({"max_step": 0.1}, {"breaks": [0.5]}):
         with pytest.raises(uqmbd.StudyError, match="'steady' cannot bound its steps.*bounded_steps=True"):
             uqmbd.simulate(particle(1), TIMES, integrator="steady", check=False, **options)
-    Steady.capabilities = uqmbd.Capabilities(bounded_steps=True)
+    Steady.capabilities = uqmbd.extend.Capabilities(bounded_steps=True)
     data = uqmbd.simulate(particle(1), TIMES, integrator="steady", check=False, max_step=0.1)
     np.testing.assert_allclose(data["speed"], TIMES, atol=1e-6)
 

@@ -1,7 +1,7 @@
 """Variational Work by algebra: energies and virtual work averaged with exact moments, then the equations of motion.
 
 The dissertation's way, for small mechanisms and low orders, as a proof that the projected residual of the fast way
-(`uqmbd.ProjectedEnsemble.residual`) is that of Variational Work.  In this order:
+(`uqmbd.extend.ProjectedEnsemble.residual`) is that of Variational Work.  In this order:
 
 1. coordinates, velocities and multipliers are expanded in the basis, in every term of the mechanism;
 2. the Lagrangian, the virtual work and the constraints are averaged, ``L = E[T - V]``, ``C = E[lambda . Phi]``,
@@ -48,7 +48,7 @@ class VariationalWork:
         Its terms must be polynomials in coordinates, velocities, time and random variables, without auxiliary states;
         its random variables independent, and normal or uniform.
     multi_index : array of int, shape (P, input)
-        Degrees of the polynomials, as from `uqmbd.index_set`.
+        Degrees of the polynomials, as from `uqmbd.extend.index_set`.
 
     Raises
     ------
@@ -63,7 +63,7 @@ class VariationalWork:
     >>> mass = uqmbd.RandomVariable("mass", chaospy.Normal(2, 1))
     >>> mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -10)))
     >>> stone = mechanism.body("stone", mass=mass)
-    >>> work = VariationalWork(mechanism, uqmbd.index_set(1, 1))
+    >>> work = VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
     >>> rest, fall = np.zeros((2, 2)), np.array([[0.0, -10.0], [0.0, 0.0]])
     >>> found = work.residual(0.0, rest, rest, np.zeros((2, 0)), np.zeros((2, 0)), rest, fall)
     >>> float(abs(found[1]).max())
@@ -71,12 +71,12 @@ class VariationalWork:
     """
 
     def __init__(self, mechanism: uqmbd.Mechanism, multi_index: NDArray[np.int64]) -> None:
-        self.terms = uqmbd.mechanism_terms(mechanism)
+        self.terms = uqmbd.extend.mechanism_terms(mechanism)
         self.name = mechanism.name
         if self.terms.states:
             raise uqmbd.StudyError(
                 f"mechanism {self.name!r}: the state {self.terms.states[0]} has a differential equation of its own, "
-                "which the symbolic route does not know; use uqmbd.ProjectedEnsemble."
+                "which the symbolic route does not know; use uqmbd.extend.ProjectedEnsemble."
             )
         self.degrees = [tuple(map(int, row)) for row in multi_index]
         self.n, self.P, self.holonomic = len(self.terms.coordinates), len(self.degrees), len(self.terms.constraints)
@@ -94,7 +94,7 @@ class VariationalWork:
 
     def _germs(self, mechanism: uqmbd.Mechanism) -> None:
         """Random variables as first-degree polynomials of germs, with rational factors."""
-        space = uqmbd.GermSpace.of(mechanism.inputs)
+        space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         self.families = tuple(germ.family for germ in space.germs)
         self.germs = tuple(sympy.Symbol(f"_germ{k}", real=True) for k in range(space.dimension))
         probe = np.array([0.0, 1.0, -1.0, 0.5])
@@ -104,7 +104,7 @@ class VariationalWork:
         if not (linear and space.independent and set(self.families) <= set(FAMILIES)):
             raise uqmbd.StudyError(
                 f"mechanism {self.name!r}: the symbolic route has moments of independent normal and uniform inputs; "
-                f"those of {', '.join(space.names)} are {', '.join(self.families)}. Use uqmbd.ProjectedEnsemble."
+                f"those of {', '.join(space.names)} are {', '.join(self.families)}. Use uqmbd.extend.ProjectedEnsemble."
             )
         self.inputs = {
             variable: sympy.Rational(float(a)) + sympy.Rational(float(b)) * germ
@@ -129,7 +129,7 @@ class VariationalWork:
         if polynomial is None or polynomial.free_symbols_in_domain:
             raise uqmbd.StudyError(
                 f"mechanism {self.name!r}: the term {expression} is no polynomial; the symbolic route averages "
-                "polynomials only. Use uqmbd.ProjectedEnsemble, which integrates anything."
+                "polynomials only. Use uqmbd.extend.ProjectedEnsemble, which integrates anything."
             )
         found: Sum = defaultdict(lambda: sympy.QQ(0))
         for powers, factor in polynomial.terms():
@@ -283,12 +283,14 @@ class VariationalWork:
             shaped("psi", values),
         )
 
-    def projected_residual(self, projected: uqmbd.ProjectedEnsemble, time: float, y: Array, rates: Array) -> Array:
-        """Residual in the unknowns of a projected ensemble, for comparison with `uqmbd.ProjectedEnsemble.residual`.
+    def projected_residual(
+        self, projected: uqmbd.extend.ProjectedEnsemble, time: float, y: Array, rates: Array
+    ) -> Array:
+        """Residual in the unknowns of a projected ensemble, for comparison with `uqmbd.extend.ProjectedEnsemble.residual`.
 
         Parameters
         ----------
-        projected : uqmbd.ProjectedEnsemble
+        projected : uqmbd.extend.ProjectedEnsemble
             Of the same mechanism and basis; it says which coordinates are held for good and which equations are kept.
         time : float
             s.

@@ -33,16 +33,16 @@ def projection(mechanism, order, nodes, terms=None):
     """Project a mechanism whose output "rate" is that of the clock."""
     study = uqmbd.Study("study", mechanism, [0, 1], [], rtol=1e-10)
     model = study.model
-    space = uqmbd.GermSpace.of(mechanism.inputs)
-    terms = uqmbd.index_set(space.dimension, order) if terms is None else terms
-    rule = uqmbd.gauss_tensor(space, [nodes] * space.dimension)
-    ensemble = uqmbd.Ensemble(model, space.to_inputs(rule.nodes))
+    space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    terms = uqmbd.extend.index_set(space.dimension, order) if terms is None else terms
+    rule = uqmbd.extend.gauss_tensor(space, [nodes] * space.dimension)
+    ensemble = uqmbd.extend.Ensemble(model, space.to_inputs(rule.nodes))
     row = model.outputs.names.index("rate")
 
     def rates(times, states):
         return ensemble.outputs(times[:, None], states[:, None])[:, row, 0]
 
-    return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights), rates
+    return uqmbd.extend.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights), rates
 
 
 def parametrised_equations(length, mass):
@@ -134,7 +134,7 @@ def test_rates_in_phase_satisfy_the_averaged_equations_of_the_parametrised_lagra
 
 def _gradient_scale(mechanism):
     """By what the constraint of the mechanism is a multiple of ``x^2 + y^2 - l^2``."""
-    terms = uqmbd.mechanism_terms(mechanism)
+    terms = uqmbd.extend.mechanism_terms(mechanism)
     (phi,) = terms.constraints
     x, y = terms.coordinates
     return [sympy.expand(phi).coeff(x, 2), sympy.expand(phi).coeff(y, 2)]

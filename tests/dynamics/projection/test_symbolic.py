@@ -36,7 +36,7 @@ def test_averaged_energies_and_work_give_the_projected_residual(mechanisms, proj
     mechanism = mechanisms[name](**options)
     # an integrand of degree 4 p of the states, and 3 of length and mass
     projected = project(mechanism, order, nodes=2 * order + 3)
-    work = VariationalWork(mechanism, uqmbd.index_set(2, order))
+    work = VariationalWork(mechanism, uqmbd.extend.index_set(2, order))
     generator = np.random.default_rng(order)
     for time in (0.0, 0.7, -2.0):
         y, rates = generator.normal(size=(2, projected.terms, projected.model.layout.unknowns))
@@ -51,7 +51,7 @@ def test_too_few_nodes_are_seen(mechanisms, project):
     """The comparison is sharp: with order + 1 nodes the quadrature is not exact."""
     mechanism = mechanisms["pendulum"]()
     projected = project(mechanism, 1)
-    work = VariationalWork(mechanism, uqmbd.index_set(2, 1))
+    work = VariationalWork(mechanism, uqmbd.extend.index_set(2, 1))
     y, rates = np.random.default_rng(0).normal(size=(2, 3, projected.model.layout.unknowns))
     expected = work.projected_residual(projected, 0.0, y, rates)
     assert np.abs(projected.residual(0.0, y, rates) - expected).max() > 1e-3 * np.abs(expected).max()
@@ -80,8 +80,8 @@ def test_average_is_the_integral_over_the_density():
     mass = uqmbd.RandomVariable("mass", chaospy.Uniform(0.5, 1.5))
     mechanism = uqmbd.Mechanism("rod", uqmbd.Planar(gravity=(0, -10)))
     rod = mechanism.body("rod", mass=mass, inertia=2 * mass, com=(0.5, 0))
-    terms = uqmbd.mechanism_terms(mechanism)
-    work = VariationalWork(mechanism, uqmbd.index_set(1, 1))
+    terms = uqmbd.extend.mechanism_terms(mechanism)
+    work = VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
     x = sympy.Symbol("x")
     expansions = {
         s: sympy.Symbol(f"{letter}{k}_0") + sympy.Symbol(f"{letter}{k}_1") * x
@@ -102,7 +102,7 @@ def test_equations_are_those_of_euler_and_lagrange_by_sympy(mechanisms):
     from uqmbd_joints import Distance
 
     mechanism.add(Distance("rod", mechanism.ground, bob, (0, 0), (0, 0), length))
-    work = VariationalWork(mechanism, uqmbd.index_set(1, 1))
+    work = VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
     augmented = work.expression(work.averaged_lagrangian) - work.expression(work.averaged_constraints)
     t = sympy.Symbol("t")
     names = [(k, j) for j in range(2) for k in range(2)]
@@ -130,7 +130,7 @@ def test_what_is_no_polynomial_is_refused():
     mechanism = uqmbd.Mechanism("spring", uqmbd.Translational())
     body = mechanism.body("body", mass=1, position=(2, 0))
     mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), 10, free_length=length))
-    work = VariationalWork(mechanism, uqmbd.index_set(1, 1))
+    work = VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
     with pytest.raises(uqmbd.StudyError, match="is no polynomial"):
         work.averaged_lagrangian  # noqa: B018 - built once
 
@@ -142,7 +142,7 @@ def test_distributions_without_known_moments_are_refused(distribution):
     mechanism = uqmbd.Mechanism("body", uqmbd.Translational())
     mechanism.body("body", mass=uqmbd.RandomVariable("mass", distribution))
     with pytest.raises(uqmbd.StudyError, match="moments of independent normal and uniform inputs"):
-        VariationalWork(mechanism, uqmbd.index_set(1, 1))
+        VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
 
 
 def test_auxiliary_states_are_refused():
@@ -151,7 +151,7 @@ def test_auxiliary_states_are_refused():
     wheel = mechanism.body("wheel", mass=1, inertia=1)
     mechanism.add(TorsionSpringDamper("spring", mechanism.ground, wheel, stiffness=k))
     with pytest.raises(uqmbd.StudyError, match="differential equation of its own"):
-        VariationalWork(mechanism, uqmbd.index_set(1, 1))
+        VariationalWork(mechanism, uqmbd.extend.index_set(1, 1))
 
 
 def test_terms_of_a_mechanism_are_in_the_symbols_of_its_bodies():
@@ -160,7 +160,7 @@ def test_terms_of_a_mechanism_are_in_the_symbols_of_its_bodies():
     block = mechanism.body("block", mass=3, inertia=1)
     mechanism.add(Prismatic("guide", mechanism.ground, block, (0, 0), (0, 0), (1, 0), (1, 0)))
     mechanism.add(TorsionSpringDamper("spring", mechanism.ground, block, stiffness=k, damping=2))
-    terms = uqmbd.mechanism_terms(mechanism)
+    terms = uqmbd.extend.mechanism_terms(mechanism)
     x, y, e0, e1 = block.q
     assert terms.coordinates == block.q and terms.velocities == block.v
     assert sympy.simplify(terms.potential[0] - 30 * y) == 0

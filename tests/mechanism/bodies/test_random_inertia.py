@@ -94,8 +94,8 @@ def test_mean_and_covariance_are_exactly_those_that_are_stated(axes, turn, dispe
     entries = uqmbd.random_inertia(inertia, dispersion)
     inputs = variables(entries)
     assert len(inputs) == rank * (rank + 1) // 2
-    space = uqmbd.GermSpace.of(JointInput.of(inputs))
-    rule = uqmbd.gauss_tensor(space, 3)
+    space = uqmbd.extend.GermSpace.of(JointInput.of(inputs))
+    rule = uqmbd.extend.gauss_tensor(space, 3)
     order = [JointInput.of(inputs).names.index(v.name) for v in inputs]
     drawn = second_moments(tensor(values(entries, inputs, space.to_inputs(rule.nodes)[:, order])))
     expected, covariance = closed_covariance([inertia[i, j] for i, j in PLACES], dispersion)
@@ -288,8 +288,8 @@ def test_mean_and_covariance_of_the_pseudo_inertia_are_exact():
     """It is quadratic in independent variables: a Gauss rule of three points integrates its products exactly."""
     body = uqmbd.random_body_inertia(MASS, CENTRE, FLAT, 0.5)
     inputs = variables((body.mass, *body.centre, *body.inertia))
-    space = uqmbd.GermSpace.of(JointInput.of(inputs))
-    rule = uqmbd.gauss_tensor(space, 3)
+    space = uqmbd.extend.GermSpace.of(JointInput.of(inputs))
+    rule = uqmbd.extend.gauss_tensor(space, 3)
     order = [JointInput.of(inputs).names.index(v.name) for v in inputs]
     found = pseudo(*drawn_bodies(body, space.to_inputs(rule.nodes)[:, order], inputs))
     expected = pseudo(np.array(MASS), np.array(CENTRE), second_moments(tensor(np.array(FLAT))))

@@ -245,7 +245,7 @@ def test_named_quantities_are_written_out_for_other_derivations():
     mechanism = uqmbd.Mechanism("guided", uqmbd.Planar())
     body = mechanism.body("ball", mass=1, inertia=1, position=(1, 1))
     mechanism.add(Guide("guide", body, 3))
-    terms = uqmbd.mechanism_terms(mechanism)
+    terms = uqmbd.extend.mechanism_terms(mechanism)
     known = {*terms.coordinates, *terms.velocities, *terms.states, uqmbd.t}
     for e in [*terms.potential, *terms.constraints, *terms.rates, *(x for w in terms.work for x in w)]:
         assert e.free_symbols <= known

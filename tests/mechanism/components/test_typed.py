@@ -70,12 +70,12 @@ def test_a_section_of_the_author_stays():
     assert inspect.getdoc(type("Bare", (Weight,), {"__doc__": None})) == inspect.getdoc(Weight)
 
 
-class Belt(uqmbd.TypedComponent):
+class Belt(uqmbd.extend.TypedComponent):
     """A belt pulls two pulleys together."""
 
     bodies = ("driver", "driven")
-    driver: uqmbd.NamedFrame
-    driven: uqmbd.NamedFrame
+    driver: uqmbd.extend.NamedFrame
+    driven: uqmbd.extend.NamedFrame
     point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "a point of the driver", kind="point")
     tension: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N", "tension", default=5)
     label: ClassVar[str] = "flat"
@@ -99,9 +99,13 @@ def test_a_typed_component_is_one_like_any_other():
 
 def refused(**namespace):
     annotations = namespace.pop("annotations", {})
-    namespace = {"bodies": ("body",), "__annotations__": {"body": "uqmbd.NamedFrame", **annotations}, **namespace}
+    namespace = {
+        "bodies": ("body",),
+        "__annotations__": {"body": "uqmbd.extend.NamedFrame", **annotations},
+        **namespace,
+    }
     with pytest.raises(uqmbd.StudyError) as error:
-        type("Wrong", (uqmbd.TypedComponent,), namespace)
+        type("Wrong", (uqmbd.extend.TypedComponent,), namespace)
     return str(error.value)
 
 
@@ -113,7 +117,7 @@ def test_what_checkers_of_types_would_not_see_is_refused():
     assert "'rope' has no annotation" in refused(bodies=("body", "rope"))
     assert "see the arguments (name, body, mass); expected (name, body)" in refused(annotations={"mass": "float"})
     assert "see the arguments (name, length, body)" in refused(
-        __annotations__={"length": kind, "body": "uqmbd.NamedFrame"}, length=length
+        __annotations__={"length": kind, "body": "uqmbd.extend.NamedFrame"}, length=length
     )
     assert "'length' has no default and follows 'radius'" in refused(
         annotations={"radius": kind, "length": kind}, radius=with_default, length=length
@@ -122,11 +126,11 @@ def test_what_checkers_of_types_would_not_see_is_refused():
 
 
 def test_a_turning_axis_is_optional_to_checkers_and_needed_in_space():
-    class Vane(uqmbd.TypedComponent):
+    class Vane(uqmbd.extend.TypedComponent):
         """A vane."""
 
-        body_i: uqmbd.NamedFrame
-        body_j: uqmbd.NamedFrame
+        body_i: uqmbd.extend.NamedFrame
+        body_j: uqmbd.extend.NamedFrame
         gain: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N m/rad", "gain", default=1)
         axis_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis", kind="turning_axis", default=())
 

@@ -163,12 +163,12 @@ def test_a_budget_of_realisations_is_used_beyond_keep_and_beside_a_control(optio
 
 def test_methods_share_a_budget_and_one_that_fails_costs_only_itself():
     @dataclass(frozen=True, kw_only=True)
-    class Broken(uqmbd.Propagator):
+    class Broken(uqmbd.extend.Propagator):
         name: ClassVar[str] = "broken"
         size: int = 1
 
         def sizing(self, study, accuracy):
-            return uqmbd.Sizing(option="size", at=lambda size: replace(self, size=size), least=10)
+            return uqmbd.extend.Sizing(option="size", at=lambda size: replace(self, size=size), least=10)
 
         def propagate(self, problem):
             raise uqmbd.IntegrationError("broken: as ever.")

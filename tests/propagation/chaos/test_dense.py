@@ -25,7 +25,7 @@ class _Given:
             response = self.function(times)[None, None].repeat(len(values), axis=0)
             counters = Counter(integrations=len(values))
             good = np.zeros(len(values), dtype=np.int64)
-            return uqmbd.Realisations(values, response, good, ("",) * len(values), counters, 0.0)
+            return uqmbd.extend.Realisations(values, response, good, ("",) * len(values), counters, 0.0)
 
         return SimpleNamespace(realise=realise)
 
@@ -53,7 +53,7 @@ FUNCTIONS = {
 )
 def test_it_is_as_accurate_as_told_by_few_integrations(name, most, accuracy):
     problem = _Given(FUNCTIONS[name])
-    found, told = uqmbd.dense(problem, np.zeros((2, 1)), 10.0)
+    found, told = uqmbd.extend.dense(problem, np.zeros((2, 1)), 10.0)
     at = np.random.default_rng(1).uniform(0.1, 9.9, 20_000)
     true = np.abs(found.spline(0)(at)[:, 0] - problem.function(at)).max() / np.ptp(found.values)
     assert true <= accuracy

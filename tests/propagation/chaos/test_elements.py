@@ -13,9 +13,11 @@ import sympy
 
 import uqmbd
 from uqmbd import report
+from uqmbd.extend import labels
 from uqmbd.randomness import JointInput
 from uqmbd.report.figures.elements import elements_in_words
-from uqmbd.results import PiecewiseChaos, PolynomialChaos, chaos_from_dataset, labels, validate
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, validate
+from uqmbd.results.chaos import chaos_from_dataset
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
@@ -235,7 +237,7 @@ def test_bouncing_ball():
     """After two impacts the deviation is within 1 % of its maximum, with 16 to 32 elements that the rule finds."""
     study = ball()
     problem = study.problem(Collocation())
-    space = uqmbd.GermSpace.of(problem.inputs)
+    space = uqmbd.extend.GermSpace.of(problem.inputs)
     # the converged reference: Gauss rules on 100 panels
     points, rule = np.polynomial.legendre.leggauss(6)
     edges = np.linspace(-1, 1, 101)
@@ -288,7 +290,7 @@ def test_an_output_that_is_always_zero_does_not_count(method, elements):
 @pytest.mark.parametrize("told", [True, False])
 def test_what_a_chaos_does_not_follow_counts_as_an_error(told):
     """Realisations beyond 0.3 move otherwise: elements get so small there that few of them are mixed."""
-    space = uqmbd.GermSpace.of(JointInput.of([uqmbd.RandomVariable("x", U)]), "rosenblatt")
+    space = uqmbd.extend.GermSpace.of(JointInput.of([uqmbd.RandomVariable("x", U)]), "rosenblatt")
     axes, shares = labels(["y"], ["x"], [0.0, 1.0]), list[float]()
 
     def compute(boxes):
@@ -299,8 +301,8 @@ def test_what_a_chaos_does_not_follow_counts_as_an_error(told):
         line = np.array([[[0.0, 0.0]], [[1.0, 1.0]], [[0.0, 0.0]]])
         return [PolynomialChaos(line, [[0], [1], [2]], box.local, axes) for box in boxes]
 
-    limits = uqmbd.ElementLimits("adaptive", 40, 0.05)
-    found = uqmbd.refine_elements(space, compute, limits, label="", lost=shares.__getitem__ if told else None)
+    limits = uqmbd.extend.ElementLimits("adaptive", 40, 0.05)
+    found = uqmbd.extend.refine_elements(space, compute, limits, label="", lost=shares.__getitem__ if told else None)
     mixed = sum(shares[k] * box.probability for k, box in zip(found.kept, found.chaos.boxes, strict=True))
     assert found.met
     assert (mixed <= 0.05**2) == told == (len(found.kept) > 1)

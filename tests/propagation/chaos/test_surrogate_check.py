@@ -41,7 +41,7 @@ def told(study, method):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line(uqmbd.Propagator):
+class Line(uqmbd.extend.Propagator):
     """A straight line through three realisations: a method of a third party, with a surrogate."""
 
     name: ClassVar[str] = "line"
@@ -51,14 +51,14 @@ class Line(uqmbd.Propagator):
 
     def propagate(self, problem):
         space = problem.germ_space()
-        rule = uqmbd.gauss_tensor(space, 3)
-        terms = uqmbd.index_set(space.dimension, 1)
+        rule = uqmbd.extend.gauss_tensor(space, 3)
+        terms = uqmbd.extend.index_set(space.dimension, 1)
         response = problem.realise(space.to_inputs(rule.nodes)).response
         basis = space.evaluate(rule.nodes, terms)
         coefficients = np.einsum("k,kp,kot->pot", rule.weights, basis, response)
         coefficients[0] += self.mean
-        points = uqmbd.VerificationPoints.drawn(space, self.verify, 0, 7)
-        verified = uqmbd.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
+        points = uqmbd.extend.VerificationPoints.drawn(space, self.verify, 0, 7)
+        verified = uqmbd.extend.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
         chaos = verified.chaos(coefficients, terms, problem.labels)
         data = {"chaos": chaos.to_dataset()}
         count = len(rule.nodes) + self.verify
@@ -145,13 +145,13 @@ def node_of(response, mean, std):
     """The node of a surrogate that states no error, with verification realisations (V, T)."""
     inputs = uqmbd.Mechanism("inputs", uqmbd.Line())
     inputs.output("a", uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1)))
-    space = uqmbd.GermSpace.of(inputs.inputs)
-    axes = uqmbd.results.labels(["y"], ["a"], np.arange(float(response.shape[1])))
+    space = uqmbd.extend.GermSpace.of(inputs.inputs)
+    axes = uqmbd.extend.labels(["y"], ["a"], np.arange(float(response.shape[1])))
     germs = np.linspace(-1, 1, len(response))[:, None]
     known = dict(verification_germs=germs, verification_response=response[:, None])
     coefficients = np.stack([mean, std])[:, None]
     chaos = PolynomialChaos(coefficients, [[0], [1]], space, axes, **known)
-    statistics = uqmbd.results.statistics_dataset(axes, mean=[mean], std=[std])
+    statistics = uqmbd.extend.statistics_dataset(axes, mean=[mean], std=[std])
     return xr.DataTree.from_dict(
         {"statistics": statistics, "chaos": chaos.to_dataset().drop_vars("verification_error")}
     )

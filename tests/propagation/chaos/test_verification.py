@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd import ElementLimits, VerificationPoints, refine_elements
+from uqmbd.extend import ElementLimits, VerificationPoints, labels, refine_elements
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.results import PolynomialChaos, labels
+from uqmbd.results import PolynomialChaos
 from uqmbd.results.chaos.stated_error import uncertainty_factor
 
 NORMAL, UNIFORM, DICE = chaospy.Normal(0, 1), chaospy.Uniform(-1, 1), chaospy.DiscreteUniform(1, 6)
@@ -47,7 +47,7 @@ def made(name):
             np.concatenate([(b - a) / 4 * weights for a, b in ends]),
         )
     else:
-        rule = uqmbd.gauss_tensor(space, [min(n, 60) if len(inputs) == 1 else min(n, 14) for n in counts])
+        rule = uqmbd.extend.gauss_tensor(space, [min(n, 60) if len(inputs) == 1 else min(n, 14) for n in counts])
         nodes, weights = rule.nodes, rule.weights
     terms, values = space.basis(order), function(nodes)
     basis = space.evaluate(nodes, terms)
@@ -91,7 +91,7 @@ def test_stated_error_is_the_exact_one_within_a_factor_of_two(name):
     space, terms, coefficients, exact, function = case
     plain = []
     for seed in range(SEEDS):
-        germs = uqmbd.monte_carlo_rule(space, 16, seed, "sobol").nodes
+        germs = uqmbd.extend.monte_carlo_rule(space, 16, seed, "sobol").nodes
         wrong = space.evaluate(germs, terms) @ coefficients - function(germs)
         plain.append(math.sqrt(np.mean(wrong**2)) / exact)
     plain = np.array(plain)

@@ -71,7 +71,7 @@ def test_a_basis_that_would_fill_the_memory_is_not_begun():
     tracemalloc.start()
     for kind, order in (("tensor", 6), ("total", 30), ("hyperbolic", 2000)):
         with pytest.raises(uqmbd.StudyError, match=f"the {kind} set of order {order} has more than"):
-            uqmbd.index_set(20, order, kind)
+            uqmbd.extend.index_set(20, order, kind)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1e9

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.results import load, save, statistics_dataset, validate
+from uqmbd.extend import statistics_dataset
+from uqmbd.results import load, save, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
@@ -111,7 +112,7 @@ def test_margins_for_propagators():
         uqmbd.Study("s", bare, TIMES).problem(MonteCarlo()).margins(np.zeros((1, 0)))
 
 
-class Bare(uqmbd.Propagator):
+class Bare(uqmbd.extend.Propagator):
     """Gives means alone."""
 
     name = "bare"

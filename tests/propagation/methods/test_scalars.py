@@ -14,10 +14,11 @@ from scipy.integrate import quad
 import uqmbd
 import uqmbd.propagation.execution.chunks as chunks
 import uqmbd.propagation.problem as problems
+from uqmbd.extend import statistics_dataset
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
 from uqmbd.report.mechanisms.animation import motion
-from uqmbd.results import PolynomialChaos, load, save, statistics_dataset, validate
+from uqmbd.results import PolynomialChaos, load, save, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic, Revolute
@@ -357,7 +358,7 @@ def test_monte_carlo_knows_sobol_indices_and_controls():
 
 
 @dataclass(frozen=True, kw_only=True)
-class AtMeans(uqmbd.Propagator):
+class AtMeans(uqmbd.extend.Propagator):
     """A method that knows nothing of outputs without a time."""
 
     name = "at-means"

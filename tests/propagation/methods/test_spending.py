@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.errors import StudyError
+from uqmbd.extend import statistics_dataset
 from uqmbd.propagation.execution import Clock
 from uqmbd.propagation.execution.cost import PARTS, Spending
 from uqmbd.propagation.methods import run_method
-from uqmbd.results import statistics_dataset
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import LowFidelity, MonteCarlo
@@ -43,13 +43,13 @@ class Fake(Clock):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slow(uqmbd.Propagator):
+class Slow(uqmbd.extend.Propagator):
     """A plugin that says of itself that it took no time, and spends it in parts."""
 
     name: ClassVar[str] = "slow"
     parts: tuple[tuple[str, float], ...] = ()
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         found = problem.realise(problem.inputs.means[None, :])
         for part, seconds in self.parts:
             if part == "other":
@@ -73,7 +73,7 @@ def study(*, more: bool = False, scale: float = 1.0) -> uqmbd.Study:
     return uqmbd.Study("line", mechanism, [0.0, 0.5, 1.0])
 
 
-def run(method: uqmbd.Propagator, clock: Clock, **options: bool) -> xr.DataTree:
+def run(method: uqmbd.extend.Propagator, clock: Clock, **options: bool) -> xr.DataTree:
     return run_method(method, replace(study(**options).problem(method), clock=clock))
 
 
@@ -100,7 +100,7 @@ def test_no_plugin_can_forget_what_it_spends(parts: list[tuple[str, float]]) -> 
         (MonteCarlo(samples=50, control=LowFidelity(study(scale=1.1), samples=60)), {"integration"}),
     ],
 )
-def test_parts_of_every_method_add_up(method: uqmbd.Propagator, needed: set[str]) -> None:
+def test_parts_of_every_method_add_up(method: uqmbd.extend.Propagator, needed: set[str]) -> None:
     """By a clock of which each reading takes a second: the whole is all readings, and each part has some."""
     clock = Fake(step=1.0)
     controlled = isinstance(getattr(method, "control", None), LowFidelity)

@@ -130,7 +130,7 @@ def test_realisations_are_computed_once_and_nothing_of_them_is_held(
 ) -> None:
     problems, made = [], uqmbd.Study.problem
 
-    def problem(*args: Any) -> uqmbd.Problem:
+    def problem(*args: Any) -> uqmbd.extend.Problem:
         problems.append(made(*args))
         return problems[-1]
 

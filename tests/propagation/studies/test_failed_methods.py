@@ -83,7 +83,7 @@ OBSTACLES = {
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Own(uqmbd.Propagator):
+class Own(uqmbd.extend.Propagator):
     """A method that does as it is told."""
 
     name: typing.ClassVar[str] = "own"
@@ -92,7 +92,7 @@ class Own(uqmbd.Propagator):
     @staticmethod
     def right(method, problem):
         blank = np.zeros(problem.labels.shape)
-        statistics = uqmbd.results.statistics_dataset(problem.labels, mean=blank, std=blank)
+        statistics = uqmbd.extend.statistics_dataset(problem.labels, mean=blank, std=blank)
         return problem.node(method, statistics, realisations=0, wall_time=0.0)
 
     def obstacle(self, study):
@@ -293,9 +293,9 @@ def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp
 
 @pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(swing, tmp_path, monkeypatch):
-    import uqmbd.results.tree
+    import uqmbd.results.tree.study
 
-    monkeypatch.setattr(uqmbd.results.tree, "compare_both", lambda *a, **k: raising(ZeroDivisionError("no scale")))
+    monkeypatch.setattr(uqmbd.results.tree.study, "compare_both", lambda *a, **k: raising(ZeroDivisionError("no scale")))
     with pytest.warns(UserWarning, match="its methods cannot be compared: ZeroDivisionError: no scale"):
         tree = swing.with_propagators([GOOD, Own()]).run()
     assert list(propagator_nodes(tree)) == ["good", "own"]

@@ -120,7 +120,7 @@ def test_finished_chunks_are_used_again_and_then_removed(swing, results, tmp_pat
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Given(uqmbd.Propagator):
+class Given(uqmbd.extend.Propagator):
     """Somebody else's propagator: a few given points."""
 
     name = "given"
@@ -128,7 +128,7 @@ class Given(uqmbd.Propagator):
     def propagate(self, problem):
         values = problem.inputs.means + np.array([[0, 0], [0.01, 0.01]])
         found = problem.realise(values)
-        statistics = uqmbd.results.statistics_dataset(
+        statistics = uqmbd.extend.statistics_dataset(
             problem.labels, mean=found.response.mean(axis=0), std=found.response.std(axis=0)
         )
         return problem.node(self, statistics, realisations=2, wall_time=found.wall_time)
@@ -238,7 +238,7 @@ def test_too_many_failures_are_an_error_with_the_most_frequent_reason():
 def test_reasons_are_compared_without_their_numbers():
     empty = np.zeros((4, 1))
     messages = ("", "left: 0.31", "right: 3", "left: 0.29")
-    found = uqmbd.Realisations(empty, empty, np.array([0, 1, 1, 1]), messages, {}, 0.0)
+    found = uqmbd.extend.Realisations(empty, empty, np.array([0, 1, 1, 1]), messages, {}, 0.0)
     assert found.most_frequent_reason() == "left: 0.31" and found.failures == 3
 
 
@@ -280,12 +280,12 @@ def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
         def work(model, number):
             return {"square": np.array([number * number])}
         @dataclasses.dataclass(frozen=True, kw_only=True)
-        class Own(uqmbd.Propagator):
+        class Own(uqmbd.extend.Propagator):
             name = "own"
             def propagate(self, problem):
                 found = [float(a["square"][0]) for a in problem.run(work, [(2.0,), (3.0,)])]
                 mean = np.full(problem.labels.shape, sum(found))
-                statistics = uqmbd.results.statistics_dataset(problem.labels, mean=mean, std=0 * mean)
+                statistics = uqmbd.extend.statistics_dataset(problem.labels, mean=mean, std=0 * mean)
                 return problem.node(self, statistics, realisations=2, wall_time=0.0)
         study = study.with_propagators([Own()])
         print(float(study.run(workers=2)["own/statistics"]["mean"][0, 0]))

@@ -190,7 +190,7 @@ def test_units_are_those_that_are_given_and_no_others():
         variable = uqmbd.RandomVariable("d", uqmbd.iso286(30 * factor, "g6", units=units))
         assert variable.units == units
         assert variable.mean == pytest.approx((30 - 0.0135) * factor, rel=1e-14)
-        found = uqmbd.stated_tolerance(variable.distribution)
+        found = uqmbd.extend.stated_tolerance(variable.distribution)
         assert (found.lower, found.upper) == pytest.approx(((30 - 0.020) * factor, (30 - 0.007) * factor), rel=1e-14)
     with pytest.raises(uqmbd.StudyError, match="is in mm"):
         uqmbd.RandomVariable("d", uqmbd.iso286(30, "g6"), units="m")

@@ -17,7 +17,7 @@ from uqmbd.randomness import JointInput
 
 
 def _space(distribution):
-    return uqmbd.GermSpace.of(JointInput.of([uqmbd.RandomVariable("d", distribution)]))
+    return uqmbd.extend.GermSpace.of(JointInput.of([uqmbd.RandomVariable("d", distribution)]))
 
 
 def _inputs(distribution, uniform):
@@ -31,7 +31,7 @@ def test_the_process_has_the_capability_that_is_stated(nominal, plus, minus, cpk
     """The nearer limit is 3 Cpk standard deviations from the mean, to both sides."""
     minus = max(minus, 0.0)
     variable = uqmbd.RandomVariable("d", uqmbd.tolerance(nominal, plus, minus, cpk))
-    found = uqmbd.stated_tolerance(variable.distribution)
+    found = uqmbd.extend.stated_tolerance(variable.distribution)
     process = scipy.stats.norm(variable.mean, found.sigma)
     assert (nominal + plus - process.mean()) / (3 * process.std()) == pytest.approx(cpk, rel=1e-6)
     assert (process.mean() - nominal + minus) / (3 * process.std()) == pytest.approx(cpk, rel=1e-6)
@@ -56,7 +56,7 @@ def test_parts_beyond_the_limits_are_those_of_the_process_unless_they_are_sorted
 def test_polynomials_of_the_germ_are_those_of_the_distribution(inspected):
     """A chaos of order 1 is exact for the size itself: its coefficients are the mean and the standard deviation."""
     space = _space(uqmbd.tolerance(30, 0.02, 0.01, cpk=0.6, inspected=inspected))
-    rule = uqmbd.gauss_tensor(space, 6)
+    rule = uqmbd.extend.gauss_tensor(space, 6)
     values = space.to_inputs(rule.nodes)[:, 0]
     bound = 1.8 if inspected else np.inf
     exact = scipy.stats.truncnorm(-bound, bound, loc=30.005, scale=0.015 / 1.8)
@@ -73,9 +73,9 @@ def test_the_source_is_stated_and_survives_other_processes(inspected):
     again = pickle.loads(pickle.dumps(variable))
     for one in (variable, again):
         assert "30 +0.02/-0.01, Cpk 1.33" in one.description and ("inspected" in one.description) == inspected
-        assert uqmbd.stated_tolerance(one.distribution).upper == 30.02
+        assert uqmbd.extend.stated_tolerance(one.distribution).upper == 30.02
     assert "30 +0.02/-0.01" in uqmbd.RandomVariable("m", 1e-3 * variable.distribution).description
-    assert uqmbd.stated_tolerance(chaospy.Normal(30, 0.01)) is None
+    assert uqmbd.extend.stated_tolerance(chaospy.Normal(30, 0.01)) is None
     assert sympy.diff(2 * variable, variable) == 2
 
 
@@ -98,5 +98,5 @@ def test_what_is_no_tolerance_is_refused(arguments, said):
 
 
 def test_both_limits_may_lie_below_the_nominal_size():
-    found = uqmbd.stated_tolerance(uqmbd.tolerance(30, -0.007, 0.020))
+    found = uqmbd.extend.stated_tolerance(uqmbd.tolerance(30, -0.007, 0.020))
     assert (found.lower, found.upper) == (29.98, 29.993) and found.source == "30 -0.007/-0.02"

@@ -143,7 +143,7 @@ def test_the_yield_of_a_slider_crank_is_that_of_real_realisations():
     problem = study.problem(_method())
     uniform = np.random.default_rng(77).random((count, len(problem.inputs)))
     factors = np.array([dict(zip(found.inputs, found.factors, strict=True))[n] for n in problem.inputs.names])
-    centres = np.array([uqmbd.stated_tolerance(v.distribution).mean for v in problem.inputs.variables])
+    centres = np.array([uqmbd.extend.stated_tolerance(v.distribution).mean for v in problem.inputs.variables])
     drawn = centres + factors * (problem.inputs.from_uniform(uniform) - centres)
     violated = np.mean(problem.margins(drawn).values[:, 0] < 0)
     assert abs(violated - 0.01) <= 1e-3 + 2 * np.sqrt(0.01 / count)

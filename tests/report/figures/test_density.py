@@ -11,7 +11,7 @@ import scipy.stats
 import xarray as xr
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.report.figures.density import DensityCurve, densities, density, ends_of, known_densities
 
@@ -78,12 +78,12 @@ def test_a_curve_that_is_known_to_be_wrong_flattens_no_other() -> None:
 
 def nodes(error: float) -> xr.DataTree:
     """A method with samples, and one that states an error and has samples of a hundredth of the spread."""
-    axes = results.labels([("x", "m")], [("k", "1")], [0.0, 1.0])
+    axes = extend.labels([("x", "m")], [("k", "1")], [0.0, 1.0])
     made = []
     for label, scale in (("mine", 1.0), ("wrong", 0.01)):
         inputs = np.random.default_rng(1).normal(size=(200, 1))
-        samples = results.sample_dataset(scale * inputs[:, :, None] * np.ones(2), inputs, axes)
-        about = results.statistics_of_samples(samples)
+        samples = extend.sample_dataset(scale * inputs[:, :, None] * np.ones(2), inputs, axes)
+        about = extend.statistics_of_samples(samples)
         if label == "wrong":
             about["verification_error"] = (("output", "time"), np.full((1, 2), error))
         made.append(

@@ -17,7 +17,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_montecarlo import MonteCarlo
@@ -145,12 +145,12 @@ def test_no_text_runs_into_another_at_any_size(size: float, spread: float) -> No
     """Labels of the y axis keep clear of wide ticks, and titles of panels of powers of ten."""
     times = np.linspace(0, 2, 21)
     rng = np.random.default_rng(0)
-    axes = results.labels([("force in the pin", "N")], [("stiffness", "N/m")], times)
+    axes = extend.labels([("force in the pin", "N")], [("stiffness", "N/m")], times)
     nodes = []
     for label in ("mine", "yours"):
         inputs = size + spread * rng.normal(size=(60, 1))
-        samples = results.sample_dataset((inputs + spread * np.sin(times))[:, None], inputs, axes)
-        about = results.statistics_of_samples(samples)
+        samples = extend.sample_dataset((inputs + spread * np.sin(times))[:, None], inputs, axes)
+        about = extend.statistics_of_samples(samples)
         held = {"samples": samples}
         nodes.append(results.propagator_node(label, about, propagator="p", realisations=60, wall_time=1, children=held))
     tree = results.study_tree(nodes, study="s", mechanism="m")

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.failures import failure_reasons, failure_words, separating_inputs
 
 
 def _samples(drawn: np.ndarray, status: np.ndarray, messages: list[str], names: list[object]) -> xr.Dataset:
-    axes = results.labels(["x"], names, [0.0])
-    return results.sample_dataset(np.zeros((len(drawn), 1, 1)), drawn, axes, status=status, messages=messages)
+    axes = extend.labels(["x"], names, [0.0])
+    return extend.sample_dataset(np.zeros((len(drawn), 1, 1)), drawn, axes, status=status, messages=messages)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_figure_shows_the_two_best_inputs(rods: xr.Dataset) -> None:
 def test_report_explains_them(rods: xr.Dataset, tmp_path: object) -> None:
     """The page has the reasons with counts and shares, the words, and a figure for each."""
     node = results.propagator_node(
-        "a", results.statistics_of_samples(rods), rods, propagator="p", realisations=400, wall_time=1.0
+        "a", extend.statistics_of_samples(rods), rods, propagator="p", realisations=400, wall_time=1.0
     )
     tree = results.study_tree([node], study="s", mechanism="m")
     page = report.write_report(tree, f"{tmp_path}/a.html").read_text(encoding="utf-8")

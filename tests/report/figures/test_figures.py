@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.figures.density import density
@@ -191,10 +191,10 @@ def test_convergence_of_samples_not_all_kept(make_node: Callable[..., xr.DataTre
 
 def test_shares_of_hardly_any_spread_do_not_decide_on_the_axes() -> None:
     """Where nothing spreads, indices are any number: they are covered, and shares fill the axes to 1 elsewhere."""
-    axes = results.labels([("x", "m")], ["k", "c"], np.linspace(0, 1, 5))
+    axes = extend.labels([("x", "m")], ["k", "c"], np.linspace(0, 1, 5))
     alone = [[[9.0, 0.7, 0.7, 0.6, 0.6]], [[8.0, 0.2, 0.2, 0.3, 0.3]]]
     std = [[1e-9, 1.0, 1.0, 2.0, 2.0]]
-    about = results.statistics_dataset(axes, mean=np.ones((1, 5)), std=std, sobol_first=alone, sobol_total=alone)
+    about = extend.statistics_dataset(axes, mean=np.ones((1, 5)), std=std, sobol_first=alone, sobol_total=alone)
     figure = report.sobol_indices(
         results.propagator_node("a", about, propagator="p", realisations=9, wall_time=0.0), "x"
     )
@@ -205,8 +205,8 @@ def test_long_lines_are_thinned_but_keep_their_peaks() -> None:
     """Ten thousand times are drawn with at most 600 points, and a peak of a single step is among them."""
     times = np.linspace(0, 1, 10_001)
     mean = np.where(np.arange(times.size) == 4321, 7.0, np.sin(times))
-    axes = results.labels(["x"], [], times)
-    statistics = results.statistics_dataset(axes, mean=[mean], std=[0.1 + 0 * times])
+    axes = extend.labels(["x"], [], times)
+    statistics = extend.statistics_dataset(axes, mean=[mean], std=[0.1 + 0 * times])
     node = results.propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
     line = report.bands(node, "x").axes[0].lines[0]
     assert len(line.get_ydata()) <= 600 and line.get_ydata().max() == 7.0
@@ -215,11 +215,11 @@ def test_long_lines_are_thinned_but_keep_their_peaks() -> None:
 
 def test_a_constant_is_not_magnified() -> None:
     """Rounding noise of a constant stays a line in the middle of the axes."""
-    axes = results.labels(["x"], ["k"], [0.0, 1.0, 2.0])
+    axes = extend.labels(["x"], ["k"], [0.0, 1.0, 2.0])
     noise = 1e-17 * np.random.default_rng(0).normal(size=(9, 1, 3))
-    samples = results.sample_dataset(0.15 + noise, np.full((9, 1), 3.0), axes)
+    samples = extend.sample_dataset(0.15 + noise, np.full((9, 1), 3.0), axes)
     node = results.propagator_node(
-        "a", results.statistics_of_samples(samples), samples, propagator="p", realisations=9, wall_time=0.0
+        "a", extend.statistics_of_samples(samples), samples, propagator="p", realisations=9, wall_time=0.0
     )
     low, high = report.bands(node, "x").axes[0].get_ylim()
     assert low < 0.1 < 0.2 < high
@@ -233,10 +233,10 @@ def test_ticks_do_not_overlap() -> None:
     times = np.linspace(0, 2, 21)
     noise = np.random.default_rng(0).normal(size=(50, 1))
     outputs = [1e-7 * noise * times, 1e9 * noise + times, 1e5 + 0.01 * noise + 0 * times, 40 * np.pi * times + noise]
-    axes = results.labels(["a", "b", "c", "d"], [], times)
-    samples = results.sample_dataset(np.stack(outputs, axis=1), np.zeros((50, 0)), axes)
+    axes = extend.labels(["a", "b", "c", "d"], [], times)
+    samples = extend.sample_dataset(np.stack(outputs, axis=1), np.zeros((50, 0)), axes)
     node = results.propagator_node(
-        "a", results.statistics_of_samples(samples), samples, propagator="p", realisations=50, wall_time=0.0
+        "a", extend.statistics_of_samples(samples), samples, propagator="p", realisations=50, wall_time=0.0
     )
     for name in "abcd":
         for figure in (report.bands(node, name), report.histograms(node, name)):
@@ -250,8 +250,8 @@ def test_ticks_do_not_overlap() -> None:
 def test_long_names_stay_inside() -> None:
     """A name longer than the axes is broken into lines that fit the figure."""
     name = "angle of the very long connecting rod against the crank, measured at the pin of the frame"
-    axes = results.labels([(name, "rad")], [], [0.0, 1.0])
-    statistics = results.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.1]])
+    axes = extend.labels([(name, "rad")], [], [0.0, 1.0])
+    statistics = extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.1]])
     node = results.propagator_node("a" * 90, statistics, propagator="p", realisations=1, wall_time=0.0)
     figure = _drawn(report.bands(node, name))
     box = figure.axes[0].yaxis.label.get_window_extent()

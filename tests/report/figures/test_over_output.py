@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.extend import labels, sample_dataset, statistics_of_samples
 from uqmbd.report import over_output, write_report
-from uqmbd.results import labels, load, propagator_node, sample_dataset, statistics_of_samples
+from uqmbd.results import load, propagator_node
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo

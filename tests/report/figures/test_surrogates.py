@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from tests.report.live.pages import orders_data
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import unpacked
 from uqmbd.report.drawing.ticks import freeze_ticks
@@ -33,8 +33,8 @@ def _legend(figure: Figure) -> list[str]:
 
 def _with_indices(first: np.ndarray, total: np.ndarray, std: np.ndarray, names: list[str]) -> xr.DataTree:
     """Return a node with given indices (I, T), as any method may state them, without a chaos."""
-    axes = results.labels([("x", "N")], names, np.linspace(0, 1, len(std)))
-    statistics = results.statistics_dataset(
+    axes = extend.labels([("x", "N")], names, np.linspace(0, 1, len(std)))
+    statistics = extend.statistics_dataset(
         axes, mean=[np.ones_like(std)], std=[std], sobol_first=first[:, None], sobol_total=total[:, None]
     )
     return results.propagator_node("sampled", statistics, propagator="p", realisations=9, wall_time=0.0)
@@ -197,9 +197,9 @@ def test_stated_error_and_its_horizon(orders: xr.DataTree) -> None:
 def test_many_outputs_have_one_legend_entry(make_chaos: Maker) -> None:
     """Of ten outputs the five worst are named, the others are one entry."""
     times = np.array([0.0, 1.0])
-    axes = results.labels([f"y{k}" for k in range(10)], [], times)
+    axes = extend.labels([f"y{k}" for k in range(10)], [], times)
     zero = np.zeros((10, 2))
-    statistics = results.statistics_dataset(axes, mean=zero, std=zero + 1)
+    statistics = extend.statistics_dataset(axes, mean=zero, std=zero + 1)
     statistics["verification_error"] = (("output", "time"), 10.0 ** -np.arange(1, 11)[:, None] * [1, 2])
     node = results.propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
     legend = _legend(_drawn(report.verification(node)))

@@ -5,16 +5,14 @@ import numpy as np
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.extend import AlignedElement, QuasiPeriodicElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
 from uqmbd.results import (
     AlignedChaos,
-    AlignedElement,
     ComposedChaos,
     PiecewiseChaos,
     PolynomialChaos,
     QuasiPeriodicChaos,
-    QuasiPeriodicElement,
-    labels,
     propagator_node,
 )
 

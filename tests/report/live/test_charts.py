@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.report.live.pages import bands_data
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.report.charts import MOST_TIMES, unpacked
 from uqmbd.report.live import page_scripts
 from uqmbd.wording import format_number
@@ -18,8 +18,8 @@ DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
 
 def made(label, times, mean, std):
     """Return the node of a method with one output."""
-    axes = results.labels([("x", "m")], [], times)
-    statistics = results.statistics_dataset(axes, mean=[mean], std=[std])
+    axes = extend.labels([("x", "m")], [], times)
+    statistics = extend.statistics_dataset(axes, mean=[mean], std=[std])
     return results.propagator_node(label, statistics, propagator="p", realisations=1, wall_time=0.0)
 
 

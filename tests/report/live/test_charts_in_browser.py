@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from uqmbd import report, results
+from uqmbd import extend, report, results
 
 from ..test_hostile_names import HOSTILE
 
@@ -340,14 +340,14 @@ def test_a_chart_follows_the_width_of_the_page(opened, page_file):
 
 def test_hostile_names_are_texts(opened, tmp_path):
     names = list(HOSTILE.values())
-    axes = results.labels(
+    axes = extend.labels(
         [(name, names[(k + 5) % len(names)]) for k, name in enumerate(names)], [], np.linspace(0, 1, 5)
     )
     mean = np.arange(5.0) + np.arange(len(names))[:, None]
     nodes = [
         results.propagator_node(
             label,
-            results.statistics_dataset(axes, mean=mean, std=0.1 + 0 * mean),
+            extend.statistics_dataset(axes, mean=mean, std=0.1 + 0 * mean),
             propagator="p",
             realisations=1,
             wall_time=0.0,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.report.live.pages import decay_data, errors_data, settling_data
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.report.charts import unpacked
 from uqmbd.report.figures.decay import coefficient_parts
 
@@ -17,8 +17,8 @@ def lines(data):
 
 def stating(errors, times):
     """Return the node of a method that states errors (N, T) of outputs x0, x1, ..."""
-    axes = results.labels([(f"x{k}", "m") for k in range(len(errors))], [], times)
-    statistics = results.statistics_dataset(axes, mean=0 * errors, std=1 + 0 * errors)
+    axes = extend.labels([(f"x{k}", "m") for k in range(len(errors))], [], times)
+    statistics = extend.statistics_dataset(axes, mean=0 * errors, std=1 + 0 * errors)
     statistics["verification_error"] = (("output", "time"), errors)
     return results.propagator_node("mine", statistics, propagator="p", realisations=1, wall_time=0.0)
 
@@ -62,9 +62,9 @@ def test_an_error_at_one_time_has_no_chart():
 
 def sampled(values, **options):
     """Return the node of a method with samples of one output at one time."""
-    axes = results.labels([("x", "m")], [], [0.5])
-    data = results.sample_dataset(values[:, None, None], np.zeros((len(values), 0)), axes)
-    statistics = results.statistics_of_samples(data)
+    axes = extend.labels([("x", "m")], [], [0.5])
+    data = extend.sample_dataset(values[:, None, None], np.zeros((len(values), 0)), axes)
+    statistics = extend.statistics_of_samples(data)
     return results.propagator_node(
         "mc", statistics, data, propagator="p", options=options, realisations=len(values), wall_time=0.0
     )

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from uqmbd import StudyError, report, results
+from uqmbd import StudyError, extend, report, results
 from uqmbd.report import Band, Chart, Curve, chart_html, charts_html
 from uqmbd.report.charts import unpacked
 
@@ -102,8 +102,8 @@ class Own:
 
 def report_of(section, path):
     """Return the report of a study without histories, so that no other chart is on the page."""
-    axes = results.labels([("x", "m")], [], [1.0])
-    statistics = results.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
+    axes = extend.labels([("x", "m")], [], [1.0])
+    statistics = extend.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
     node = results.propagator_node("mine", statistics, propagator="p", realisations=1, wall_time=0.0)
     return report.write_report(results.study_tree([node], study="s", mechanism="m"), path, sections=[section])
 

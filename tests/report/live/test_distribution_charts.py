@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.report.live.pages import densities_data, inputs_data, scalars_data
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.report.charts import unpacked
 from uqmbd.report.drawing import histogram
 from uqmbd.report.figures.density import density, ends_of
@@ -12,9 +12,9 @@ from uqmbd.report.figures.density import density, ends_of
 
 def sampled(label, response):
     """Return the node of a method with samples (S, T) of one output at times 0, 1, ..."""
-    axes = results.labels([("x", "m")], [], np.arange(response.shape[1], dtype=float))
-    data = results.sample_dataset(response[:, None], np.zeros((len(response), 0)), axes)
-    statistics = results.statistics_of_samples(data)
+    axes = extend.labels([("x", "m")], [], np.arange(response.shape[1], dtype=float))
+    data = extend.sample_dataset(response[:, None], np.zeros((len(response), 0)), axes)
+    statistics = extend.statistics_of_samples(data)
     return results.propagator_node(label, statistics, data, propagator="p", realisations=len(response), wall_time=0.0)
 
 
@@ -95,8 +95,8 @@ def test_inputs_have_their_density_and_show_where_samples_failed():
     rng = np.random.default_rng(0)
     given = np.stack([rng.normal(size=200), rng.uniform(size=200)], axis=1)
     status = np.where(np.arange(200) < 3, 2, 0)
-    axes = results.labels(["x"], [("k", "N/m"), ("m", "kg")], [0.0])
-    samples = results.sample_dataset(np.zeros((200, 1, 1)), given, axes, status=status)
+    axes = extend.labels(["x"], [("k", "N/m"), ("m", "kg")], [0.0])
+    samples = extend.sample_dataset(np.zeros((200, 1, 1)), given, axes, status=status)
     data = inputs_data(samples)
     for column, (view, drawn) in enumerate(zip(data["views"], report.inputs(samples).axes, strict=True)):
         places, curves = parts(view)
@@ -117,9 +117,9 @@ def test_inputs_have_their_density_and_show_where_samples_failed():
 
 def scalar_method(label, values):
     """Return the node of a method with samples of outputs without a time, by name."""
-    axes = results.labels([(name, "Hz") for name in values], [], None)
-    data = results.sample_dataset(np.stack(list(values.values()), axis=1), np.zeros((200, 0)), axes)
-    statistics = results.statistics_of_samples(data)
+    axes = extend.labels([(name, "Hz") for name in values], [], None)
+    data = extend.sample_dataset(np.stack(list(values.values()), axis=1), np.zeros((200, 0)), axes)
+    statistics = extend.statistics_of_samples(data)
     inner = results.propagator_node(label, statistics, data, propagator="p", realisations=200, wall_time=0.0)
     outer = sampled(label, np.ones((200, 2)))
     outer["scalars"] = inner

@@ -8,9 +8,10 @@ import pytest
 
 import uqmbd
 from tests.report.live.pages import elements_data
+from uqmbd.extend import labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
 from uqmbd.report.charts import json_script, unpacked
-from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels, propagator_node
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, propagator_node
 
 TIMES = [0.0, 1.0]
 

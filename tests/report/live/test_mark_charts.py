@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from tests.report.live.pages import error_cost_data, failures_data, over_data
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.report.charts import unpacked
 from uqmbd.report.figures import failure_reasons
 
@@ -23,11 +23,11 @@ TIMES = np.linspace(0.0, 2.0, 301)
 
 def method_node(x, y, label="loops", times=TIMES, inputs=None, status=None):
     """Return the node of a method whose samples are the rows of x and y."""
-    axes = results.labels([("x", "m"), ("y", "deg")], ["k <b>", "m"][: 1 if inputs is None else inputs.shape[1]], times)
+    axes = extend.labels([("x", "m"), ("y", "deg")], ["k <b>", "m"][: 1 if inputs is None else inputs.shape[1]], times)
     drawn = np.ones((len(x), 1)) if inputs is None else inputs
     messages = None if status is None else ["too stiff" if s else "" for s in status]
-    samples = results.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
-    statistics = results.statistics_of_samples(samples)
+    samples = extend.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
+    statistics = extend.statistics_of_samples(samples)
     return results.propagator_node(
         label, statistics, samples=samples, propagator="p", realisations=len(x), wall_time=0.0
     )
@@ -322,10 +322,10 @@ def test_hostile_names_are_texts_in_a_plane(opened, tmp_path):
     drawn = np.random.default_rng(3).normal(size=(60, 2))
     status = np.where(drawn[:, 0] > 1, 2, 0)
     x, y = drawn[:, :1] * np.sin(4 * TIMES), drawn[:, :1] * np.cos(4 * TIMES)
-    axes = results.labels([(hostile[0], "m"), (hostile[1], "m")], hostile[2:4], TIMES)
+    axes = extend.labels([(hostile[0], "m"), (hostile[1], "m")], hostile[2:4], TIMES)
     messages = [hostile[4] if s else "" for s in status]
-    samples = results.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
-    statistics = results.statistics_of_samples(samples)
+    samples = extend.sample_dataset(np.stack([x, y], axis=1), drawn, axes, status=status, messages=messages)
+    statistics = extend.statistics_of_samples(samples)
     one = results.propagator_node(
         hostile[4], statistics, samples=samples, propagator="p", realisations=60, wall_time=0.0
     )
@@ -387,7 +387,7 @@ def test_a_page_of_every_chart_loads_no_matplotlib(tmp_path):
 ALONE = """
 import sys
 from pathlib import Path
-from uqmbd import report, results
+from uqmbd import extend, report, results
 for name in ("tree", "still"):
     report.write_report(results.load(Path(sys.argv[1]) / f"{name}.nc"), Path(sys.argv[1]) / f"{name}.html")
 print("matplotlib" in sys.modules)

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 import uqmbd
 from tests.report.live.chaoses import DISTRIBUTIONS, KINDS, TIMES, boxes_of, chaos_of, chaoses, space_of
+from uqmbd.extend import labels, statistics_dataset
 from uqmbd.randomness import GermSpace, JointInput, cumulated
 from uqmbd.report.charts import json_script
 from uqmbd.report.live import live_method, live_surrogate, packed_surrogate, shipped
-from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
+from uqmbd.results import propagator_node, study_tree
 from uqmbd.results.chaos import random_germs, reference_spread, stored_as
 
 EVALUATED = """

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from tests.report.live.pages import violation_data, violations_data
-from uqmbd import results
+from uqmbd import extend
 from uqmbd.report.charts import paper, unpacked
 from uqmbd.report.figures import worst_violations_chart
 
@@ -17,7 +17,7 @@ def node(probabilities, names=("overload", "stop"), times=TIMES, width=0.3):
     probabilities = [*probabilities, sum(probabilities)] if len(probabilities) > 1 else probabilities
     grown = np.asarray(probabilities)[:, None] * times / times[-1]
     last = np.asarray(probabilities)
-    data = results.requirements_dataset(
+    data = extend.requirements_dataset(
         list(names), violation_probability=last, lower=(1 - width) * last, upper=(1 + width) * last,
         times=times, violated_by=grown,
     )  # fmt: skip
@@ -84,7 +84,7 @@ def test_what_does_not_grow_has_no_chart():
 def test_the_picture_has_decades_and_bars():
     """A probability that grows by equal factors is a straight line; its interval is a bar from end to end."""
     probabilities = 1e-6 * 10 ** (TIMES - 2)
-    data = results.requirements_dataset(
+    data = extend.requirements_dataset(
         ["o"], violation_probability=[1e-6], lower=[5e-7], upper=[2e-6], times=TIMES, violated_by=[probabilities]
     )
     chart = worst_violations_chart({"a": xr.DataTree.from_dict({"requirements": data}, name="a")})

@@ -11,7 +11,7 @@ import xarray as xr
 
 import uqmbd
 from tests.mechanisms import pendulum
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.answers import ANSWERS
 from uqmbd.report.overview.asked import asked, in_view
@@ -28,17 +28,17 @@ def sampled(label="mc", count=400, seed=0):
     """Samples of two outputs: y = t (2 a - b) is uncertain, x = 10 + t a / 100 hardly."""
     a, b = np.random.default_rng(seed).normal(size=(2, count))
     y = TIMES * (2 * a - b)[:, None]
-    axes = results.labels([("x", "m"), ("y", "N")], [("a", "m"), ("b", "m")], TIMES)
-    data = results.sample_dataset(np.stack([10 + 0.01 * TIMES * a[:, None], y], axis=1), np.stack([a, b], axis=1), axes)
+    axes = extend.labels([("x", "m"), ("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    data = extend.sample_dataset(np.stack([10 + 0.01 * TIMES * a[:, None], y], axis=1), np.stack([a, b], axis=1), axes)
     return results.propagator_node(
-        label, results.statistics_of_samples(data), data, propagator="monte-carlo", realisations=count, wall_time=1.0,
+        label, extend.statistics_of_samples(data), data, propagator="monte-carlo", realisations=count, wall_time=1.0,
         options={"samples": count, "sampling": "random"},
     )  # fmt: skip
 
 
 def required(node, probability, lower, upper):
     """Give a method probabilities of two requirements and of any."""
-    data = results.requirements_dataset(["one", "two"], violation_probability=probability, lower=lower, upper=upper)
+    data = extend.requirements_dataset(["one", "two"], violation_probability=probability, lower=lower, upper=upper)
     node["requirements"] = xr.DataTree(data)
     return node
 
@@ -69,9 +69,9 @@ def test_effects_are_those_of_the_model():
 @pytest.mark.parametrize(("product", "first", "total"), [(1, 1 / 3, 2 / 3), (0, 1 / 2, 1 / 2)])
 def test_total_indices_that_add_up_to_more_than_all_say_so(product, first, total):
     """Of a + b + ab, of independent normal inputs, each explains a third alone and takes part in two: 133 % in all."""
-    axes = results.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    axes = extend.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
     ones = np.ones((1, len(TIMES)))
-    data = results.statistics_dataset(
+    data = extend.statistics_dataset(
         axes, mean=0 * ones, std=ones, sobol_first=first * np.stack([ones, ones]), sobol_total=total * np.stack([ones, ones])
     )  # fmt: skip
     node = results.propagator_node("c", data, propagator="collocation", realisations=9, wall_time=1.0, options={})
@@ -87,11 +87,11 @@ def test_inputs_that_depend_on_one_another_have_correlations_and_no_shares():
     """A regression on inputs of correlation 0.99 has effects of several times the spread; correlations are at most 1."""
     first, second = np.random.default_rng(0).normal(size=(2, 400))
     a, b = first, 0.99 * first + np.sqrt(1 - 0.99**2) * second
-    axes = results.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    axes = extend.labels([("y", "N")], [("a", "m"), ("b", "m")], TIMES)
     response = (TIMES * (5 * a - 4.9 * b)[:, None])[:, None]
-    data = results.sample_dataset(response, np.stack([a, b], axis=1), axes)
+    data = extend.sample_dataset(response, np.stack([a, b], axis=1), axes)
     node = results.propagator_node(
-        "after", results.statistics_of_samples(data), data, propagator="p", realisations=400, wall_time=1.0
+        "after", extend.statistics_of_samples(data), data, propagator="p", realisations=400, wall_time=1.0
     )
     found = of_history(StudyResult.of(results.study_tree([node], study="s", mechanism="m")), "y")
     expected = {name: np.corrcoef(x, response[:, 0, -1])[0, 1] for name, x in (("a", a), ("b", b))}
@@ -195,10 +195,10 @@ def test_outputs_before_and_after_a_calibration_stand_side_by_side():
 
 
 def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
-    axes = results.labels([("x", "m")], [], TIMES)
-    still = results.statistics_dataset(axes, mean=[np.ones(11)], std=[np.zeros(11)])
+    axes = extend.labels([("x", "m")], [], TIMES)
+    still = extend.statistics_dataset(axes, mean=[np.ones(11)], std=[np.zeros(11)])
     blind = results.propagator_node("blind", still, propagator="p", realisations=1, wall_time=0.1)
-    moving = results.statistics_dataset(axes, mean=[np.ones(11)], std=[np.full(11, 0.2)])
+    moving = extend.statistics_dataset(axes, mean=[np.ones(11)], std=[np.full(11, 0.2)])
     other = results.propagator_node("other", moving, propagator="p", realisations=9, wall_time=0.1)
     tree = results.study_tree([blind, other], study="s", mechanism="m")
     tree["comparison"].attrs |= {"reference": "blind", "recommended": "[]"}

@@ -15,9 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from uqmbd import RandomVariable, report, results
+from uqmbd import RandomVariable, extend, report, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.randomness import GermSpace, JointInput
+from uqmbd.results import comparison
 from uqmbd.wording import format_at_most, format_percent
 
 TIMES = np.linspace(0, 2, 6)
@@ -28,7 +29,7 @@ WORST = ("differs", "under-resolved", "too few samples")
 def chaos_node(label: str, scale: np.ndarray, error: np.ndarray, order: int, cost: float) -> xr.DataTree:
     """Return a chaos of random decay, whose stated error at each output and time is given."""
     names = [f"y{k}" for k in range(len(scale))]
-    axes = results.labels([(name, "m") for name in names], ["k"], TIMES)
+    axes = extend.labels([(name, "m") for name in names], ["k"], TIMES)
     coefficients = np.stack([scale * 0 + 1.0, *(scale / 4**n for n in range(order))])
     chaos = results.PolynomialChaos(coefficients, np.arange(order + 1)[:, None], SPACE, axes)
     germs = np.array([[-0.5], [0.5]])
@@ -47,10 +48,10 @@ def chaos_node(label: str, scale: np.ndarray, error: np.ndarray, order: int, cos
 
 
 def sampled_node(label: str, scale: np.ndarray, count: int, seed: int, cost: float) -> xr.DataTree:
-    axes = results.labels([(f"y{k}", "m") for k in range(len(scale))], ["k"], TIMES)
+    axes = extend.labels([(f"y{k}", "m") for k in range(len(scale))], ["k"], TIMES)
     x = np.random.default_rng(seed).uniform(-1, 1, count)
-    data = results.sample_dataset(1 + x[:, None, None] * scale * 3**0.5, x[:, None], axes)
-    statistics = results.statistics_of_samples(data)
+    data = extend.sample_dataset(1 + x[:, None, None] * scale * 3**0.5, x[:, None], axes)
+    statistics = extend.statistics_of_samples(data)
     return results.propagator_node(
         label, statistics, data, propagator="monte-carlo", realisations=count, wall_time=cost,
         options={"samples": count, "sampling": "random"},
@@ -95,7 +96,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path) -> None:
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     page = page.replace("\N{NO-BREAK SPACE}", " ")
     data = tree["comparison"].to_dataset()
-    said = results.statements(tree, results.propagator_nodes(tree))
+    said = comparison.statements(tree, results.propagator_nodes(tree))
     verdict = {
         (str(m), str(o)): (str(data["verdict_kind"].sel({"method": m, "output": o}).item()),
                            str(data["verdict"].sel({"method": m, "output": o}).item()))
@@ -176,7 +177,7 @@ def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("uqmbd.cli.compare.compare.console", lambda: wide)
     with contextlib.redirect_stdout(io.StringIO()):
         show_comparison([path])
-    own = results.own_statements(tree["pce"])[0]
+    own = comparison.own_statements(tree["pce"])[0]
     assert own.startswith("stated error of the surrogate above 1 % of the standard deviation from 0 s on, 3.0 % at 0 s")
     assert f"{own}; agrees with A mc" in wide.file.getvalue()
     assert tree["comparison"]["verdict"].sel({"method": "pce"}).values[0].startswith(f"{own}; agrees with mc")

@@ -9,21 +9,21 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd import display, report, results
+from uqmbd import display, extend, report, results
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, TemplateSection
 from uqmbd.report.sections.section import environment
 
 
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
-    axes = results.labels([("x", "m")], [("k", "N/m")], [0.0, 1.0])
+    axes = extend.labels([("x", "m")], [("k", "N/m")], [0.0, 1.0])
     rng = np.random.default_rng(1)
     inputs = rng.uniform(1, 2, (20, 1))
     response = inputs[:, :, None] * np.array([1.0, 2.0])
-    samples = results.sample_dataset(response[:, None, 0], inputs, axes)
+    samples = extend.sample_dataset(response[:, None, 0], inputs, axes)
     node = results.propagator_node(
         "mine",
-        results.statistics_of_samples(samples),
+        extend.statistics_of_samples(samples),
         propagator="p",
         realisations=20,
         wall_time=1.0,

@@ -10,7 +10,7 @@ import chaospy
 import numpy as np
 import pytest
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.index_sets import index_set
@@ -30,7 +30,7 @@ def chaos_of(space: GermSpace, multi_index: object, coefficients: object, **more
     """Return a chaos of coefficients (P, O, T), or (P,) for one output at one time."""
     values = np.asarray(coefficients, dtype=float)
     values = values.reshape(len(values), *(values.shape[1:] or (1, 1)))
-    axes = results.labels([f"y{k}" for k in range(values.shape[1])], space.inputs, np.arange(values.shape[2]) * 0.5)
+    axes = extend.labels([f"y{k}" for k in range(values.shape[1])], space.inputs, np.arange(values.shape[2]) * 0.5)
     return PolynomialChaos(values, multi_index, space, axes, **more)
 
 
@@ -42,7 +42,7 @@ def projected(
     nodes = np.array(list(product(*(rule[0] for rule in rules))))
     weights = np.array([math.prod(w) for w in product(*(rule[1] for rule in rules))])
     psi = space.evaluate(nodes, multi_index)
-    return chaos_of(space, multi_index, results.project(model(*space.to_inputs(nodes).T), psi, weights))
+    return chaos_of(space, multi_index, extend.project(model(*space.to_inputs(nodes).T), psi, weights))
 
 
 def test_hermite_by_hand() -> None:
@@ -181,7 +181,7 @@ def test_sobol_g_function() -> None:
     x, w = np.polynomial.legendre.leggauss(10)
     nodes, weights = np.concatenate([(x - 1) / 2, (x + 1) / 2]), np.concatenate([w, w]) / 4
     factors = [
-        results.project((2 * np.abs(nodes) + ak) / (1 + ak), germ.polynomials(nodes, 16), weights)
+        extend.project((2 * np.abs(nodes) + ak) / (1 + ak), germ.polynomials(nodes, 16), weights)
         for ak, germ in zip(a, space.germs, strict=True)
     ]
     coefficients = np.prod([f[column] for f, column in zip(factors, index.T, strict=True)], axis=0)
@@ -296,7 +296,7 @@ def test_a_chaos_does_not_change() -> None:
         ({"multi_index": [[0], [1], [-1]]}, "none negative"),
         ({"multi_index": [[0], [1], [0.5]]}, "whole numbers"),
         ({"multi_index": [[0, 0], [1, 0], [2, 0]]}, "'multi_index' must have the shape"),
-        ({"labels": results.labels(["y"], ["other"], [0.0, 1.0])}, "must have the same inputs"),
+        ({"labels": extend.labels(["y"], ["other"], [0.0, 1.0])}, "must have the same inputs"),
         ({"verification_germs": [[1.0]]}, "belong together"),
         ({"verification_germs": [[1.0]], "verification_response": [[[1.0]]]}, "'verification_response' must have"),
         ({"verification_germs": [[1.0]], "verification_response": [[[1.0, np.inf]]]}, "not finite"),
@@ -310,7 +310,7 @@ def test_bad_data(change: dict[str, object], message: str) -> None:
         "coefficients": np.ones((3, 1, 2)),
         "multi_index": [[0], [1], [2]],
         "space": space,
-        "labels": results.labels(["y"], ["x"], [0.0, 1.0]),
+        "labels": extend.labels(["y"], ["x"], [0.0, 1.0]),
     }
     PolynomialChaos(**good)
     with pytest.raises(StudyError, match=message):

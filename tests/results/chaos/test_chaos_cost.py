@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from uqmbd import results
+from uqmbd import extend
 from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -24,7 +24,7 @@ def large(inputs: int, order: int, times: int) -> PolynomialChaos:
     names = tuple(g.name for g in germs)
     index = index_set(inputs, order)
     values = np.random.default_rng(0).normal(size=(len(index), 10, times)) * 0.5 ** index.sum(axis=1)[:, None, None]
-    axes = results.labels([f"y{k}" for k in range(10)], names, np.arange(float(times)))
+    axes = extend.labels([f"y{k}" for k in range(10)], names, np.arange(float(times)))
     return PolynomialChaos(values, index, GermSpace(names, germs, ()), axes)
 
 

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from uqmbd import results
+from uqmbd import extend
 from uqmbd.errors import StudyError
 
 
@@ -23,7 +23,7 @@ def test_projection_recovers_a_polynomial() -> None:
     nodes, weights = np.polynomial.legendre.leggauss(6)
     psi = legendre(nodes, 5)
     true = np.random.default_rng(0).normal(size=(6, 2, 3))
-    found = results.project(np.einsum("kp,pot->kot", psi, true), psi, weights / 2)
+    found = extend.project(np.einsum("kp,pot->kot", psi, true), psi, weights / 2)
     np.testing.assert_allclose(found, true, atol=1e-14)
 
 
@@ -33,13 +33,13 @@ def test_regression_recovers_a_polynomial() -> None:
     psi = legendre(x, 5)
     true = np.random.default_rng(2).normal(size=(6, 2, 3))
     exact = np.einsum("kp,pot->kot", psi, true)
-    fit = results.least_squares(exact, psi)
+    fit = extend.least_squares(exact, psi)
     np.testing.assert_allclose(fit.coefficients, true, atol=1e-13)
     assert fit.leave_one_out.shape == (2, 3) and fit.leave_one_out.max() < 1e-25
     assert fit.condition == pytest.approx(np.linalg.cond(psi))
     noisy = exact + np.random.default_rng(3).normal(size=exact.shape)
     expected = np.linalg.lstsq(psi, noisy.reshape(20, -1), rcond=None)[0].reshape(6, 2, 3)
-    np.testing.assert_allclose(results.least_squares(noisy, psi).coefficients, expected, atol=1e-12)
+    np.testing.assert_allclose(extend.least_squares(noisy, psi).coefficients, expected, atol=1e-12)
 
 
 def test_leave_one_out_is_what_its_name_says() -> None:
@@ -54,7 +54,7 @@ def test_leave_one_out_is_what_its_name_says() -> None:
         left_out.append(response[k, 0, 0] - psi[k] @ coefficients)
     relative = np.mean(np.square(left_out)) / np.var(response)
     correction = 15 / (15 - 5) * (1 + np.trace(np.linalg.inv(psi.T @ psi / 15)) / 15)
-    found = results.least_squares(response, psi).leave_one_out
+    found = extend.least_squares(response, psi).leave_one_out
     assert found[0, 0] == pytest.approx(relative * correction, rel=1e-10)
 
 
@@ -63,21 +63,21 @@ def test_leave_one_out_of_small_spreads() -> None:
     rng = np.random.default_rng(5)
     x = rng.uniform(-1, 1, 12)
     psi, spread = legendre(x, 3), np.exp(x)[:, None]
-    small = results.least_squares(1e3 + spread * 1e-3, psi).leave_one_out
-    np.testing.assert_allclose(small, results.least_squares(spread, psi).leave_one_out, rtol=1e-5)
-    assert results.least_squares(np.full((12, 1), 0.1), psi).leave_one_out.tolist() == [0.0]
-    assert np.isinf(results.least_squares(spread[:4], psi[:4]).leave_one_out).all()
+    small = extend.least_squares(1e3 + spread * 1e-3, psi).leave_one_out
+    np.testing.assert_allclose(small, extend.least_squares(spread, psi).leave_one_out, rtol=1e-5)
+    assert extend.least_squares(np.full((12, 1), 0.1), psi).leave_one_out.tolist() == [0.0]
+    assert np.isinf(extend.least_squares(spread[:4], psi[:4]).leave_one_out).all()
     alone = np.concatenate([psi, np.eye(12)[:, :1]], axis=1)  # a term that only the first sample sees
-    assert np.isinf(results.least_squares(spread, alone).leave_one_out).all()
+    assert np.isinf(extend.least_squares(spread, alone).leave_one_out).all()
 
 
 SCRIPT = """
 import hashlib, numpy as np
-from uqmbd import results
+from uqmbd import extend
 rng = np.random.default_rng(0)
 psi, response, weights = rng.normal(size=(700, 286)), rng.normal(size=(700, 3, 101)), rng.uniform(size=700)
-fit = results.least_squares(response, psi)
-found = [results.project(response, psi, weights), fit.coefficients, fit.leave_one_out]
+fit = extend.least_squares(response, psi)
+found = [extend.project(response, psi, weights), fit.coefficients, fit.leave_one_out]
 print(hashlib.sha256(b"".join(a.tobytes() for a in found)).hexdigest())
 """
 
@@ -97,12 +97,12 @@ def test_bad_input() -> None:
     """Sizes are said with both numbers; failed realisations are refused with their row."""
     psi = legendre(np.linspace(-1, 1, 4), 5)
     with pytest.raises(StudyError, match="6 terms and 4 samples were given"):
-        results.least_squares(np.ones((4, 1)), psi)
+        extend.least_squares(np.ones((4, 1)), psi)
     with pytest.raises(StudyError, match=r"\(K, \.\.\.\) and \(K, P\); \(5, 1\) and \(4, 6\)"):
-        results.least_squares(np.ones((5, 1)), psi)
+        extend.least_squares(np.ones((5, 1)), psi)
     with pytest.raises(StudyError, match="cannot tell the 2 terms apart"):
-        results.least_squares(np.ones((4, 1)), np.ones((4, 2)))
+        extend.least_squares(np.ones((4, 1)), np.ones((4, 2)))
     with pytest.raises(StudyError, match="'response' holds a number that is not finite in row 2"):
-        results.project([[1.0], [1.0], [np.nan], [1.0]], psi, np.ones(4))
+        extend.project([[1.0], [1.0], [np.nan], [1.0]], psi, np.ones(4))
     with pytest.raises(StudyError, match="one number for each of the 4 nodes"):
-        results.project(np.ones((4, 1)), psi, np.ones(3))
+        extend.project(np.ones((4, 1)), psi, np.ones(3))

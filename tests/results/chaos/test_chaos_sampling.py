@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend, results
 from uqmbd.errors import StudyError
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
@@ -34,7 +34,7 @@ def chaos() -> PolynomialChaos:
     index = index_set(3, 3)
     scale = 0.4 ** index.sum(axis=1)[:, None, None]
     values = np.random.default_rng(1).normal(size=(len(index), 2, 4)) * scale
-    axes = results.labels([("x", "m"), ("pull", "N")], [("a", "N"), ("b", "m"), "c"], TIMES)
+    axes = extend.labels([("x", "m"), ("pull", "N")], [("a", "N"), ("b", "m"), "c"], TIMES)
     return PolynomialChaos(values, index, space, axes)
 
 
@@ -122,7 +122,7 @@ def sum_of_normal_and_uniform(q: np.ndarray, width: float) -> np.ndarray:
 def test_quantiles_are_within_their_error(inputs, index, coefficients, probability, count) -> None:
     """Of closed forms: within 2 / N for one germ, else within four standard errors of independent samples."""
     space = GermSpace.of(JointInput.of([RandomVariable(f"x{k}", one) for k, one in enumerate(inputs)]))
-    axes = results.labels(["y"], [f"x{k}" for k in range(len(inputs))], None)
+    axes = extend.labels(["y"], [f"x{k}" for k in range(len(inputs))], None)
     chaos = PolynomialChaos(np.array(coefficients)[:, None], index, space, axes)
     bound = 2 / count if len(inputs) == 1 else 4 * np.sqrt(LEVELS * (1 - LEVELS) / count)
     for seed in range(3):
@@ -134,7 +134,7 @@ def test_quantiles_are_within_their_error(inputs, index, coefficients, probabili
 def test_quantiles_and_density_of_a_normal() -> None:
     """A linear function of a normal has its quantiles and density, whatever the blocks."""
     space = GermSpace.of(JointInput.of([RandomVariable("x", chaospy.Normal(0, 1))]))
-    axes = results.labels(["y", "z"], ["x"], [0.0, 1.0])
+    axes = extend.labels(["y", "z"], ["x"], [0.0, 1.0])
     chaos = PolynomialChaos([[[1.0, 5.0], [0.0, 3.0]], [[2.0, 0.0], [1.0, -1.0]]], [[0], [1]], space, axes)
     levels = [0.025, 0.5, 0.95]
     found = chaos.quantiles(levels)
@@ -142,7 +142,7 @@ def test_quantiles_and_density_of_a_normal() -> None:
     np.testing.assert_allclose(found[:, 0, 0], 1 + 2 * normal, atol=2e-3)
     np.testing.assert_allclose(found[:, 1, 1], 3 + normal, atol=1e-3)
     assert found[:, 0, 1].tolist() == [5.0] * 3
-    many = results.labels(["y", "z"], ["x"], np.arange(600.0))
+    many = extend.labels(["y", "z"], ["x"], np.arange(600.0))
     whole = PolynomialChaos(np.tile(chaos.coefficients, 300), [[0], [1]], space, many)
     np.testing.assert_allclose(whole.quantiles(levels)[..., -2:], found, rtol=1e-14)
     where = np.linspace(-7, 9, 33)
@@ -210,7 +210,7 @@ def test_statistics_are_a_propagators(chaos: PolynomialChaos) -> None:
 
 def test_outputs_without_times(chaos: PolynomialChaos) -> None:
     """Event times and the like: the same without a time axis."""
-    axes = results.labels([("x", "m"), ("pull", "N")], ["a", "b", "c"], None)
+    axes = extend.labels([("x", "m"), ("pull", "N")], ["a", "b", "c"], None)
     germs = chaos_sampling.random_germs(chaos.space, 8, 1)
     plain = PolynomialChaos(
         chaos.coefficients[:, :, 2],

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend, results
 from uqmbd.errors import StudyError
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
@@ -38,7 +38,7 @@ def chaos(request: pytest.FixtureRequest) -> PolynomialChaos:
     index = index_set(len(inputs), 3)
     rng = np.random.default_rng(1)
     values = rng.normal(size=(len(index), 2, 5))
-    axes = results.labels(
+    axes = extend.labels(
         [("$F_{pin}$ & <b>", "N"), ("länge", "")],
         list(zip(inputs.names, inputs.units, inputs.descriptions, strict=True)),
         np.linspace(0.0, 2.0, 5),
@@ -52,7 +52,7 @@ def chaos(request: pytest.FixtureRequest) -> PolynomialChaos:
 SCRIPT = """
 import sys
 import numpy as np
-from uqmbd import results
+from uqmbd import extend, results
 tree = results.load(sys.argv[1])
 chaos = results.PolynomialChaos.from_dataset(tree["pce/chaos"])
 inputs, response = chaos.sample(100, seed=5)

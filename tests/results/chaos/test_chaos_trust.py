@@ -6,7 +6,7 @@ import chaospy
 import numpy as np
 import pytest
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend
 from uqmbd.errors import StudyError
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
@@ -31,8 +31,8 @@ def oscillator(order: int, verify: int = 0, seed: int = 0, kind: str = "total", 
     rules = [germ.gauss(nodes) for germ in space.germs]
     grid = np.stack([g.ravel() for g in np.meshgrid(*(r[0] for r in rules), indexing="ij")], axis=1)
     weights = np.multiply.outer(rules[0][1], rules[1][1]).ravel()
-    coefficients = results.project(model(space.to_inputs(grid)), space.evaluate(grid, index), weights)
-    axes = results.labels([("slider_x", "m"), ("$F_{pin}$", "N")], space.inputs, TIMES)
+    coefficients = extend.project(model(space.to_inputs(grid)), space.evaluate(grid, index), weights)
+    axes = extend.labels([("slider_x", "m"), ("$F_{pin}$", "N")], space.inputs, TIMES)
     germs = None
     if verify:
         draw = random_germs if verify < 100 else spread_germs
@@ -121,7 +121,7 @@ def test_decay_against_the_closed_form() -> None:
 def test_rate_of_a_geometric_decay() -> None:
     """Amplitudes that fall tenfold with each order, or hundredfold with every second: one decade an order."""
     space = GermSpace.of(JointInput.of([RandomVariable("x", chaospy.Normal(0, 1))]))
-    axes = results.labels(["y", "even"], ["x"], [0.0])
+    axes = extend.labels(["y", "even"], ["x"], [0.0])
     orders = np.arange(9.0)
     amplitudes = np.stack([10.0**-orders, np.where(orders % 2 == 0, 10.0**-orders, 0.0)], axis=1)[:, :, None]
     chaos = PolynomialChaos(amplitudes, np.arange(9)[:, None], space, axes)
@@ -145,7 +145,7 @@ def test_verdict_without_verification() -> None:
     # a tensor set of order 4 has total degrees up to 8; its order is 4 all the same
     assert oscillator(4, kind="tensor").verdicts()[0].startswith("order 4 is not enough for slider_x after")
     # a passage above the tolerance that does not persist
-    space, axes = chaos.space, results.labels(["y"], chaos.space.inputs, TIMES)
+    space, axes = chaos.space, extend.labels(["y"], chaos.space.inputs, TIMES)
     bump = np.zeros((2, 1, 21))
     bump[1] = np.exp(-(np.linspace(-6, 6, 21) ** 2)) + 1e-9
     passing = PolynomialChaos(

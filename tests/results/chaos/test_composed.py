@@ -9,15 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.extend import AlignedElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
 from uqmbd.report.figures import order_of, surrogate_of
 from uqmbd.report.view import Method
 from uqmbd.results import (
     AlignedChaos,
-    AlignedElement,
     ComposedChaos,
     PolynomialChaos,
-    labels,
     load,
     propagator_node,
     save,

@@ -10,10 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.extend import labels
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
-from uqmbd.results import PolynomialChaos, chaos_from_dataset, labels, load, save
+from uqmbd.results import PolynomialChaos, load, save
+from uqmbd.results.chaos import chaos_from_dataset
 from uqmbd.results.chaos import sampling as chaos_sampling
 from uqmbd.results.chaos.terms import moments as chaos_moments
 from uqmbd_collocation import Collocation

@@ -215,7 +215,7 @@ def test_bounces_that_die_down_are_told():
 @pytest.mark.thorough
 def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     """Two of sixteen fail: a warning, their number, and their inputs with the reason."""
-    real = uqmbd.Problem.realise
+    real = uqmbd.extend.Problem.realise
 
     def some_fail(self, values, **options):
         found = real(self, values, **options)
@@ -229,7 +229,7 @@ def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
 
     study = ball(times=np.linspace(0, 1.5, 11))
     with monkeypatch.context() as patched:
-        patched.setattr(uqmbd.Problem, "realise", some_fail)
+        patched.setattr(uqmbd.extend.Problem, "realise", some_fail)
         with pytest.warns(UserWarning, match=r"2 of 16 verification realisations failed; .*: planted"):
             node = study.propagate(Collocation(order=2, alignment="events"))
     assert (node.attrs["failures"], node.attrs["verification"]) == (2, 14)

@@ -9,17 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.extend import AlignedElement, QuasiPeriodicElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput, index_set
-from uqmbd.results import (
-    AlignedChaos,
-    AlignedElement,
-    ComposedChaos,
-    PiecewiseChaos,
-    PolynomialChaos,
-    QuasiPeriodicChaos,
-    QuasiPeriodicElement,
-    labels,
-)
+from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 
 TIMES = np.linspace(0.0, 2.0, 9)
 DISTRIBUTIONS = {

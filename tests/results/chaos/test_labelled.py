@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.extend import labels
 from uqmbd.randomness import GermSpace, JointInput, index_set
-from uqmbd.results import PolynomialChaos, labels, output
+from uqmbd.results import PolynomialChaos, output
 
 TIMES = [0.0, 0.5, 1.0]
 UNITS = {"crank": "m", "rod": "m", "load": "N"}

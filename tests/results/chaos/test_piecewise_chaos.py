@@ -9,18 +9,10 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.extend import labels, project
 from uqmbd.randomness import GermBox, GermSpace, JointInput, gauss_tensor, index_set
-from uqmbd.results import (
-    PiecewiseChaos,
-    PolynomialChaos,
-    chaos_from_dataset,
-    labels,
-    load,
-    project,
-    propagator_node,
-    save,
-    validate,
-)
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, load, propagator_node, save, validate
+from uqmbd.results.chaos import chaos_from_dataset
 
 U, N = chaospy.Uniform(-1, 1), chaospy.Normal(0, 1)
 TIMES = np.array([0.0, 0.5, 1.0])

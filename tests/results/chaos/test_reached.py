@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.extend import AlignedElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
-from uqmbd.results import AlignedChaos, AlignedElement, labels
+from uqmbd.results import AlignedChaos
 
 
 def test_what_is_late_counts_verification_points_however_far_out_they_lie():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement, labels
+from uqmbd.extend import AlignedElement, labels
+from uqmbd.results import AlignedChaos
 from uqmbd.results.chaos.decay import error_words, stated_words
 from uqmbd.results.chaos.sampling import quantiles_of_rows
 from uqmbd.results.chaos.stated_error import reference_spread, stated_error, uncertainty_factor
@@ -93,11 +94,11 @@ def test_an_aligned_chaos_that_ends_early(scale):
     a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
     mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
     mechanism.output("a", a)
-    space = uqmbd.GermSpace.of(mechanism.inputs)
+    space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     values = np.zeros((2, 1, 1, 3))
     values[:, 0, 0] = scale * np.outer([1.0, 0.5], AlignedElement.points(3))
     edges = np.array([[0.0, 1.0], [0.0, 0.1]])  # the end is at 1 + 0.1 psi: between 0.83 and 1.17
-    element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop",), edges, values, "events")
+    element = AlignedElement.through(uqmbd.extend.GermBox.whole(space), ("stop",), edges, values, "events")
     germs = np.linspace(-0.9, 0.9, 5)[:, None]
     times = [0.0, 0.4, 0.8, 1.0, 1.4]
     response = np.broadcast_to(scale * (1 + germs) * np.array(times), (5, 5))[:, None]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.errors import StudyError
 
 MakeNode = Callable[..., xr.DataTree]
@@ -17,8 +17,8 @@ TIMES = np.linspace(0.0, 2 * np.pi, 2001)
 
 
 def _node(label: str, mean: np.ndarray, realisations: int = 10, **more: object) -> xr.DataTree:
-    axes = results.labels([("x", "m")], [], TIMES[: len(mean)])
-    statistics = results.statistics_dataset(axes, mean=[mean], std=[0.1 + 0.0 * mean], **more)
+    axes = extend.labels([("x", "m")], [], TIMES[: len(mean)])
+    statistics = extend.statistics_dataset(axes, mean=[mean], std=[0.1 + 0.0 * mean], **more)
     return results.propagator_node(label, statistics, propagator="p", realisations=realisations, wall_time=2.0)
 
 
@@ -54,8 +54,8 @@ def test_reference_rule() -> None:
 
 def test_a_method_without_a_spread_that_others_have_is_no_reference() -> None:
     """A chaos of order 0 states that it has no error, for it has no spread to be wrong about."""
-    axes = results.labels([("x", "m")], [], TIMES)
-    still = results.statistics_dataset(axes, mean=[TIMES], std=[0.0 * TIMES])
+    axes = extend.labels([("x", "m")], [], TIMES)
+    still = extend.statistics_dataset(axes, mean=[TIMES], std=[0.0 * TIMES])
     still["verification_error"] = (("output", "time"), [0.0 * TIMES])
     blind = results.propagator_node("blind", still, propagator="p", realisations=1000, wall_time=2.0)
     seeing = _node("seeing", TIMES)
@@ -75,11 +75,11 @@ def test_different_axes_are_refused(make_node: MakeNode) -> None:
 def test_one_time_and_no_time() -> None:
     """A single time, or none, is its own maximum and root mean square."""
     for times, shape in (([1.0], (1, 1)), (None, (1,))):
-        axes = results.labels(["x"], [], times)
+        axes = extend.labels(["x"], [], times)
         nodes = {
             k: results.propagator_node(
                 k,
-                results.statistics_dataset(axes, mean=np.full(shape, value), std=np.zeros(shape)),
+                extend.statistics_dataset(axes, mean=np.full(shape, value), std=np.zeros(shape)),
                 propagator="p",
                 realisations=1,
                 wall_time=0.0,

@@ -18,7 +18,7 @@ import sympy
 import xarray as xr
 
 import uqmbd
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
@@ -42,7 +42,7 @@ SPACE = GermSpace.of(
         ]
     )
 )
-AXES = results.labels(OUTPUTS, list(SPACE.inputs), TIMES)
+AXES = extend.labels(OUTPUTS, list(SPACE.inputs), TIMES)
 
 
 def oscillator(germs: np.ndarray) -> np.ndarray:
@@ -57,10 +57,10 @@ def oscillator(germs: np.ndarray) -> np.ndarray:
 def sampled(label: str, count: int, seed: int, change=lambda response: response, axes=AXES) -> xr.DataTree:
     """Return a Monte Carlo node, whose responses may be changed."""
     germs = SPACE.from_uniform(np.random.default_rng(seed).random((count, 2)))
-    data = results.sample_dataset(change(oscillator(germs)), np.asarray(SPACE.to_inputs(germs)), axes)
+    data = extend.sample_dataset(change(oscillator(germs)), np.asarray(SPACE.to_inputs(germs)), axes)
     return results.propagator_node(
         label,
-        results.statistics_of_samples(data),
+        extend.statistics_of_samples(data),
         data,
         propagator="monte-carlo",
         realisations=count,
@@ -72,7 +72,7 @@ def sampled(label: str, count: int, seed: int, change=lambda response: response,
 def projected(label: str, order: int, *, shift=0.0, factor=1.0, stretch=1.0, verify=8) -> xr.DataTree:
     """Return the chaos of the oscillator, or of one of another mean, deviation, or range of times."""
     rule, index = gauss_tensor(SPACE, order + 1), index_set(2, order)
-    coefficients = results.project(oscillator(rule.nodes), SPACE.evaluate(rule.nodes, index), rule.weights)
+    coefficients = extend.project(oscillator(rule.nodes), SPACE.evaluate(rule.nodes, index), rule.weights)
     points = SPACE.from_uniform(np.random.default_rng(5).random((verify, 2)))
     more = {"verification_germs": points, "verification_response": oscillator(points)} if verify else {}
     chaos = results.PolynomialChaos(coefficients, index, SPACE, AXES, **more)
@@ -120,7 +120,7 @@ def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree, repetitio
 def test_false_alarms_of_normal_processes_meet_the_level() -> None:
     """Smooth normal processes with different correlation lengths: at most 5 % over a hundred repetitions."""
     rate = np.arange(1, 7)[:, None] * np.pi
-    axes = results.labels(OUTPUTS, list(SPACE.inputs), TIMES)
+    axes = extend.labels(OUTPUTS, list(SPACE.inputs), TIMES)
     alarms = 0
     for seed in range(100):
         nodes = []
@@ -249,12 +249,12 @@ def test_scipy_takes_longer_for_the_distances() -> None:
 
 def test_outputs_without_time() -> None:
     """The same verdicts hold for results that have no time."""
-    axes = results.labels([("frequency", "Hz")], [], None)
+    axes = extend.labels([("frequency", "Hz")], [], None)
 
     def node(label: str, seed: int, mean: float) -> xr.DataTree:
         values = np.random.default_rng(seed).normal(mean, 1.0, (300, 1))
-        data = results.sample_dataset(values, np.zeros((300, 0)), axes)
-        statistics = results.statistics_of_samples(data)
+        data = extend.sample_dataset(values, np.zeros((300, 0)), axes)
+        statistics = extend.statistics_of_samples(data)
         return results.propagator_node(label, statistics, data, propagator="p", realisations=300, wall_time=1.0)
 
     nodes = [node("a", 1, 5.0), node("b", 2, 5.0), node("c", 3, 5.5)]
@@ -364,9 +364,9 @@ def test_a_spread_that_is_not_rare_is_missed_by_no_samples():
     """A constant is told from an output of which every tenth realisation differs."""
     nodes = []
     for name, values in (("still", np.zeros(200)), ("moves", np.repeat([1.0, 0.0], [20, 180]))):
-        axes = results.labels(["x"], [], [0.0, 1.0])
+        axes = extend.labels(["x"], [], [0.0, 1.0])
         response = np.repeat(values[:, None, None], 2, axis=2)
-        statistics = results.statistics_dataset(axes, **results.sample_statistics(response))
+        statistics = extend.statistics_dataset(axes, **results.sample_statistics(response))
         nodes.append(results.propagator_node(name, statistics, propagator="p", realisations=200, wall_time=1.0))
     found = results.compare(nodes, reference="moves")
     assert verdicts.DIFFERS in found["verdict_kind"].values
@@ -389,12 +389,12 @@ def test_an_integration_that_is_too_coarse_leads_the_recommendation():
 @pytest.mark.parametrize("name", ["mean", "std"])
 def test_what_does_not_know_its_statistics_at_a_time_is_never_recommended(name):
     """Cheaper and exact wherever it is known: at one time it is not."""
-    axes = results.labels(["x"], [], [0.0, 1.0, 2.0])
+    axes = extend.labels(["x"], [], [0.0, 1.0, 2.0])
 
     def node(label, cost, **wrong):
         known = {"std_error_mean": [[1e-3] * 3], "std_error_std": [[1e-3] * 3]}
         values = {"mean": np.zeros((1, 3)), "std": np.ones((1, 3))} | wrong
-        statistics = results.statistics_dataset(axes, **values, **known)
+        statistics = extend.statistics_dataset(axes, **values, **known)
         return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
 
     hole = np.array([[0.0 if name == "mean" else 1.0] * 2 + [np.nan]])

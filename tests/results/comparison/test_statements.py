@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd_collocation import Collocation
 from uqmbd_drivers import RotationDriver
 from uqmbd_galerkin import Galerkin
@@ -98,9 +98,9 @@ def test_outputs_that_do_not_vary_count_for_nothing_in_any_mechanism(seed: int) 
 def synthetic(label, mean, std, *, error=None, cost=100, wall_time=1.0, integration=None) -> xr.DataTree:
     """Return a node with means, deviations, errors relative to the deviation, and integration errors (O, T)."""
     mean, std = np.asarray(mean, dtype=float), np.asarray(std, dtype=float)
-    axes = results.labels([f"y{k}" for k in range(len(mean))], [], np.linspace(0, 1, mean.shape[1]))
+    axes = extend.labels([f"y{k}" for k in range(len(mean))], [], np.linspace(0, 1, mean.shape[1]))
     known = {} if error is None else {"std_error_mean": error * std, "std_error_std": error * std}
-    statistics = results.statistics_dataset(axes, mean=mean, std=std, **known)
+    statistics = extend.statistics_dataset(axes, mean=mean, std=std, **known)
     if integration is not None:
         statistics["integration_error"] = (("output", "time"), np.broadcast_to(integration, mean.shape))
     return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=wall_time)

@@ -10,16 +10,9 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 import uqmbd
+from uqmbd.extend import AlignedElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
-from uqmbd.results import (
-    AlignedChaos,
-    AlignedElement,
-    ComposedChaos,
-    PolynomialChaos,
-    labels,
-    propagator_node,
-    validate,
-)
+from uqmbd.results import AlignedChaos, ComposedChaos, PolynomialChaos, propagator_node, validate
 from uqmbd.results.chaos import stored_as
 from uqmbd.results.comparison.own_errors import own_error
 from uqmbd.results.comparison.sentences import own_statements

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from uqmbd.errors import StudyError
-from uqmbd.results import Violations, clopper_pearson, requirement_names, requirements_dataset
+from uqmbd.extend import Violations, requirements_dataset
+from uqmbd.results import clopper_pearson, requirement_names
 from uqmbd.results.requirements.intervals import of_replicates
 
 

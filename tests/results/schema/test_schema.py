@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.errors import StudyError
 
 MakeNode = Callable[..., xr.DataTree]
@@ -59,11 +59,11 @@ def test_unknown_children_and_variables_are_allowed(make_node: MakeNode) -> None
 
 def test_outputs_without_time() -> None:
     """Event times and eigenfrequencies use the same builders without a time axis."""
-    axes = results.labels([("t_impact", "s")], [("h", "m")], None)
-    samples = results.sample_dataset([[0.4], [0.5], [np.nan]], [[1.0], [1.1], [1.2]], axes)
+    axes = extend.labels([("t_impact", "s")], [("h", "m")], None)
+    samples = extend.sample_dataset([[0.4], [0.5], [np.nan]], [[1.0], [1.1], [1.2]], axes)
     assert samples["response"].dims == ("sample", "output")
     assert samples["message"][2].item() == "output 't_impact' is not finite (nan)"
-    assert results.statistics_of_samples(samples)["mean"].item() == pytest.approx(0.45)
+    assert extend.statistics_of_samples(samples)["mean"].item() == pytest.approx(0.45)
 
 
 @pytest.mark.parametrize(
@@ -82,23 +82,23 @@ def test_outputs_without_time() -> None:
 def test_bad_labels(outputs: list[str], inputs: list[str], times: list[float], message: str) -> None:
     """Names and times that cannot be used are refused by name."""
     with pytest.raises(StudyError, match=message):
-        results.labels(outputs, inputs, times)
+        extend.labels(outputs, inputs, times)
 
 
 def test_builders_refuse_wrong_shapes() -> None:
     """The message says which array, its meaning and both shapes."""
-    axes = results.labels(["x"], ["k"], [0.0, 1.0])
+    axes = extend.labels(["x"], ["k"], [0.0, 1.0])
     with pytest.raises(StudyError, match=r"'response' must have the shape \(sample, output, time\) = \(3, 1, 2\)"):
-        results.sample_dataset(np.zeros((3, 2, 1)), np.zeros((3, 1)), axes)
+        extend.sample_dataset(np.zeros((3, 2, 1)), np.zeros((3, 1)), axes)
     with pytest.raises(StudyError, match="'inputs' must have the shape"):
-        results.sample_dataset(np.zeros((3, 1, 2)), np.zeros((3, 2)), axes)
+        extend.sample_dataset(np.zeros((3, 1, 2)), np.zeros((3, 2)), axes)
     with pytest.raises(StudyError, match="Status 77 has no meaning"):
-        results.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, status=[77])
+        extend.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, status=[77])
     with pytest.raises(StudyError, match="one text for each of the 1 samples"):
-        results.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, messages=[])
+        extend.sample_dataset(np.zeros((1, 1, 2)), [[0.0]], axes, messages=[])
     with pytest.raises(StudyError, match="'sobol_first' must have the shape"):
-        results.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]], sobol_first=[[0.0, 1.0]])
-    statistics = results.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]])
+        extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]], sobol_first=[[0.0, 1.0]])
+    statistics = extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]])
     for label in ("", "a/b", "comparison", "statistics"):
         with pytest.raises(StudyError, match="label"):
             results.propagator_node(label, statistics, propagator="p", realisations=1, wall_time=0.0)

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import uqmbd
-from uqmbd import results
+from uqmbd import extend, results
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import check_probabilities, check_values
 from uqmbd_collocation import Collocation
@@ -172,17 +172,17 @@ def test_a_random_corruption_is_refused_by_its_place(nodes: dict[str, xr.DataTre
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wrong(uqmbd.Propagator):
+class Wrong(uqmbd.extend.Propagator):
     """A method whose statistics are changed before they are returned."""
 
     name: ClassVar[str] = "wrong"
     variable: str = "std"
     value: complex = -1.0
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         labels = problem.labels
         ones = np.ones(labels.shape)
-        given = results.statistics_dataset(labels, mean=ones, std=ones, std_error_mean=ones, std_error_std=ones)
+        given = extend.statistics_dataset(labels, mean=ones, std=ones, std_error_mean=ones, std_error_std=ones)
         values = given[self.variable].values.astype(complex if np.imag(self.value) else float)
         values[..., 0] = self.value if np.imag(self.value) else np.real(self.value)
         given[self.variable] = given[self.variable].copy(data=values)
@@ -202,7 +202,7 @@ def test_a_run_refuses_them_by_name(variable: str, value: complex) -> None:
 @pytest.mark.parametrize("name", ["mean", "std", "skewness", "quantile", "std_error_std"])
 def test_builders_refuse_what_they_would_lose(name: str) -> None:
     """The imaginary part and the mask of an array are not dropped silently."""
-    axes = results.labels(["x"], [], [0.0, 1.0])
+    axes = extend.labels(["x"], [], [0.0, 1.0])
     shape = (7, 1, 2) if name == "quantile" else (1, 2)
     for wrong, words in (
         (
@@ -212,20 +212,20 @@ def test_builders_refuse_what_they_would_lose(name: str) -> None:
         (np.ones(shape) * (1 + 1j), "is complex"),
     ):
         with pytest.raises(StudyError, match=f"'{name}' {words}"):
-            results.statistics_dataset(axes, **{"mean": [[0.0, 1.0]], "std": [[0.0, 1.0]], name: wrong})
+            extend.statistics_dataset(axes, **{"mean": [[0.0, 1.0]], "std": [[0.0, 1.0]], name: wrong})
     whole = np.ma.array(np.ones(shape))  # nothing is masked
-    results.statistics_dataset(axes, **{"mean": [[0.0, 1.0]], "std": [[0.0, 1.0]], name: whole})
+    extend.statistics_dataset(axes, **{"mean": [[0.0, 1.0]], "std": [[0.0, 1.0]], name: whole})
     with pytest.raises(StudyError, match="'response' is a masked array"):
-        results.sample_dataset(np.ma.array(np.ones((2, 1, 2)), mask=True), np.zeros((2, 0)), axes)
+        extend.sample_dataset(np.ma.array(np.ones((2, 1, 2)), mask=True), np.zeros((2, 0)), axes)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shapes(uqmbd.Propagator):
+class Shapes(uqmbd.extend.Propagator):
     """A method that passes on what scipy says of the shape of samples, and no reasons."""
 
     name: ClassVar[str] = "shapes"
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         values = problem.inputs.from_uniform(np.random.default_rng(0).random((32, len(problem.inputs))))
         x = problem.realise(values).response
         with warnings.catch_warnings():
@@ -233,7 +233,7 @@ class Shapes(uqmbd.Propagator):
             shape = {"skewness": stats.skew(x, axis=0), "kurtosis": stats.kurtosis(x, axis=0, fisher=False)}
         error = x.std(axis=0) / np.sqrt(len(x))
         given = {**shape, "std_error_mean": np.where(error > 0, error, np.nan)}
-        statistics = results.statistics_dataset(problem.labels, mean=x.mean(axis=0), std=x.std(axis=0), **given)
+        statistics = extend.statistics_dataset(problem.labels, mean=x.mean(axis=0), std=x.std(axis=0), **given)
         return problem.node(self, statistics, realisations=len(x), wall_time=0.0)
 
 
@@ -274,9 +274,9 @@ def as_before(tree: xr.DataTree, version: int | None) -> xr.DataTree:
 @pytest.mark.parametrize("version", [None, 0, 1])
 def test_results_without_reasons_are_valid_if_they_are_older(version: int | None, tmp_path: Path) -> None:
     """Skewness, quantiles and standard errors of requirements that nobody knows, as they were written before."""
-    axes = results.labels(["x"], [], [0.0, 1.0])
-    statistics = results.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]])
-    asked = results.requirements_dataset(["r"], violation_probability=[0.1], lower=[0.0], upper=[0.2])
+    axes = extend.labels(["x"], [], [0.0, 1.0])
+    statistics = extend.statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 1.0]])
+    asked = extend.requirements_dataset(["r"], violation_probability=[0.1], lower=[0.0], upper=[0.2])
     about = {"propagator": "mine", "realisations": 1, "wall_time": 0.0}
     node = results.propagator_node("mine", statistics, children={"requirements": asked}, **about)
     tree = results.study_tree([node], study="s", mechanism="m")
@@ -305,9 +305,9 @@ def test_results_without_reasons_are_valid_if_they_are_older(version: int | None
 @pytest.mark.parametrize("inputs", [1, 2, 3])
 def test_intervals_may_have_their_dimensions_in_any_order(inputs: int) -> None:
     """Ends are compared with each other, not two inputs; without `bound` the message says so."""
-    axes = results.labels(["x"], [f"i{k}" for k in range(inputs)], [0.0, 1.0])
+    axes = extend.labels(["x"], [f"i{k}" for k in range(inputs)], [0.0, 1.0])
     ones = np.ones((1, 2))
-    given = results.statistics_dataset(axes, mean=ones, std=ones, sobol_first=np.full((inputs, 1, 2), 0.5))
+    given = extend.statistics_dataset(axes, mean=ones, std=ones, sobol_first=np.full((inputs, 1, 2), 0.5))
     place = np.arange(inputs, 0, -1)[:, None, None, None] * 0.1  # falls with the input
     ends = place + np.array([0.0, 0.05])
     data = np.broadcast_to(ends, (inputs, 1, 2, 2)).copy()
@@ -332,7 +332,7 @@ def test_intervals_may_have_their_dimensions_in_any_order(inputs: int) -> None:
     ],
 )
 def test_messages_name_the_value(name: str, value: float, words: str) -> None:
-    asked = results.requirements_dataset(
+    asked = extend.requirements_dataset(
         ["r"], violation_probability=[0.1], lower=[0.0], upper=[0.2], std_error=[0.1],
         times=[0.0, 1.0], violated_by=[[0.0, 0.1]],
     )  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 import scipy.stats
 import xarray as xr
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, extend, results
 from uqmbd.errors import StudyError
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -20,10 +20,10 @@ SIGMA = np.array([0.01, 0.3, 1.0, 2.0])
 TIMES = np.arange(4.0)
 
 
-def axes(turns: tuple[float, float] = (TURN, 360.0)) -> results.Labels:
+def axes(turns: tuple[float, float] = (TURN, 360.0)) -> extend.Labels:
     """Return two angles and what is none."""
     outputs = [("a", "rad", turns[0]), ("b", "deg", turns[1]), ("c", "m")]
-    return results.labels(outputs, [("k", "", "Normal(mu=0, sigma=1)")], TIMES)
+    return extend.labels(outputs, [("k", "", "Normal(mu=0, sigma=1)")], TIMES)
 
 
 def normal_samples(count: int = 20_001) -> tuple[np.ndarray, np.ndarray]:
@@ -35,7 +35,7 @@ def normal_samples(count: int = 20_001) -> tuple[np.ndarray, np.ndarray]:
 
 def statistics_of(response: np.ndarray, inputs: np.ndarray, status: np.ndarray | None = None) -> xr.Dataset:
     """Return the statistics of samples."""
-    return results.statistics_of_samples(results.sample_dataset(response, inputs, axes(), status=status))
+    return extend.statistics_of_samples(extend.sample_dataset(response, inputs, axes(), status=status))
 
 
 def test_wrapped_normal_about_half_a_turn() -> None:
@@ -119,9 +119,9 @@ def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path) -> None:
     response, inputs = normal_samples(50)
     nodes = []
     for label, turns in (("declared", (TURN, 360.0)), ("plain", (0.0, 0.0))):
-        samples = results.sample_dataset(response, inputs, axes(turns))
+        samples = extend.sample_dataset(response, inputs, axes(turns))
         stored = PolynomialChaos(chaos.coefficients, chaos.multi_index, chaos.space, axes(turns))
-        statistics = results.statistics_of_samples(samples)
+        statistics = extend.statistics_of_samples(samples)
         nodes.append(
             results.propagator_node(
                 label,
@@ -142,7 +142,7 @@ def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path) -> None:
         node = loaded[label]
         back = PolynomialChaos.from_dataset(node["chaos"])
         assert [o.turn for o in back.labels.outputs] == turns and back.labels.turns.tolist() == turns
-        again = results.statistics_of_samples(node["samples"].to_dataset())
+        again = extend.statistics_of_samples(node["samples"].to_dataset())
         assert again.identical(node["statistics"].to_dataset())
         assert ("output_angle" in again.coords) == ("circular_mean" in again) == (label == "declared")
 
@@ -170,4 +170,4 @@ def test_breaches_of_the_schema(change, message: str) -> None:
 def test_turns_have_a_length(turn: object) -> None:
     """A label cannot say otherwise."""
     with pytest.raises(StudyError, match="Output 'a': the length of a turn is"):
-        results.labels([("a", "rad", turn)], [], None)
+        extend.labels([("a", "rad", turn)], [], None)

@@ -7,7 +7,7 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from uqmbd.results import CircularMoments
+from uqmbd.extend import CircularMoments
 from uqmbd.results.statistics.circular import circular_of_samples
 
 TURNS = np.array([360.0, 0.0, 2 * np.pi])

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from uqmbd import results
 from uqmbd.errors import StudyError
+from uqmbd.results.statistics import circular_of_components
 
 
 def test_angles_agree_with_scipy() -> None:
@@ -29,7 +30,7 @@ def test_wrapped_normal_has_the_deviation_of_its_normal() -> None:
     """E[cos] and E[sin] of Normal(m, s) are exp(-s^2/2) times those of m: mean m, deviation s, however wide s is."""
     for m, s in ((3.0, 0.01), (-2.0, 1.0), (0.5, 4.0)):
         shrunk = np.exp(-(s**2) / 2)
-        mean, std = results.circular_of_components(shrunk * np.cos(m), shrunk * np.sin(m))
+        mean, std = circular_of_components(shrunk * np.cos(m), shrunk * np.sin(m))
         assert mean == pytest.approx(m) and std == pytest.approx(s, rel=1e-10)
 
 

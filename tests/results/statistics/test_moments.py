@@ -7,7 +7,8 @@ import pytest
 import scipy.stats
 
 from uqmbd.errors import StudyError
-from uqmbd.results import Moments, sample_statistics
+from uqmbd.extend import Moments
+from uqmbd.results import sample_statistics
 
 
 def merged(x: np.ndarray, *edges: int) -> Moments:

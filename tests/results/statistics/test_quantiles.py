@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.errors import StudyError
-from uqmbd.results import CountedQuantiles, quantiles_of_chunks, sample_statistics
+from uqmbd.extend import CountedQuantiles, quantiles_of_chunks
+from uqmbd.results import sample_statistics
 from uqmbd.results.statistics import brackets, quantiles
 
 LEVELS = (0.0, 0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975, 1.0)

@@ -9,7 +9,8 @@ import pytest
 import scipy.stats
 
 from uqmbd.errors import StudyError
-from uqmbd.results import DEFAULT_PROBABILITIES, labels, sample_dataset, sample_statistics, statistics_of_samples
+from uqmbd.extend import DEFAULT_PROBABILITIES, labels, sample_dataset, statistics_of_samples
+from uqmbd.results import sample_statistics
 from uqmbd.results.statistics.samples import replicate_statistics, running_statistics
 
 

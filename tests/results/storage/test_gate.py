@@ -152,8 +152,8 @@ def test_zarr_that_declares_more_than_it_holds_is_refused(tmp_path: Path, form: 
 
 
 def test_coordinates_of_samples_that_declare_more_than_they_hold_are_refused(tmp_path: Path) -> None:
-    axes = uqmbd.results.labels(["x"], ["k"], [0.0, 1.0])
-    samples = uqmbd.results.sample_dataset(np.ones((5, 1, 2)), np.zeros((5, 1)), axes)
+    axes = uqmbd.extend.labels(["x"], ["k"], [0.0, 1.0])
+    samples = uqmbd.extend.sample_dataset(np.ones((5, 1, 2)), np.zeros((5, 1)), axes)
     store = SampleStore.write(tmp_path / "a-samples.zarr", samples)
     about = json.loads((store.folder / "time/.zarray").read_text())
     (store.folder / "time/.zarray").write_text(json.dumps(about | {"shape": [SIZE]}))

@@ -17,7 +17,8 @@ import xarray as xr
 import uqmbd
 from tests.results.old_zarr import stored_as_zarr
 from uqmbd.errors import StudyError, StudyWarning
-from uqmbd.results import SampleStore, labels, load, sample_dataset, save
+from uqmbd.extend import labels, sample_dataset
+from uqmbd.results import SampleStore, load, save
 from uqmbd_joints import Distance
 from uqmbd_montecarlo import MonteCarlo
 

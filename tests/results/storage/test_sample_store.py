@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.errors import StudyError
-from uqmbd.results import SampleStore, labels, sample_dataset
+from uqmbd.extend import labels, sample_dataset
+from uqmbd.results import SampleStore
 from uqmbd.results.storage import UnfinishedStore
 from uqmbd.results.storage.journal import Journal
 

@@ -35,7 +35,7 @@ def test_the_quadrature_of_the_closed_form_is_converged_and_that_of_samples():
     rare = case.probability(0.6, 0.1)
     assert case.probability(0.6, 0.1, points=48) == pytest.approx(rare, rel=1e-6)
     mechanism = case.oscillator(0.6, 0.1)
-    space = StandardSpace(uqmbd.GermSpace.of(mechanism.inputs))
+    space = StandardSpace(uqmbd.extend.GermSpace.of(mechanism.inputs))
     # samples about the most likely violation, weighted: it has more force and time, less stiffness and strength
     direction = dict(zip(("F1", "t1", "c1", "c2", "m", "r"), (2.8, 2.1, -1.3, -0.1, -0.1, -1.9), strict=True))
     point = np.array([direction[name] for name in mechanism.inputs.names])

@@ -45,8 +45,9 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
 
 
 def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference: str | None, out: Path | None) -> None:
-    from uqmbd.results import compare, failed_methods, happening, propagator_nodes, scalar_nodes
+    from uqmbd.results import compare, failed_methods, propagator_nodes, scalar_nodes
     from uqmbd.results.storage import not_verified
+    from uqmbd.results.tree import happening
 
     nodes: dict[str, xr.DataTree] = {}
     screen = console()
@@ -163,7 +164,8 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
 
 def _show_requirements(screen: Console, nodes: Mapping[str, xr.DataTree]) -> None:
     """Print how probably requirements are violated by each method, and where methods contradict each other."""
-    from uqmbd.results import answers, differing
+    from uqmbd.results import answers
+    from uqmbd.results.requirements import differing
 
     found = answers(nodes)
     if not found:

@@ -62,7 +62,7 @@ def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedM
 
 
 def event_times(ensemble: Batch, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
-    """Find the times of all events by name; see `uqmbd.Ensemble.event_times`."""
+    """Find the times of all events by name; see `uqmbd.extend.Ensemble.event_times`."""
     names: dict[tuple[str, str], int] = {}
     events = [
         (member, time, names.setdefault((ensemble.model.events[event][0], label), len(names)))

@@ -43,7 +43,7 @@ class MechanismTerms:
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
     >>> stone = mechanism.body("stone", mass=2)
-    >>> terms = uqmbd.mechanism_terms(mechanism)
+    >>> terms = uqmbd.extend.mechanism_terms(mechanism)
     >>> terms.kinetic, terms.potential
     ((stone.x'**2,), (19.62*stone.x,))
     """
@@ -84,7 +84,7 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -10)))
     >>> stone = mechanism.body("stone", mass=2)
-    >>> terms = uqmbd.mechanism_terms(mechanism)
+    >>> terms = uqmbd.extend.mechanism_terms(mechanism)
     >>> terms.potential[0]
     20*stone.y
     """

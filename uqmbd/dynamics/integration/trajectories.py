@@ -45,8 +45,8 @@ class Counters:
     Examples
     --------
     >>> import uqmbd
-    >>> first = uqmbd.Counters(steps=40, accelerations=300, by_dop853=8)
-    >>> second = uqmbd.Counters(steps=60, by_dop853=4, seconds=0.1)
+    >>> first = uqmbd.extend.Counters(steps=40, accelerations=300, by_dop853=8)
+    >>> second = uqmbd.extend.Counters(steps=60, by_dop853=4, seconds=0.1)
     >>> (first + second).steps, (first + second).by_dop853
     (100, 12)
     """
@@ -104,7 +104,7 @@ class Trajectories:
     >>> import uqmbd
     >>> states = np.zeros((2, 3, 2))
     >>> states[1, 1:] = np.nan
-    >>> found = uqmbd.Trajectories(np.array([0.0, 0.5, 1.0]), states, ("", "the step became too small at t = 0.4 s"))
+    >>> found = uqmbd.extend.Trajectories(np.array([0.0, 0.5, 1.0]), states, ("", "the step was too small"))
     >>> [not message for message in found.messages], found.counters.steps
     ([True, False], 0)
     """
@@ -175,7 +175,7 @@ class Segment:
     >>> import uqmbd
     >>> def fall(times):  # height and speed of what falls from 1 m, with a gravity of 2 m/s^2
     ...     return np.stack([1 - times**2, -2 * times], axis=1)
-    >>> segment = uqmbd.Segment(0.0, 1.0, "floor: impact", fall)
+    >>> segment = uqmbd.extend.Segment(0.0, 1.0, "floor: impact", fall)
     >>> segment.states(np.array([segment.end])).tolist()
     [[0.0, -2.0]]
     """
@@ -205,8 +205,8 @@ class SegmentedMotion:
     ...     return np.stack([1 - times**2, -2 * times], axis=1)
     >>> def rise(times):
     ...     return np.stack([2 * (times - 1) - (times - 1) ** 2, 2 - 2 * (times - 1)], axis=1)
-    >>> first, second = uqmbd.Segment(0.0, 1.0, "floor: impact", fall), uqmbd.Segment(1.0, 2.0, "", rise)
-    >>> motion = uqmbd.SegmentedMotion((first, second))
+    >>> first, second = uqmbd.extend.Segment(0.0, 1.0, "floor: impact", fall), uqmbd.extend.Segment(1.0, 2.0, "", rise)
+    >>> motion = uqmbd.extend.SegmentedMotion((first, second))
     >>> [segment.label for segment in motion.segments], motion.message
     (['floor: impact', ''], '')
     """

@@ -81,8 +81,8 @@ def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajec
         if isinstance(found, Trajectories):
             what = f"states of shape {np.shape(found.states)} and {len(found.messages)} messages"
         raise StudyError(
-            f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.Trajectories with states "
-            f"of shape {shape} and {shape[0]} messages."
+            f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.extend.Trajectories "
+            f"with states of shape {shape} and {shape[0]} messages."
         )
     # others may have changed the states behind it
     return found if name in built_in_names() else replace(found, off=None)

@@ -60,9 +60,9 @@ class ProjectedEnsemble(Projection):
     >>> study = uqmbd.Study("rolling", mechanism, [0, 1, 2], [Galerkin(order=3)])
     >>> problem = study.problem(study.propagators[0])
     >>> space = problem.germ_space()
-    >>> rule = uqmbd.gauss_tensor(space, 5)
+    >>> rule = uqmbd.extend.gauss_tensor(space, 5)
     >>> psi = space.evaluate(rule.nodes, space.basis(3))
-    >>> projected = uqmbd.ProjectedEnsemble(problem.ensemble(space.to_inputs(rule.nodes)), psi, rule.weights)
+    >>> projected = uqmbd.extend.ProjectedEnsemble(problem.ensemble(space.to_inputs(rule.nodes)), psi, rule.weights)
     >>> found = projected.integrate(np.array([0.0, 2.0]))
     >>> found.coefficients.shape
     (4, 2, 2)
@@ -212,6 +212,6 @@ def _solved(
             what = f"coefficients of shape {np.shape(found.coefficients)}"
         raise StudyError(
             f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
-            f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
+            f"uqmbd.extend.ProjectedTrajectories with coefficients of shape {shape}."
         )
     return found if able.delegates else replace(found, integrator=name)

@@ -54,10 +54,10 @@ class Capabilities:
         It follows impacts and locates other events of a mechanism.
     projected : bool
         It integrates projected equations, as those of Galerkin, by a method
-        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`.
+        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.extend.ProjectedTrajectories`.
     segments : bool
         It integrates a motion from event to event by a method ``integrate_segments(ensemble, times, rtol)``, which
-        returns the `uqmbd.SegmentedMotion` of the only realisation of `ensemble`.
+        returns the `uqmbd.extend.SegmentedMotion` of the only realisation of `ensemble`.
     bounded_steps : bool
         Its steps respect ``ensemble.pace(times, rtol)``: a longest step, and times at which it restarts.
     stoppable : bool
@@ -86,9 +86,9 @@ class Capabilities:
     Examples
     --------
     >>> import uqmbd
-    >>> uqmbd.Capabilities(events=True, bounded_steps=True).projected
+    >>> uqmbd.extend.Capabilities(events=True, bounded_steps=True).projected
     False
-    >>> uqmbd.Capabilities(stoppable=True)
+    >>> uqmbd.extend.Capabilities(stoppable=True)
     Traceback (most recent call last):
         ...
     uqmbd.errors.StudyError: Capabilities: stoppable: needs projected=True, as an option of integrate_projected.
@@ -121,8 +121,8 @@ class Capabilities:
 class Integrator(Protocol):
     """Class of an integrator, which is made without arguments.
 
-    It declares what it can do besides by a class attribute ``capabilities = uqmbd.Capabilities(events=True)``; without
-    one it integrates smooth motions only.
+    It declares what it can do besides by a class attribute ``capabilities = uqmbd.extend.Capabilities(events=True)``;
+    without one it integrates smooth motions only.
 
     Attributes
     ----------
@@ -150,8 +150,8 @@ class Integrator(Protocol):
     ...         for time, step in zip(times, np.diff(times, append=times[-1])):
     ...             states.append(state)
     ...             state = state + step * ensemble.rates(time, state)
-    ...         return uqmbd.Trajectories(times, np.stack(states, axis=1), tuple(ensemble.start.messages))
-    >>> integrator: uqmbd.Integrator = Euler()
+    ...         return uqmbd.extend.Trajectories(times, np.stack(states, axis=1), tuple(ensemble.start.messages))
+    >>> integrator: uqmbd.extend.Integrator = Euler()
     >>> ensemble = problem.ensemble(np.array([[6.0], [7.0]]))
     >>> found = integrator.integrate(ensemble, problem.times, 1e-6)
     >>> ensemble.outputs(problem.times, found.states)[:, 0, -1].tolist()  # after 2 s, m
@@ -194,7 +194,7 @@ def capabilities_of(cls: type) -> Capabilities:
     if not isinstance(found, Capabilities):
         name = getattr(cls, "name", cls.__name__)
         raise StudyError(
-            f"integrator {name!r}: its class attribute `capabilities` is {found!r}; expected uqmbd.Capabilities(...)."
+            f"integrator {name!r}: its attribute `capabilities` is {found!r}; expected uqmbd.extend.Capabilities(...)."
         )
     return found
 
@@ -213,7 +213,7 @@ def _declared_before(cls: type) -> Capabilities:
     listed = ", ".join([*(f"{name}=True" for name in own), *([f"linear_solvers={solvers!r}"] if solvers else [])])
     warnings.warn(
         f"integrator {getattr(cls, 'name', cls.__name__)!r}: class attributes such as `events = True` are read until "
-        f"0.2 only; write capabilities = uqmbd.Capabilities({listed}).",
+        f"0.2 only; write capabilities = uqmbd.extend.Capabilities({listed}).",
         DeprecationWarning,
         stacklevel=3,
     )

@@ -36,7 +36,8 @@ class ProjectedTrajectories:
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> found = uqmbd.ProjectedTrajectories(np.array([0.0, 1.0]), np.zeros((2, 2, 2)), "", "dop853", dict(steps=3))
+    >>> states = np.zeros((2, 2, 2))
+    >>> found = uqmbd.extend.ProjectedTrajectories(np.array([0.0, 1.0]), states, "", "dop853", dict(steps=3))
     >>> found.coefficients.shape, found.counters["steps"]
     ((2, 2, 2), 3)
     """

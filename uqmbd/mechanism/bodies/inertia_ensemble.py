@@ -127,7 +127,7 @@ class MassProperties:
     As `uqmbd.random_body_inertia` gives them; without a dispersion they are the mean:
 
     >>> import uqmbd
-    >>> disc = uqmbd.MassProperties(mass=2.0, centre=(0.1, 0.0), inertia=0.5)
+    >>> disc = uqmbd.extend.MassProperties(mass=2.0, centre=(0.1, 0.0), inertia=0.5)
     >>> mechanism = uqmbd.Mechanism("disc", uqmbd.Planar())
     >>> body = mechanism.body("disc", mass=disc.mass, inertia=disc.inertia, com=disc.centre)
     >>> body.mass, list(body.com)

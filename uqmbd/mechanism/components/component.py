@@ -364,7 +364,8 @@ class Component:
     ) -> JointAngle | None:
         """Angle by which one body has turned relative to another about a common axis, for `motion`.
 
-        It is zero where the joint frames coincide (`uqmbd.joint_frames` of `axis_i` and `axis_j`; in the plane those
+        It is zero where the joint frames coincide (`uqmbd.extend.joint_frames` of `axis_i` and `axis_j`; in the plane
+        those
         of the bodies), and starts in the turn in which the bodies are drawn: in the plane any one, in space within half
         a turn of zero.
 

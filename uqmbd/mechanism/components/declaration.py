@@ -78,13 +78,13 @@ def require_annotated(component: type[Declared]) -> None:
         seen.update({key: found for key, found in _annotations(base).items() if "ClassVar" not in str(found)})
     expected = ["name", *component.bodies, *parameters]
     for key in expected[1:]:
-        kind = f"uqmbd.Parameter[...] = {parameters[key]!r}" if key in parameters else "uqmbd.NamedFrame"
+        kind = f"uqmbd.Parameter[...] = {parameters[key]!r}" if key in parameters else "uqmbd.extend.NamedFrame"
         if key not in seen:
             raise StudyError(f"{name}: {key!r} has no annotation, so that checkers of types pass it by: {key}: {kind}")
     if component.grounded:
         raise StudyError(
-            f"{name}: a body that may be left out is no field of a uqmbd.TypedComponent; derive from uqmbd.Component, "
-            "and state __init__ for checkers of types."
+            f"{name}: a body that may be left out is no field of a uqmbd.extend.TypedComponent; derive from "
+            "uqmbd.Component, and state __init__ for checkers of types."
         )
     if list(seen) != expected:
         raise StudyError(

@@ -85,7 +85,7 @@ class JointAngle:
     ...         i, j = self.attached["body_i"], self.attached["body_j"]
     ...         x, y = i.direction(self.axis_i), i.direction((-self.axis_i[1], self.axis_i[0]))
     ...         pointer = j.direction(self.axis_j)
-    ...         return {"angle": uqmbd.JointAngle(x.dot(pointer), y.dot(pointer))}
+    ...         return {"angle": uqmbd.extend.JointAngle(x.dot(pointer), y.dot(pointer))}
     ...     def terms(self, p):
     ...         return []
     >>> mechanism = uqmbd.Mechanism("slotted", uqmbd.Planar())
@@ -190,7 +190,7 @@ class JointDisplacement:
     >>> class Rail(uqmbd.Component):
     ...     bodies, spaces = ("body",), (uqmbd.Translational,)
     ...     def motion(self):
-    ...         return {"displacement": uqmbd.JointDisplacement(self.attached["body"].position[0])}
+    ...         return {"displacement": uqmbd.extend.JointDisplacement(self.attached["body"].position[0])}
     ...     def terms(self, p):
     ...         yield uqmbd.Constraint(p.body.position[1])
     >>> mechanism = uqmbd.Mechanism("slide", uqmbd.Translational())
@@ -325,7 +325,7 @@ def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
         except Exception as error:
             raise StudyError(
                 f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
-                "uqmbd.JointAngle and uqmbd.JointDisplacement by name."
+                "uqmbd.extend.JointAngle and uqmbd.extend.JointDisplacement by name."
             ) from error
         found = vars(component)["_told"] = motion_values(component, where, motion, component.attached.values())
     return found
@@ -422,8 +422,8 @@ def motion_values(
             put(told.speed, rate(value), "m/s")
         elif told is not None:
             raise StudyError(
-                f"{where}: motion() returned {told!r} for {name!r}; expected uqmbd.JointAngle(cosine, sine) or "
-                "uqmbd.JointDisplacement(expression)."
+                f"{where}: motion() returned {told!r} for {name!r}; expected uqmbd.extend.JointAngle(cosine, sine) or "
+                "uqmbd.extend.JointDisplacement(expression)."
             )
     return found
 

@@ -61,7 +61,7 @@ class Local:
     ...     bodies, spaces = ("body",), (uqmbd.Line,)
     ...     rate = uqmbd.Parameter("N s/m", "drag rate")
     ...     def terms(self, p):
-    ...         assert isinstance(p, uqmbd.Local)
+    ...         assert isinstance(p, uqmbd.extend.Local)
     ...         speed = p.let("speed", p.body.velocity[0])  # a named quantity, computed once
     ...         yield uqmbd.VirtualWork(-p.rate * speed, speed)
     >>> mechanism = uqmbd.Mechanism("slide", uqmbd.Line())

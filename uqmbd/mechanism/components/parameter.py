@@ -44,8 +44,8 @@ class _Owner(Protocol):
 class Parameter(Generic[Given]):
     """A declared number, vector or option of a component.
 
-    ``x: uqmbd.Parameter[Quantity] = uqmbd.Parameter(...)`` in a `uqmbd.TypedComponent` tells editors and checkers of
-    types what is given for it; to a program it is the same without an annotation.
+    ``x: uqmbd.Parameter[Quantity] = uqmbd.Parameter(...)`` in a `uqmbd.extend.TypedComponent` tells editors and
+    checkers of types what is given for it; to a program it is the same without an annotation.
 
     Parameters
     ----------

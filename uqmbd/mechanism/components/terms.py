@@ -175,7 +175,7 @@ class VelocityConstraint:
     ...     bodies = ("body",)
     ...     spaces = (uqmbd.Planar,)
     ...     def terms(self, p):
-    ...         yield uqmbd.VelocityConstraint(p.body.direction((0, 1)).dot(p.body.velocity), "edge")
+    ...         yield uqmbd.extend.VelocityConstraint(p.body.direction((0, 1)).dot(p.body.velocity), "edge")
     >>> mechanism = uqmbd.Mechanism("sleigh", uqmbd.Planar())
     >>> sleigh = mechanism.body("sleigh", mass=1, inertia=0.1)
     >>> edge = mechanism.add(Edge("edge", sleigh))
@@ -291,7 +291,7 @@ class Impact:
     ...     bodies, spaces = ("body",), (uqmbd.Line,)
     ...     def terms(self, p):
     ...         gap = p.let("gap", p.body.position[0])
-    ...         yield uqmbd.Event(gap, uqmbd.Impact(p.rate_of(gap), restitution=0.5))
+    ...         yield uqmbd.Event(gap, uqmbd.extend.Impact(p.rate_of(gap), restitution=0.5))
     >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-2))
     >>> ball = mechanism.body("ball", mass=1, position=1)
     >>> floor = mechanism.add(Floor("floor", ball))
@@ -330,7 +330,7 @@ class Event:
     ...     bodies, spaces = ("body",), (uqmbd.Line,)
     ...     def terms(self, p):
     ...         gap = p.let("gap", p.body.position[0])
-    ...         yield uqmbd.Event(gap, uqmbd.Impact(p.rate_of(gap), restitution=1))
+    ...         yield uqmbd.Event(gap, uqmbd.extend.Impact(p.rate_of(gap), restitution=1))
     >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-9.81))
     >>> ball = mechanism.body("ball", mass=1, position=1)
     >>> floor = mechanism.add(Floor("floor", ball))
@@ -367,7 +367,7 @@ class Separation:
     >>> class Wall(uqmbd.Component):
     ...     bodies, spaces = ("body",), (uqmbd.Line,)
     ...     def terms(self, p):
-    ...         yield uqmbd.Separation(p.body.position[0], reach=0.01)
+    ...         yield uqmbd.extend.Separation(p.body.position[0], reach=0.01)
     >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Line())
     >>> ball = mechanism.body("ball", mass=1, position=-0.5)
     >>> wall = mechanism.add(Wall("wall", ball))

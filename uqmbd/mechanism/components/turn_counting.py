@@ -42,7 +42,7 @@ def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axi
     ...     spaces = (uqmbd.Planar,)
     ...     def terms(self, p):
     ...         drawn = self.drawn_quaternion("body_i", "body_j")
-    ...         cosine, sine = uqmbd.half_angle(p, p.body_i, p.body_j, drawn, ())
+    ...         cosine, sine = uqmbd.extend.half_angle(p, p.body_i, p.body_j, drawn, ())
     ...         yield uqmbd.Constraint(sine, "held")
     ...         yield uqmbd.Upright(cosine)
     >>> mechanism = uqmbd.Mechanism("pin", uqmbd.Planar())
@@ -88,10 +88,10 @@ def counted_angle(
     ...     def prepare(self):
     ...         return {"drawn": self.drawn_quaternion()}
     ...     def terms(self, p):
-    ...         ground = uqmbd.Frame(p.space)
-    ...         fast, turns = uqmbd.counted_angle(p, "fast", ground, p.body_i, (1, 0))
+    ...         ground = uqmbd.extend.Frame(p.space)
+    ...         fast, turns = uqmbd.extend.counted_angle(p, "fast", ground, p.body_i, (1, 0))
     ...         yield turns
-    ...         slow, turns = uqmbd.counted_angle(p, "slow", ground, p.body_j, (1, 0))
+    ...         slow, turns = uqmbd.extend.counted_angle(p, "slow", ground, p.body_j, (1, 0))
     ...         yield turns
     ...         yield uqmbd.Constraint(fast - 2 * slow)
     """

@@ -20,7 +20,8 @@ class _Fields(Component):
 class TypedComponent(_Fields):
     """A `uqmbd.Component` whose bodies and parameters are annotated, so that editors and checkers know its arguments.
 
-    A body is annotated by `uqmbd.NamedFrame`, a parameter by ``uqmbd.Parameter[type]`` with the type of what is given:
+    A body is annotated by `uqmbd.extend.NamedFrame`, a parameter by ``uqmbd.Parameter[type]`` with the type of what is
+    given:
     `uqmbd.typing.Quantity`, `uqmbd.typing.Vector`, or that of an option.  Bodies come first, then parameters, those
     with a default last.  mypy and pyright then find a wrong keyword, a wrong body and a missing argument in scripts,
     without a plugin.
@@ -40,10 +41,10 @@ class TypedComponent(_Fields):
 
     >>> import uqmbd
     >>> from uqmbd.typing import Quantity
-    >>> class Circle(uqmbd.TypedComponent):
+    >>> class Circle(uqmbd.extend.TypedComponent):
     ...     '''A particle stays on a circle.'''
     ...     bodies = ("body",)
-    ...     body: uqmbd.NamedFrame
+    ...     body: uqmbd.extend.NamedFrame
     ...     radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "radius of the circle")
     ...     def terms(self, p):
     ...         r = p.body.position

@@ -53,12 +53,12 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     >>> class Magnet(uqmbd.Component):
     ...     law = uqmbd.Parameter("N", "attraction over `gap`, m", kind="option", example=1 / (1 + gap))
     ...     def prepare(self):
-    ...         return uqmbd.law_values(self.law, gap, package="my_package")
+    ...         return uqmbd.laws.law_values(self.law, gap, package="my_package")
     ...     def terms(self, p):
     ...         offset = p.body_j.position - p.body_i.position
     ...         distance = sympy.sqrt(offset.dot(offset))
-    ...         yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {gap: distance}), p.rate_of(distance))
-    >>> uqmbd.law_values(sympy.exp(-gap) * uqmbd.t, gap)
+    ...         yield uqmbd.VirtualWork(-uqmbd.laws.law_at(p, p.law, {gap: distance}), p.rate_of(distance))
+    >>> uqmbd.laws.law_values(sympy.exp(-gap) * uqmbd.t, gap)
     {'law_0': t}
     """
     names = [f"{package}.{x}" if package else str(x) for x in symbols]
@@ -95,7 +95,7 @@ def law_at(
 
     Parameters
     ----------
-    p : uqmbd.Local
+    p : uqmbd.extend.Local
         What `terms` works with; it holds what `law_values` returned to `prepare`.
     law : expression
         As the user gave it.

@@ -52,7 +52,7 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
         raise StudyError(
             f"{where}: {told} enters {found}; there a number may depend on random variables, positions and time, not "
             "on velocities. A speed is prescribed by a driver, what depends on velocities is a force, and an equation "
-            "that is linear in velocities is a uqmbd.VelocityConstraint, a term of a component."
+            "that is linear in velocities is a uqmbd.extend.VelocityConstraint, a term of a component."
         )
 
 

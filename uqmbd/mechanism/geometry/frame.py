@@ -218,7 +218,7 @@ class NamedFrame(Frame):
 
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("empty", uqmbd.Planar())
-    >>> isinstance(mechanism.ground, uqmbd.NamedFrame), mechanism.ground.name, mechanism.ground.point((1, 2)).T
+    >>> isinstance(mechanism.ground, uqmbd.extend.NamedFrame), mechanism.ground.name, mechanism.ground.point((1, 2)).T
     (True, 'ground', Matrix([[1, 2]]))
     """
 

@@ -40,7 +40,7 @@ def watched_angles(mechanism: Any) -> Mapping[str, Any]:
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
     >>> wheel = mechanism.body("wheel", mass=1, inertia=1)
-    >>> uqmbd.watched_angles(mechanism)
+    >>> uqmbd.extend.watched_angles(mechanism)
     {'angle_of_wheel': wheel.angle}
     """
     found: dict[str, Any] = {}
@@ -93,8 +93,8 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> found, told = uqmbd.dense(problem.watching(), np.array([[6.0], [7.0]]), end=2.0)
-    >>> clock, why = uqmbd.choose_clock(problem, found, 2.0, None)
+    >>> found, told = uqmbd.extend.dense(problem.watching(), np.array([[6.0], [7.0]]), end=2.0)
+    >>> clock, why = uqmbd.extend.choose_clock(problem, found, 2.0, None)
     >>> clock.name, why
     ('angle', '')
     """
@@ -152,7 +152,7 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> print(uqmbd.clock_at_means(problem))
+    >>> print(uqmbd.extend.clock_at_means(problem))
     the clock is the angle 'angle' at the means of the inputs, 2.07 turns until the last output time
     """
     end = float(problem.times[-1])
@@ -201,7 +201,7 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         That of the study.
     option : str
         As it was given, ``alignment='phase'``.
@@ -224,7 +224,7 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
     >>> try:
-    ...     uqmbd.require_outputs_over_time(problem, "alignment='phase'")
+    ...     uqmbd.extend.require_outputs_over_time(problem, "alignment='phase'")
     ... except uqmbd.StudyError as error:
     ...     print(str(error)[:57])
     collocation: alignment='phase' is about outputs over time
@@ -263,10 +263,10 @@ def require_clock(problem: Problem, wanted: str) -> Clock:
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> uqmbd.require_clock(problem, "angle").words
+    >>> uqmbd.extend.require_clock(problem, "angle").words
     "the angle 'angle'"
     >>> try:
-    ...     uqmbd.require_clock(problem, "height")
+    ...     uqmbd.extend.require_clock(problem, "height")
     ... except uqmbd.StudyError as error:
     ...     print(str(error)[:33])
     collocation: clock is 'height'; e

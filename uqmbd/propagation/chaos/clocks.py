@@ -57,8 +57,8 @@ class Clock:
     >>> import uqmbd
     >>> times = np.linspace(0, 2, 21)
     >>> turning = np.array([6.0, 7.0])[:, None, None] * times  # two realisations of one angle, rad
-    >>> found = uqmbd.Dense(times, turning, error=0.0)
-    >>> clock = uqmbd.Clock("angle", row=0, turn=2 * np.pi)
+    >>> found = uqmbd.extend.Dense(times, turning, error=0.0)
+    >>> clock = uqmbd.extend.Clock("angle", row=0, turn=2 * np.pi)
     >>> clock.words
     "the angle 'angle'"
     >>> clock.phases(found).at(1.0).round(6).tolist()
@@ -132,7 +132,7 @@ class Phases:
     >>> import numpy as np
     >>> import uqmbd
     >>> times = np.linspace(0, 2, 21)
-    >>> phases = uqmbd.Phases(times, np.array([6.0, 7.0])[:, None] * times)
+    >>> phases = uqmbd.extend.Phases(times, np.array([6.0, 7.0])[:, None] * times)
     >>> phases.running(2.0).tolist()
     [True, True]
     >>> phases.reaching(21.0).round(6).tolist()  # s

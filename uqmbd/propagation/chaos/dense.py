@@ -65,7 +65,7 @@ class Dense:
     >>> import numpy as np
     >>> import uqmbd
     >>> times = np.linspace(0, 2, 41)
-    >>> found = uqmbd.Dense(times, np.sin(times)[None, None, :], error=1e-6)
+    >>> found = uqmbd.extend.Dense(times, np.sin(times)[None, None, :], error=1e-6)
     >>> found.spline(0)([0.5, 1.5]).round(4).ravel().tolist()  # sin(0.5), sin(1.5)
     [0.4794, 0.9975]
     >>> len(found.of([0]).values)
@@ -100,7 +100,7 @@ def dense(
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : uqmbd.extend.Problem
         Who computes them; from its first time on.
     values : array, shape (K, input)
         Inputs.
@@ -115,7 +115,7 @@ def dense(
     -------
     Dense
         With the estimated error, where it is not small too: outputs that have kinks are resolved to 0.1 % at best.
-    uqmbd.Realisations
+    uqmbd.extend.Realisations
         As they were computed.
 
     Examples
@@ -130,7 +130,7 @@ def dense(
     >>> mechanism.output("angle", wheel.angle, units="rad")
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
-    >>> found, told = uqmbd.dense(problem, np.array([[6.0], [7.0]]), end=2.0)
+    >>> found, told = uqmbd.extend.dense(problem, np.array([[6.0], [7.0]]), end=2.0)
     >>> found.spline(1)(0.3).round(4).tolist(), bool(told.good.all())  # 7 rad/s for 0.3 s
     ([2.1], True)
     """

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.results import Labels
 from uqmbd.results.chaos import Surrogate, reference_spread
+from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
 
 __all__ = ["Doubt", "doubts", "errors_over_largest", "varying"]
@@ -39,7 +39,7 @@ class Doubt:
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> late = uqmbd.Doubt("height", row=0, limit=0.01, begin=1.5, above=3, times=10, largest=0.04)
+    >>> late = uqmbd.extend.Doubt("height", row=0, limit=0.01, begin=1.5, above=3, times=10, largest=0.04)
     >>> print(late.words())
     'height' from t = 1.5 s on (error up to 0.04, above 0.01 at 3 of 10 times)
     """
@@ -65,7 +65,7 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
 
     Parameters
     ----------
-    labels : uqmbd.results.Labels
+    labels : uqmbd.extend.Labels
         With times.
     errors : array, shape (O, T)
         Errors; NaN where nothing is known.
@@ -83,10 +83,10 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> axes = labels(["height", "speed"], [], [0.0, 1.0, 2.0])
     >>> errors = np.array([[0.001, 0.02, 0.04], [0.001, 0.002, 0.003]])
-    >>> (one,) = uqmbd.doubts(axes, errors, limit=0.01, loud=np.array([True, True]))
+    >>> (one,) = uqmbd.extend.doubts(axes, errors, limit=0.01, loud=np.array([True, True]))
     >>> one.output, one.begin, one.above, one.largest
     ('height', 1.0, 2, 0.04)
     """
@@ -116,17 +116,18 @@ def errors_over_largest(chaos: Surrogate) -> Array:
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import PolynomialChaos, labels
+    >>> from uqmbd.results import PolynomialChaos
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> axes = labels([("height", "m")], [("speed", "m/s")], [1.0, 2.0])
     >>> germs = np.array([[-1.0], [1.0]])
     >>> seen = np.array([[[-0.2, -0.4]], [[0.2, 0.4]]])
     >>> known = dict(verification_germs=germs, verification_response=seen)
     >>> chaos = PolynomialChaos([[[0.0, 0.0]], [[0.2, 0.3]]], [[0], [1]], space, axes, **known)
-    >>> uqmbd.errors_over_largest(chaos).round(4).tolist()
+    >>> uqmbd.extend.errors_over_largest(chaos).round(4).tolist()
     [[0.0, 0.3333]]
     """
     largest = np.fmax.reduce(chaos.std, axis=-1, keepdims=True)
@@ -150,14 +151,15 @@ def varying(chaos: Surrogate, rtol: float) -> Mask:
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import PolynomialChaos, labels
+    >>> from uqmbd.results import PolynomialChaos
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> axes = labels([("height", "m"), ("mass", "kg")], [("speed", "m/s")], [0.0, 1.0])
     >>> chaos = PolynomialChaos([[[0.0, 3.0], [1.0, 1.0]], [[0.0, 0.2], [0.0, 0.0]]], [[0], [1]], space, axes)
-    >>> uqmbd.varying(chaos, rtol=1e-6).tolist()
+    >>> uqmbd.extend.varying(chaos, rtol=1e-6).tolist()
     [True, False]
     """
     outputs = chaos.labels.outputs

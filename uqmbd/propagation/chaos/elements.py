@@ -125,24 +125,26 @@ class ElementRefinement(Generic[Joined]):
 
     Examples
     --------
-    As `uqmbd.refine_elements` gives it:
+    As `uqmbd.extend.refine_elements` gives it:
 
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import PolynomialChaos, labels, project
+    >>> from uqmbd.results import PolynomialChaos
+    >>> from uqmbd.extend import project
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(-1, 1), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
+    >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
     >>> def chaos_in(box):
-    ...     rule, terms = uqmbd.gauss_tensor(box.local, 4), box.local.basis(2)
+    ...     rule, terms = uqmbd.extend.gauss_tensor(box.local, 4), box.local.basis(2)
     ...     size = np.abs(box.local.to_inputs(rule.nodes))[:, :, None]
     ...     psi = box.local.evaluate(rule.nodes, terms)
     ...     return PolynomialChaos(project(size, psi, rule.weights), terms, box.local, axes)
     >>> def compute(boxes):
     ...     return [chaos_in(box) for box in boxes]
-    >>> refined = uqmbd.refine_elements(space, compute, uqmbd.ElementLimits(2), label="mine")
+    >>> refined = uqmbd.extend.refine_elements(space, compute, uqmbd.extend.ElementLimits(2), label="mine")
     >>> refined.computed, refined.kept, refined.steps["split_at"].values.round(6).tolist()
     (3, (1, 2), [0.0])
     """
@@ -258,19 +260,21 @@ def refine_elements(
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import PolynomialChaos, labels, project
+    >>> from uqmbd.results import PolynomialChaos
+    >>> from uqmbd.extend import project
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(-1, 1), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
+    >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["size"], ["speed"], [0.0])
     >>> def chaos_in(box):
-    ...     rule, terms = uqmbd.gauss_tensor(box.local, 4), box.local.basis(2)
+    ...     rule, terms = uqmbd.extend.gauss_tensor(box.local, 4), box.local.basis(2)
     ...     size = np.abs(box.local.to_inputs(rule.nodes))[:, :, None]
     ...     psi = box.local.evaluate(rule.nodes, terms)
     ...     return PolynomialChaos(project(size, psi, rule.weights), terms, box.local, axes)
     >>> def compute(boxes):
     ...     return [chaos_in(box) for box in boxes]
-    >>> refined = uqmbd.refine_elements(space, compute, uqmbd.ElementLimits(2), label="mine")
+    >>> refined = uqmbd.extend.refine_elements(space, compute, uqmbd.extend.ElementLimits(2), label="mine")
     >>> refined.computed, refined.chaos.evaluate([[-0.4], [0.7]]).ravel().round(6).tolist()
     (3, [0.4, 0.7])
     """

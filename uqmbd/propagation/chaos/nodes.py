@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.errors import IntegrationError
-from uqmbd.results import project, regress_on_nodes
+from uqmbd.results.chaos import project, regress_on_nodes
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["NodeFit", "fit_nodes"]
@@ -38,7 +38,7 @@ class NodeFit:
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> fit = uqmbd.NodeFit(np.array([[[3.0]], [[0.2]]]), np.array([[0], [1]]))
+    >>> fit = uqmbd.extend.NodeFit(np.array([[[3.0]], [[0.2]]]), np.array([[0], [1]]))
     >>> len(fit.coefficients), fit.failed, fit.how
     (2, 0, '')
     """
@@ -55,7 +55,7 @@ def fit_nodes(
 ) -> NodeFit:
     """Project the responses at nodes; if some failed, fit the others by regression.
 
-    Where these do not determine all terms fewer are fitted: see `uqmbd.results.regress_on_nodes`.
+    Where these do not determine all terms fewer are fitted: see `uqmbd.extend.regress_on_nodes`.
 
     Parameters
     ----------
@@ -92,13 +92,13 @@ def fit_nodes(
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
-    >>> rule = uqmbd.gauss_tensor(space, 3)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    >>> rule = uqmbd.extend.gauss_tensor(space, 3)
     >>> terms = space.basis(1)
     >>> psi = space.evaluate(rule.nodes, terms)
     >>> response = (3 + 0.2 * rule.nodes)[:, :, None]  # of one output at one time
     >>> good = np.ones(3, dtype=bool)
-    >>> fit = uqmbd.fit_nodes("mine", response, good, "", psi, terms, rule.weights)
+    >>> fit = uqmbd.extend.fit_nodes("mine", response, good, "", psi, terms, rule.weights)
     >>> fit.coefficients.ravel().round(6).tolist(), fit.failed
     ([3.0, 0.2], 0)
     """

@@ -10,8 +10,9 @@ import numpy as np
 
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermBox, GermSpace, TailMixture
-from uqmbd.results import Labels, PolynomialChaos
+from uqmbd.results import PolynomialChaos
 from uqmbd.results.chaos import weighted_std
+from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Verification", "VerificationPoints"]
@@ -134,14 +135,14 @@ class Verification:
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
-    >>> points = uqmbd.VerificationPoints.drawn(space, 4, seed=0, stream=1)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    >>> points = uqmbd.extend.VerificationPoints.drawn(space, 4, seed=0, stream=1)
     >>> response = (3 + 0.2 * points.germs)[:, :, None]
-    >>> verified = uqmbd.Verification(space, points, response, asked=4)
+    >>> verified = uqmbd.extend.Verification(space, points, response, asked=4)
     >>> axes = labels(["height"], ["speed"], [1.0])
     >>> chaos = verified.chaos(np.array([[[3.0]], [[0.2]]]), np.array([[0], [1]]), axes)
     >>> len(verified), verified.failures, float(chaos.verification_error().max().round(9))
@@ -230,7 +231,7 @@ class Verification:
             In the units of the outputs.
         multi_index : array of int, shape (P, d)
             Degrees of the terms.
-        labels : uqmbd.results.Labels
+        labels : uqmbd.extend.Labels
             Of the problem.
 
         Returns

@@ -40,7 +40,8 @@ def reference_node(
 
 def _known(study: Studied, exact: xr.Dataset) -> xr.DataTree:
     """Make a node of exact means and standard deviations (output, time)."""
-    from uqmbd.results import labels, propagator_node, statistics_dataset
+    from uqmbd.results import propagator_node
+    from uqmbd.results.schema import labels, statistics_dataset
 
     model = study.model.outputs
     axes = labels(list(zip(model.names, model.units, strict=True)), [], study.times)

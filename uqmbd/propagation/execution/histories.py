@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics import Ensemble, Model, integrator_class, off_constraints, position_jumps
 from uqmbd.propagation.execution.tasks import Arrays
-from uqmbd.results import AlignedElement
+from uqmbd.results.chaos import AlignedElement
 from uqmbd.typing import Array
 
 __all__ = ["History", "event_histories"]
@@ -35,7 +35,7 @@ class History:
     edges : array, shape (S + 1,)
         Times at which segments begin and end, s.
     response : array, shape (S, output, P)
-        Outputs at `uqmbd.results.AlignedElement.points` of each segment; at its ends right after and right before the
+        Outputs at `uqmbd.extend.AlignedElement.points` of each segment; at its ends right after and right before the
         events.
     message : str
         Reason of failure, or empty.
@@ -49,7 +49,7 @@ class History:
     >>> import numpy as np
     >>> import uqmbd
     >>> edges = np.array([0.0, 0.45, 1.0])
-    >>> fall = uqmbd.History(("floor: impact", ""), edges, response=np.zeros((2, 1, 3)), inside=2)
+    >>> fall = uqmbd.extend.History(("floor: impact", ""), edges, response=np.zeros((2, 1, 3)), inside=2)
     >>> np.diff(fall.edges).round(2).tolist(), fall.final
     ([0.45, 0.55], False)
     """
@@ -77,7 +77,7 @@ def event_histories(
     Parameters
     ----------
     run : callable
-        Does the work, as `uqmbd.Problem.run`, on a mechanism with events.
+        Does the work, as `uqmbd.extend.Problem.run`, on a mechanism with events.
     values : array, shape (K, input)
         Inputs.
     times : tuple of float

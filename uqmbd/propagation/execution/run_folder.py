@@ -292,7 +292,7 @@ def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Ite
     >>> from uqmbd.results import save
     >>> tree = xarray.DataTree(xarray.Dataset(attrs={"study": "crank"}))
     >>> with tempfile.TemporaryDirectory() as place:
-    ...     with uqmbd.output_folder(place, ["fit.nc"]) as folder:
+    ...     with uqmbd.extend.output_folder(place, ["fit.nc"]) as folder:
     ...         path = save(tree, folder / "fit.nc")
     ...     print(path.name, path.exists())
     fit.nc True

@@ -33,7 +33,7 @@ def run_tasks(
     function: Callable[..., Arrays],
     tasks: Sequence[tuple[Any, ...]],
 ) -> Iterator[Arrays]:
-    """Yield ``function(model, *task)`` for each task, in their order; see `uqmbd.Problem.run`."""
+    """Yield ``function(model, *task)`` for each task, in their order; see `uqmbd.extend.Problem.run`."""
     names = [_name(fingerprint, function, task) for task in tasks]
 
     def known(piece: tuple[str, tuple[Any, ...]]) -> Arrays | None:

@@ -61,8 +61,8 @@ class Sizing:
     option : str
         Name of the option that it is, as ``samples`` or ``order``.
     at : callable
-        From a size to the method (a `uqmbd.Propagator`) of that size; it may raise a `uqmbd.StudyError` where there is
-        none of that size.
+        From a size to the method (a `uqmbd.extend.Propagator`) of that size; it may raise a `uqmbd.StudyError` where
+        there is none of that size.
     least : int
         The smallest size that states an error.
     falls : {"root", "steps", "itself"}

@@ -50,7 +50,7 @@ class Propagator(ABC):
     name: ClassVar[str]
     requirements: ClassVar[bool] = False
     """Whether the method answers requirements itself: where `Problem.answers_requirements`, its node has the child
-    ``requirements`` (`uqmbd.results.requirements_dataset`).  Else it is run on the margins as if they were outputs."""
+    ``requirements`` (`uqmbd.extend.requirements_dataset`).  Else it is run on the margins as if they were outputs."""
     label: str | None = None
 
     def __new__(cls, *arguments: Any, **options: Any) -> Self:

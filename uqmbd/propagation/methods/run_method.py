@@ -25,20 +25,20 @@ from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_a
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.methods.propagator import Propagator
 from uqmbd.propagation.problem import Problem
-from uqmbd.results import (
+from uqmbd.results import clopper_pearson, requirements_of
+from uqmbd.results.chaos import verified_std, verified_trials
+from uqmbd.results.schema import (
     InputInfo,
     Labels,
-    clopper_pearson,
-    joined_outputs,
+    check_probabilities,
+    check_values,
     node_parts,
-    requirements_of,
     statistics_dataset,
-    with_requirements,
-    with_scalars,
+    with_default_reasons,
+    with_units,
 )
-from uqmbd.results.chaos import verified_std, verified_trials
-from uqmbd.results.schema import check_probabilities, check_values, with_default_reasons, with_units
 from uqmbd.results.statistics import settled
+from uqmbd.results.tree import joined_outputs, with_requirements, with_scalars
 from uqmbd.threads import one_thread
 from uqmbd.wording import format_count
 
@@ -244,7 +244,7 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
     if "requirements" not in node.children:
         raise StudyError(
             f"{label}: {kind.__module__}.{kind.__qualname__} declares that it answers requirements, and returned a "
-            "node without a child 'requirements'; expected one of uqmbd.results.requirements_dataset."
+            "node without a child 'requirements'; expected one of uqmbd.extend.requirements_dataset."
         )
     parts = node_parts(node)
     own = parts.pop("requirements")
@@ -335,7 +335,7 @@ def _stated(data: xr.Dataset, path: str, propagator: Propagator, label: str, *, 
         words = "; ".join(f"{path}/{name} of {', '.join(map(repr, names))}" for name, names in lacking.items())
         warnings.warn(
             f"{label}: propagate of {kind.__module__}.{kind.__qualname__} returned NaN without a reason: {words}. The "
-            "reason is recorded as 'not stated'. State it by uqmbd.results.with_reasons.",
+            "reason is recorded as 'not stated'. State it by uqmbd.extend.with_reasons.",
             StudyWarning,
             stacklevel=5,
         )

@@ -50,7 +50,7 @@ __all__ = ["Reductions", "Work", "store_name"]
 
 @dataclass(frozen=True)
 class Work:
-    """What is known of a problem whose realisations are reduced; names as of `uqmbd.Problem`.
+    """What is known of a problem whose realisations are reduced; names as of `uqmbd.extend.Problem`.
 
     Attributes
     ----------

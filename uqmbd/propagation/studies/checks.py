@@ -44,7 +44,7 @@ def findings(study: Studied) -> list[Finding]:
 
     Warns
     -----
-    uqmbd.PluginWarning
+    uqmbd.extend.PluginWarning
         If the check of a plugin fails; the others are made.
 
     Examples
@@ -69,7 +69,7 @@ def findings(study: Studied) -> list[Finding]:
             mine = list(kind().find(study))
         reason = work.reason if work.failed else ""
         if not reason and not all(isinstance(one, Finding) for one in mine):
-            reason = f"it returned {mine!r}; expected findings (uqmbd.Finding)"
+            reason = f"it returned {mine!r}; expected findings (uqmbd.extend.Finding)"
         if reason:
             owner = plugins.owner("checks", name)
             warnings.warn(f"check {name!r} of {owner} was not made: {reason}", PluginWarning, stacklevel=2)

@@ -182,7 +182,8 @@ def joined(study: Studied, outcome: Outcome, attrs: Mapping[str, Any]) -> xr.Dat
     """Join the results of methods; where they cannot be compared, the comparison says so, and they stand."""
     import xarray as xr
 
-    from uqmbd.results import join_nodes, study_tree
+    from uqmbd.results import study_tree
+    from uqmbd.results.schema import join_nodes
 
     about: dict[str, Any] = {
         "study": study.name,

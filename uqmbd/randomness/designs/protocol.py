@@ -45,7 +45,7 @@ class SamplingDesign(Protocol):
     ...     def points(self, dimension, numbers, seed):
     ...         steps = np.sqrt([2.0, 3.0, 5.0])[:dimension]
     ...         return (np.arange(numbers.start, numbers.stop)[:, None] * steps + 0.5) % 1
-    >>> design: uqmbd.SamplingDesign = Kronecker()
+    >>> design: uqmbd.extend.SamplingDesign = Kronecker()
     >>> design.points(2, range(0, 3), 0).round(3).tolist()
     [[0.5, 0.5], [0.914, 0.232], [0.328, 0.964]]
     """

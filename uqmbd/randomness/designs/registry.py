@@ -36,7 +36,7 @@ class Design:
     Examples
     --------
     >>> import uqmbd
-    >>> design = uqmbd.sampling_design("sobol")
+    >>> design = uqmbd.extend.sampling_design("sobol")
     >>> design.name, design.base, design.extendable
     ('sobol', 2, True)
     >>> points = design.points(dimension=1, count=8, seed=1)

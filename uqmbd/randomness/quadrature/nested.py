@@ -37,7 +37,7 @@ def nested_exactness(germ: Germ, level: int) -> int:
 
 
 def nested_rule(germ: Germ, level: int) -> tuple[Array, Array]:
-    """Return nodes, ascending, and weights of the nested rule of a germ; see `uqmbd.clenshaw_curtis`.
+    """Return nodes, ascending, and weights of the nested rule of a germ; see `uqmbd.extend.clenshaw_curtis`.
 
     Weights: Waldvogel, BIT Numer. Math. 46 (2006) 195, equations 2.2 and 2.4, as plain sums.
 

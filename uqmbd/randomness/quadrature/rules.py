@@ -92,8 +92,8 @@ def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
-    >>> rule = uqmbd.gauss_tensor(space, 3)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    >>> rule = uqmbd.extend.gauss_tensor(space, 3)
     >>> rule.nodes.ravel().round(6).tolist(), rule.weights.round(6).tolist()
     ([-1.732051, 0.0, 1.732051], [0.166667, 0.666667, 0.166667])
     >>> round(float(rule.weights @ rule.nodes[:, 0] ** 4), 9)  # the fourth moment of the standard normal

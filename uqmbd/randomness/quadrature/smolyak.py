@@ -45,7 +45,7 @@ def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gau
         Nodes of the Gauss rule at level l: ``l + 1``, or ``2 l + 1`` (which share the middle of symmetric germs, and
         are more accurate in single germs).
     rule : {"gauss", "clenshaw-curtis"}
-        Gauss rules, or nested ones (see `uqmbd.clenshaw_curtis`; `growth` does not matter).
+        Gauss rules, or nested ones (see `uqmbd.extend.clenshaw_curtis`; `growth` does not matter).
 
     Returns
     -------

@@ -306,7 +306,7 @@ class GermSpace:
         return found
 
     def basis(self, order: int, kind: str = "total", weights: Sequence[float] | None = None) -> Index:
-        """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.index_set`.
+        """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.extend.index_set`.
 
         Degrees that a germ of few values does not have are left out: below them its basis is complete.
 
@@ -315,9 +315,9 @@ class GermSpace:
         order : int
             Highest total degree.
         kind : str
-            As of `uqmbd.index_set`.
+            As of `uqmbd.extend.index_set`.
         weights : sequence of float, length d, optional
-            As of `uqmbd.index_set`.
+            As of `uqmbd.extend.index_set`.
 
         Returns
         -------

@@ -40,7 +40,7 @@ class Toleranced:
     Examples
     --------
     >>> import uqmbd
-    >>> stated = uqmbd.stated_tolerance(uqmbd.tolerance(30, 0.02, 0.0))
+    >>> stated = uqmbd.extend.stated_tolerance(uqmbd.tolerance(30, 0.02, 0.0))
     >>> str(stated), round(stated.mean, 6), round(stated.sigma, 6)
     ('30 +0.02/0, Cpk 1.33', 30.01, 0.002506)
     """

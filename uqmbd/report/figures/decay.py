@@ -183,7 +183,8 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
     --------
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> from uqmbd.results import PolynomialChaos, labels, propagator_node
+    >>> from uqmbd.results import PolynomialChaos, propagator_node
+    >>> from uqmbd.extend import labels
     >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(1, 0.1))]))
     >>> axes = labels([("x", "m")], ["k"], [0.0, 1.0])
     >>> chaos = PolynomialChaos([[[1.0, 1.0]], [[0.0, 0.8]], [[0.0, 0.6]]], [[0], [1], [2]], space, axes)
@@ -335,7 +336,8 @@ def verification(results: Results, *, limit: float = LIMIT) -> Figure:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0, 2.0])
     >>> statistics = statistics_dataset(axes, mean=[[0, 0, 0]], std=[[1, 1, 1]])
     >>> statistics["verification_error"] = (("output", "time"), [[1e-4, 1e-3, 1e-1]])

@@ -152,7 +152,9 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, sample_dataset, statistics_of_samples
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, sample_dataset
+    >>> from uqmbd.extend import statistics_of_samples
     >>> samples = sample_dataset([[[0.0]], [[1.0]]], [[1.0], [2.0]], labels([("x", "m")], ["k"], [0.5]))
     >>> node = propagator_node("mine", statistics_of_samples(samples), samples,
     ...                        propagator="p", realisations=2, wall_time=0.0)
@@ -304,7 +306,7 @@ def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> samples = sample_dataset([[[0.0]], [[1.0]]], [[1.0], [2.0]], labels(["x"], [("k", "N/m")], [0.5]))
     >>> inputs(samples).axes[0].get_xlabel()
     'k [N/m]'

@@ -61,7 +61,8 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     --------
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermBox, GermSpace, JointInput
-    >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels, propagator_node
+    >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, propagator_node
+    >>> from uqmbd.extend import labels
     >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Uniform(0, 2))]))
     >>> axes, boxes = labels(["x"], ["k"], [0.0]), GermBox.whole(space).split(0)
     >>> parts = [PolynomialChaos([[[s]]], [[0]], b.local, axes) for s, b in zip((-1.0, 1.0), boxes)]

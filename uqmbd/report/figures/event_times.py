@@ -16,7 +16,8 @@ from uqmbd.report.charts import Views, paper
 from uqmbd.report.figures.density import DensityCurve, densities, density_chart
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.selection import Results, nodes_of
-from uqmbd.results import AlignedChaos, surrogate_parts
+from uqmbd.results import AlignedChaos
+from uqmbd.results.chaos import surrogate_parts
 from uqmbd.wording import format_quantity
 
 if TYPE_CHECKING:

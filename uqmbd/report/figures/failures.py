@@ -86,7 +86,7 @@ def failure_reasons(node: Samples) -> list[Reason]:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> messages = ["", "no step at t = 0.25 s (joint 'a')", "no step at t = 0.5 s (joint 'b')"]
     >>> axes = labels(["x"], ["k"], [0.0])
     >>> samples = sample_dataset([[[0.0]]] * 3, [[1.0]] * 3, axes, status=[0, 2, 2], messages=messages)
@@ -152,7 +152,7 @@ def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> drawn = np.random.default_rng(0).random((200, 2))
     >>> status = np.where(drawn[:, 1] > 0.9, 1, 0)
     >>> samples = sample_dataset(np.zeros((200, 1, 1)), drawn, labels(["x"], ["a", "b"], [0.0]), status=status)
@@ -353,7 +353,7 @@ def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None =
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> drawn = np.random.default_rng(0).random((200, 2))
     >>> axes = labels(["x"], [("a", "m"), ("b", "kg")], [0.0])
     >>> samples = sample_dataset(np.zeros((200, 1, 1)), drawn, axes, status=np.where(drawn[:, 1] > 0.9, 1, 0))

@@ -226,7 +226,9 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, sample_dataset, statistics_of_samples
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, sample_dataset
+    >>> from uqmbd.extend import statistics_of_samples
     >>> axes = labels([("x", "m"), ("y", "m")], ["k"], [0.0, 1.0, 2.0])
     >>> samples = sample_dataset([[[0, 1, 2], [0, 1, 4]], [[0, 1, 2], [0, 2, 5]]], [[1.0], [2.0]], axes)
     >>> node = propagator_node("mine", statistics_of_samples(samples), samples=samples,

@@ -110,7 +110,8 @@ def bands(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.1]]),
     ...                        propagator="p", realisations=1, wall_time=0.0)
@@ -158,7 +159,8 @@ def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> F
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.1]]),
     ...                        propagator="p", realisations=1, wall_time=0.0)
@@ -215,7 +217,8 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> def node(label, mean):
     ...     statistics = statistics_dataset(axes, mean=[mean], std=[[0.1, 0.1]])
@@ -258,7 +261,7 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
 
     Examples
     --------
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> samples = sample_dataset([[[0.0, 0.0]], [[0.0, 1.0]]], [[1.0], [2.0]], labels(["x"], ["k"], [0.0, 0.5]))
     >>> counts = time_history_histogram(samples, "x").axes[0].images[0].get_array()
     >>> counts.sum(axis=0).tolist()

@@ -59,7 +59,7 @@ def violated_by(results: Results) -> Figure:
     Examples
     --------
     >>> import xarray as xr
-    >>> from uqmbd.results import requirements_dataset
+    >>> from uqmbd.extend import requirements_dataset
     >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04],
     ...                             times=[0, 1], violated_by=[[0, 0.02]])
     >>> node = xr.DataTree.from_dict({"requirements": data}, name="mine")

@@ -208,7 +208,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> x = np.arange(50.0).reshape(50, 1, 1)
     >>> figure = convergence(sample_dataset(x, np.zeros((50, 0)), labels([("x", "m")], [], [0.5])), "x")
     >>> float(figure.axes[0].lines[-1].get_ydata()[-1]), figure.axes[1].get_xlabel()

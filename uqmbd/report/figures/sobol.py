@@ -221,7 +221,8 @@ def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], ["k", "c"], [0.0, 1.0])
     >>> index = [[[0.9, 0.4]], [[0.1, 0.5]]]
     >>> statistics = statistics_dataset(axes, mean=[[0, 1]], std=[[0.1, 0.2]], sobol_first=index, sobol_total=index)

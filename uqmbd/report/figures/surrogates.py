@@ -18,11 +18,10 @@ from uqmbd.results import (
     PiecewiseChaos,
     PolynomialChaos,
     QuasiPeriodicChaos,
-    chaos_from_dataset,
     surrogate,
-    surrogate_parts,
     varies,
 )
+from uqmbd.results.chaos import chaos_from_dataset, surrogate_parts
 
 __all__ = [
     "chaos_nodes",

@@ -10,7 +10,8 @@ import numpy as np
 from uqmbd.names import ANY
 from uqmbd.report.charts import packed
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
-from uqmbd.results import answers, propagator_nodes, surrogate_parts
+from uqmbd.results import answers, propagator_nodes
+from uqmbd.results.chaos import surrogate_parts
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -22,15 +22,9 @@ from uqmbd.errors import StudyError
 from uqmbd.report.charts import json_script
 from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate, with_surrogate
 from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
-from uqmbd.results import (
-    PolynomialChaos,
-    labels,
-    least_squares,
-    propagator_nodes,
-    surrogate,
-    surrogate_parts,
-)
-from uqmbd.results.chaos import Surrogate, random_germs, spread_germs
+from uqmbd.results import PolynomialChaos, propagator_nodes, surrogate
+from uqmbd.results.chaos import Surrogate, least_squares, random_germs, spread_germs, surrogate_parts
+from uqmbd.results.schema import labels
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

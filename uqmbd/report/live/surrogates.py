@@ -15,17 +15,21 @@ from uqmbd.report.live.compression import compressed, expanded
 from uqmbd.report.live.tables import germ_data, input_data
 from uqmbd.results import (
     AlignedChaos,
-    AlignedElement,
     ComposedChaos,
     PiecewiseChaos,
     PolynomialChaos,
     QuasiPeriodicChaos,
-    QuasiPeriodicElement,
     propagator_nodes,
     surrogate,
+)
+from uqmbd.results.chaos import (
+    AlignedElement,
+    QuasiPeriodicElement,
+    Surrogate,
+    reference_spread,
+    spread_germs,
     surrogate_parts,
 )
-from uqmbd.results.chaos import Surrogate, reference_spread, spread_germs
 from uqmbd.results.comparison import recommended
 from uqmbd.typing import Array, Index
 from uqmbd.wording import typeset_units

@@ -16,7 +16,7 @@ import numpy as np
 from uqmbd.randomness import Germ, GermSpace, cumulated
 from uqmbd.randomness.space import Coupled, Marginal
 from uqmbd.report.charts import packed
-from uqmbd.results import Labels
+from uqmbd.results.schema import Labels
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 

@@ -292,7 +292,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     >>> cart = mechanism.body("cart", mass=1, inertia=1, velocity=(2, 0))
     >>> mechanism.output("way", cart.position[0], units="m")
     >>> study = uqmbd.Study("rolling", mechanism, [0, 1])
-    >>> from uqmbd.results import join_nodes
+    >>> from uqmbd.results.schema import join_nodes
     >>> tree, note = with_motion(join_nodes([], study="rolling", mechanism="cart"), study)
     >>> "motion" in tree.children, note
     (True, '')

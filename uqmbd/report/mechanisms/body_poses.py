@@ -158,7 +158,8 @@ def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
     """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
-    from uqmbd.results import surrogate, surrogate_parts
+    from uqmbd.results import surrogate
+    from uqmbd.results.chaos import surrogate_parts
 
     node, names = observed_bodies(study, times, method)
     if "samples" in node.children:

@@ -128,7 +128,8 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     """
     from uqmbd.report.sections import most_uncertain
     from uqmbd.report.view import StudyResult
-    from uqmbd.results import answers, differing
+    from uqmbd.results import answers
+    from uqmbd.results.requirements import differing
 
     result = StudyResult.of(tree)
     if not result.methods:

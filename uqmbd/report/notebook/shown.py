@@ -67,7 +67,8 @@ def show(result: object, outputs: Sequence[str] | None = None) -> Shown:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.1, 0.1]]),
     ...                        propagator="p", realisations=1, wall_time=0.0)

@@ -12,7 +12,8 @@ from uqmbd.report.overview.motion import mechanism_picture
 from uqmbd.report.overview.trusted import answer_of, holder_of, populations
 from uqmbd.report.sections import Content, TemplateSection, only_density
 from uqmbd.report.view import StudyResult
-from uqmbd.results import answers, differing
+from uqmbd.results import answers
+from uqmbd.results.requirements import differing
 from uqmbd.wording import format_count
 
 __all__ = ["ANSWERS"]

@@ -16,7 +16,7 @@ from uqmbd.report.overview.trusted import (
     trusted_labels,
 )
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results import answers, differing
+from uqmbd.results import answers
 from uqmbd.results.comparison import (
     AGREES,
     DIFFERS,
@@ -27,6 +27,7 @@ from uqmbd.results.comparison import (
     largest_error_words,
     own_error,
 )
+from uqmbd.results.requirements import differing
 from uqmbd.results.statistics import rtol_of
 from uqmbd.wording import format_count, format_percent
 

@@ -73,16 +73,19 @@ class AlignedChaos(SampledSurrogate):
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+    >>> from uqmbd.results import AlignedChaos
+    >>> from uqmbd.extend import AlignedElement
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> rising, still = 2 * AlignedElement.points(3), np.full(3, 2.0)
     >>> values = np.zeros((2, 2, 1, 3))
     >>> values[0, :, 0] = rising, still
     >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-    >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+    >>> whole = uqmbd.extend.GermBox.whole(space)
+    >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
     >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels([("x", "m")], [("speed", "m/s")], [0.5, 1.5]))
     >>> chaos.evaluate([[2.0]]).ravel().round(6).tolist()  # at the mean speed
     [1.0, 2.0]
@@ -121,15 +124,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> chaos.edges([[0.0], [1.0]]).round(4).tolist()  # psi is the root of 3 at the end
         [[0.0, 1.0, 2.0], [0.0, 1.1732, 2.0]]
@@ -144,15 +150,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> chaos.edges_at_germs(np.array([[0.0]])).round(4).tolist()
         [[0.0, 1.0, 2.0]]
@@ -183,15 +192,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> chaos.aligned([[0.0]], [0.5]).ravel().round(4).tolist()  # in the middle of each segment
         [1.0, 2.0]
@@ -228,16 +240,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> def half(box, level):  # a constant in half of the germ space
         ...     values, edges = np.full((1, 1, 1, 3), level), np.array([[0.0, 1.0]])
-        ...     element = AlignedElement.through(uqmbd.GermBox.whole(box.local), ("",), edges, values, "time")
+        ...     element = AlignedElement.through(uqmbd.extend.GermBox.whole(box.local), ("",), edges, values, "time")
         ...     return AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.5]))
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> chaos = AlignedChaos.joined([half(box, level) for box, level in zip(boxes, (-1.0, 1.0))], boxes)
         >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
         [-1.0, 1.0]
@@ -260,15 +274,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> dict(chaos.to_dataset().sizes)["term"]
         2
@@ -284,15 +301,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> AlignedChaos.from_dataset(chaos.to_dataset()).edges([[0.0]]).round(4).tolist()
         [[0.0, 1.0, 2.0]]
@@ -385,15 +405,18 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.zeros((2, 2, 1, 3))
         >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
         >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("stop", ""), edges, values, "events")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
         >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
         >>> float(chaos.late().max())  # the last landmark is at 2 s, behind the last time
         0.0
@@ -413,13 +436,16 @@ class AlignedChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos, AlignedElement, labels
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> values = np.full((1, 1, 1, 3), 2.0)
-        >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("",), np.array([[0.0, 1.0]]), values, "time")
+        >>> whole = uqmbd.extend.GermBox.whole(space)
+        >>> element = AlignedElement.through(whole, ("",), np.array([[0.0, 1.0]]), values, "time")
         >>> chaos = AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.0, 0.5, 1.5]))
         >>> chaos.reached().labels.times.tolist()  # the last landmark is at 1 s
         [0.0, 0.5]

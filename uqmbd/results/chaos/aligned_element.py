@@ -49,16 +49,17 @@ class AlignedElement:
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import AlignedElement
+    >>> from uqmbd.extend import AlignedElement
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> points = AlignedElement.points(3)
     >>> points.tolist()
     [0.0, 0.49999999999999994, 1.0]
     >>> values = (1 + points)[None, None, None, :]  # of one term, segment and output: 1 + s
-    >>> element = AlignedElement.through(uqmbd.GermBox.whole(space), ("",), np.array([[0.0, 2.0]]), values, "time")
+    >>> whole = uqmbd.extend.GermBox.whole(space)
+    >>> element = AlignedElement.through(whole, ("",), np.array([[0.0, 2.0]]), values, "time")
     >>> element.segments.round(6).ravel().tolist()  # 1.5 + 0.5 T1(2 s - 1)
     [1.5, 0.5]
     """

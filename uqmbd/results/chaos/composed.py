@@ -47,7 +47,7 @@ def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | P
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import chaos_from_dataset
+    >>> from uqmbd.results.chaos import chaos_from_dataset
     >>> from uqmbd_collocation import Collocation
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -82,7 +82,8 @@ def stored_as(chaos: Part) -> str:
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import stored_as, surrogate
+    >>> from uqmbd.results import surrogate
+    >>> from uqmbd.extend import stored_as
     >>> from uqmbd_collocation import Collocation
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -127,11 +128,12 @@ class ComposedChaos(Surrogate):
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+    >>> from uqmbd.results import ComposedChaos, PolynomialChaos
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> def part(name, mean):
     ...     axes = labels([name], [("speed", "m/s")], [0.0])
     ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, axes)
@@ -211,11 +213,12 @@ class ComposedChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> def part(name, mean):
         ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
         >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))
@@ -236,11 +239,12 @@ class ComposedChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> def part(name, mean):
         ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
         >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))
@@ -261,11 +265,12 @@ class ComposedChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import ComposedChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import ComposedChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> def part(name, mean):
         ...     return PolynomialChaos([[[mean]], [[0.5]]], [[0], [1]], space, labels([name], ["a"], [0.0]))
         >>> chaos = ComposedChaos(dict(first=part("x", 1.0), second=part("y", 2.0)), ("y", "x"))

@@ -83,7 +83,7 @@ class LeastSquares:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import least_squares
+    >>> from uqmbd.extend import least_squares
     >>> x = np.linspace(-1, 1, 9)
     >>> found = least_squares(1 + 2 * x, np.stack([np.ones(9), x], axis=1))
     >>> found.coefficients.round(6).tolist(), bool(found.leave_one_out < 1e-12), found.condition < 2
@@ -178,7 +178,7 @@ class NodeRegression:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import regress_on_nodes
+    >>> from uqmbd.extend import regress_on_nodes
     >>> x = np.array([-0.8, 0.0, 0.8])
     >>> psi = np.stack([np.ones(3), x, x**2 - 0.5], axis=1)
     >>> found = regress_on_nodes(1 + 2 * x, psi, np.array([[0], [1], [2]]))

@@ -190,7 +190,8 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy, uqmbd
         >>> from uqmbd.randomness import GermSpace, JointInput
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
         >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes)
@@ -241,7 +242,8 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy, uqmbd
         >>> from uqmbd.randomness import GermSpace, JointInput
-        >>> from uqmbd.results import PolynomialChaos, labels, output
+        >>> from uqmbd.results import output, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
         >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes)
@@ -287,11 +289,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.evaluate_germs([[0.0], [2.0]]).ravel().tolist()
         [1.0, 2.0]
@@ -330,11 +333,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> inputs, outputs = chaos.sample(100, seed=1)
         >>> inputs.shape, outputs.shape
@@ -369,11 +373,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.quantiles([0.5, 0.975]).round(1).ravel().tolist()  # 1 and 1 + 1.96 * 0.5
         [1.0, 2.0]
@@ -406,11 +411,12 @@ class Surrogate(Verified, ABC):
         >>> import math
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels([("y", "rad", 2 * math.pi)], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels([("y", "rad", 2 * math.pi)], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.circular()["circular_mean"].round(2).tolist()  # rad
         [[1.0]]
@@ -456,11 +462,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.density([1.0], "y", 0.0).round(2).tolist()  # 0.8 in theory: of the normal distribution
         [0.79]
@@ -487,7 +494,7 @@ class Surrogate(Verified, ABC):
         Returns
         -------
         xarray.Dataset
-            As of :func:`uqmbd.results.statistics_dataset`, with Sobol' indices of inputs where these are independent;
+            As of :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of inputs where these are independent;
             else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
             known, and `circular_mean` and `circular_std` where an output is an angle.  Where skewness and kurtosis are
             those of samples, or a surrogate of very many terms allows fewer samples than are asked for, the attribute
@@ -497,11 +504,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> found = chaos.statistics(samples=256)
         >>> float(found["mean"].item()), float(found["std"].item())
@@ -556,7 +564,8 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy, uqmbd
         >>> from uqmbd.randomness import GermSpace, JointInput
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5), units="N/m")]))
         >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0])
         >>> found = PolynomialChaos([[[1.0]], [[0.25]]], [[0], [1]], space, axes).to_xarray(samples=4)
@@ -593,11 +602,12 @@ class Surrogate(Verified, ABC):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> verdict, = chaos.verdicts()
         >>> print(verdict.partition(":")[0])

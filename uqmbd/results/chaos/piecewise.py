@@ -62,7 +62,7 @@ class PiecewiseChaos(Surrogate):
 
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermBox, GermSpace, JointInput
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))]))
     >>> axes, boxes = labels(["x"], ["a"], [0.0]), GermBox.whole(space).split(0)
     >>> parts = [PolynomialChaos([[[s]]], [[0]], b.local, axes) for s, b in zip((-1.0, 1.0), boxes)]
@@ -189,12 +189,13 @@ class PiecewiseChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> def part(sign, box):
         ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
         >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
@@ -222,12 +223,13 @@ class PiecewiseChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> def part(sign, box):
         ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
         >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
@@ -252,12 +254,13 @@ class PiecewiseChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> def part(sign, box):
         ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
         >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
@@ -280,12 +283,13 @@ class PiecewiseChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos, labels
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> def part(sign, box):
         ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
         >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]

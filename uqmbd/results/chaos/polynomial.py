@@ -97,7 +97,7 @@ class PolynomialChaos(Surrogate):
     >>> import chaospy, numpy as np, uqmbd
     >>> from uqmbd.randomness import GermSpace
     >>> from uqmbd.randomness.joint import JointInput
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> length = uqmbd.RandomVariable("length", chaospy.Normal(0.15, 0.003), units="m")
     >>> space = GermSpace.of(JointInput.of([length]))
     >>> axes = labels([("x", "m")], [("length", "m")], [0.0, 0.5])
@@ -217,12 +217,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[1.2]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> chaos.sobol_interaction("a", "b").round(4).tolist()  # 1.44 / 1.69
         [[0.8521]]
@@ -244,12 +245,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> alone = chaos.marginal("a")
         >>> alone.std.tolist(), alone.labels.inputs[0].name
@@ -294,12 +296,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> found = chaos.decay()
         >>> sorted(found.data_vars)
@@ -329,12 +332,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> chaos.discontinuities()  # none is suspected
         (None,)
@@ -356,12 +360,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> chaos.to_dataset()["coefficients"].sizes["term"]
         4
@@ -386,7 +391,7 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy, uqmbd
         >>> from uqmbd.randomness import GermSpace, JointInput
-        >>> from uqmbd.results import labels
+        >>> from uqmbd.extend import labels
         >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(10, 2))]))
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]))
         >>> chaos.to_chaospy()
@@ -409,12 +414,13 @@ class PolynomialChaos(Surrogate):
         --------
         >>> import chaospy
         >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos, labels
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> again = PolynomialChaos.from_dataset(chaos.to_dataset())
         >>> bool((again.coefficients == chaos.coefficients).all())

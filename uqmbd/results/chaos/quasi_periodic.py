@@ -67,13 +67,15 @@ class QuasiPeriodicChaos(SampledSurrogate):
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+    >>> from uqmbd.results import QuasiPeriodicChaos
+    >>> from uqmbd.extend import QuasiPeriodicElement
+    >>> from uqmbd.extend import labels
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> element = QuasiPeriodicElement(
-    ...     uqmbd.GermBox.whole(space),
+    ...     uqmbd.extend.GermBox.whole(space),
     ...     frequencies=np.array([[2.0], [0.1]]),
     ...     constants=np.zeros((2, 1)),
     ...     drifts=np.zeros((2, 1)),
@@ -118,14 +120,16 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> from uqmbd.results import QuasiPeriodicChaos
+        >>> from uqmbd.extend import QuasiPeriodicElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
         >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
         >>> axes = labels(["x"], ["a"], [0.0, 1.0])
         >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
         >>> chaos.frequencies([[0.0], [1.0]]).round(4).tolist()  # rad/s; psi is the root of 3 at the end
@@ -145,14 +149,16 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> from uqmbd.results import QuasiPeriodicChaos
+        >>> from uqmbd.extend import QuasiPeriodicElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
         >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
         >>> axes = labels(["x"], ["a"], [0.0, 1.0])
         >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
         >>> chaos.amplitudes([[0.0]]).round(4).tolist()
@@ -185,17 +191,20 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> from uqmbd.results import QuasiPeriodicChaos
+        >>> from uqmbd.extend import QuasiPeriodicElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> def half(box, size):  # size times cos(2 t) in half of the germ space
         ...     zero, waves = np.zeros((1, 1)), np.array([[[size + 0j]]])
-        ...     element = QuasiPeriodicElement(uqmbd.GermBox.whole(box.local), np.array([[2.0]]), zero, zero, waves)
+        ...     whole = uqmbd.extend.GermBox.whole(box.local)
+        ...     element = QuasiPeriodicElement(whole, np.array([[2.0]]), zero, zero, waves)
         ...     axes = labels(["x"], ["a"], [0.0])
         ...     return QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0]]), axes)
-        >>> boxes = uqmbd.GermBox.whole(space).split(0)
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
         >>> chaos = QuasiPeriodicChaos.joined([half(box, size) for box, size in zip(boxes, (1.0, 3.0))], boxes)
         >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
         [1.0, 3.0]
@@ -220,14 +229,16 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> from uqmbd.results import QuasiPeriodicChaos
+        >>> from uqmbd.extend import QuasiPeriodicElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
         >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
         >>> axes = labels(["x"], ["a"], [0.0, 1.0])
         >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
         >>> dict(chaos.to_dataset().sizes)["harmonic"]
@@ -244,14 +255,16 @@ class QuasiPeriodicChaos(SampledSurrogate):
         >>> import chaospy
         >>> import numpy as np
         >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos, QuasiPeriodicElement, labels
+        >>> from uqmbd.results import QuasiPeriodicChaos
+        >>> from uqmbd.extend import QuasiPeriodicElement
+        >>> from uqmbd.extend import labels
         >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
         >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
         >>> mechanism.output("a", a)
-        >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
         >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
         >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.GermBox.whole(space), frequencies, zero, zero, waves)
+        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
         >>> axes = labels(["x"], ["a"], [0.0, 1.0])
         >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
         >>> QuasiPeriodicChaos.from_dataset(chaos.to_dataset()).frequencies([[0.0]]).round(4).tolist()

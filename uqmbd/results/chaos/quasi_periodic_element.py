@@ -37,13 +37,13 @@ class QuasiPeriodicElement:
     >>> import chaospy
     >>> import numpy as np
     >>> import uqmbd
-    >>> from uqmbd.results import QuasiPeriodicElement
+    >>> from uqmbd.extend import QuasiPeriodicElement
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
-    >>> space = uqmbd.GermSpace.of(mechanism.inputs)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
     >>> element = QuasiPeriodicElement(
-    ...     uqmbd.GermBox.whole(space),
+    ...     uqmbd.extend.GermBox.whole(space),
     ...     frequencies=np.array([[2.0], [0.1]]),
     ...     constants=np.zeros((2, 1)),
     ...     drifts=np.zeros((2, 1)),

@@ -78,7 +78,8 @@ def surrogate(
     --------
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> from uqmbd.results import PolynomialChaos, labels, propagator_node
+    >>> from uqmbd.results import PolynomialChaos, propagator_node
+    >>> from uqmbd.extend import labels
     >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(1, 0.1))]))
     >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]))
     >>> node = propagator_node("mine", chaos.statistics(), propagator="p", realisations=2, wall_time=0.0,
@@ -125,7 +126,7 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import surrogate_parts
+    >>> from uqmbd.results.chaos import surrogate_parts
     >>> from uqmbd_collocation import Collocation
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")

@@ -76,7 +76,8 @@ def stated_accuracy(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0, 1.0])
     >>> statistics = statistics_dataset(axes, mean=[[0.0, 0.0]], std=[[1.0, 2.0]], std_error_mean=[[0.1, 0.1]],
     ...                                 std_error_std=[[0.05, 0.2]])

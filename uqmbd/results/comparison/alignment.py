@@ -42,7 +42,8 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> def node(times):
     ...     statistics = statistics_dataset(labels(["x"], [], times), mean=[times], std=[times])
     ...     return propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)

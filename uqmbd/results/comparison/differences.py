@@ -153,7 +153,8 @@ def compare(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0, 1.0])
     >>> def node(label, mean):
     ...     statistics = statistics_dataset(axes, mean=[mean], std=[[0.0, 0.1]])

@@ -36,7 +36,8 @@ def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDA
 
     Examples
     --------
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0, 1.0])
     >>> def node(mean, std):
     ...     statistics = statistics_dataset(axes, mean=[mean], std=[std])

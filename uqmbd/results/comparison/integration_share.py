@@ -33,7 +33,7 @@ class IntegrationShare:
 
     Examples
     --------
-    >>> from uqmbd.results import IntegrationShare
+    >>> from uqmbd.results.comparison import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
     >>> one.of_what
     'of the spread'
@@ -78,7 +78,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
     ['0.10 % of the spread']
@@ -113,7 +113,7 @@ def worst_integration_share(statistics: xr.Dataset) -> IntegrationShare | None:
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import worst_integration_share
+    >>> from uqmbd.results.comparison import worst_integration_share
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")

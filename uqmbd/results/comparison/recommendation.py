@@ -52,7 +52,7 @@ def overall(comparison: xr.Dataset, method: str) -> tuple[str, str, str]:
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import overall
+    >>> from uqmbd.results.comparison import overall
     >>> from uqmbd_collocation import Collocation
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
@@ -131,7 +131,8 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from uqmbd.results import compare, labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import compare, propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0, 1.0])
     >>> def node(label, std, cost, error):
     ...     known = {"std_error_mean": [[error, error]], "std_error_std": [[error, error]]}

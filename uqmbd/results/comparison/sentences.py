@@ -46,7 +46,7 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import own_statements
+    >>> from uqmbd.results.comparison import own_statements
     >>> from uqmbd_collocation import Collocation
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
@@ -97,7 +97,8 @@ def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tupl
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results import propagator_nodes, statements
+    >>> from uqmbd.results import propagator_nodes
+    >>> from uqmbd.results.comparison import statements
     >>> from uqmbd_collocation import Collocation
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")

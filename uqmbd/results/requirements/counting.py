@@ -36,7 +36,7 @@ class Violations:
     Four realisations of a requirement at two times; the third violates it at the second, and the last failed:
 
     >>> import numpy as np
-    >>> from uqmbd.results import Violations
+    >>> from uqmbd.extend import Violations
     >>> running = np.array([[[1.0, 1.0]], [[2.0, 0.5]], [[1.0, -1.0]], [[np.nan, np.nan]]])
     >>> found = Violations.of(running, np.array([False, False, False, True]))
     >>> found.by_time.tolist(), found.total, found.failed

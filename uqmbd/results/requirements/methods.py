@@ -43,12 +43,13 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     A method that knows means of a margin alone says nothing of its probability:
 
     >>> import numpy as np
-    >>> from uqmbd.results import labels, propagator_node, requirements_of, statistics_dataset
+    >>> from uqmbd.results import propagator_node, requirements_of
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> def node(outputs, times, values):
     ...     axes = labels(outputs, [], times)
     ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
     ...     return propagator_node("mine", statistics, propagator="perturbation", realisations=1, wall_time=0.1)
-    >>> from uqmbd import Requirement
+    >>> from uqmbd.extend import Requirement
     >>> clear = Requirement("clear", "it stays clear", "gap > 0", over_time=True)
     >>> found = requirements_of(node(["clear"], [0.0, 1.0], [[0.3, 0.2]]), [clear], np.array([False]))
     >>> found["violation_probability"].values.tolist(), found["interval"].values.tolist()

@@ -80,7 +80,7 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
 
     Examples
     --------
-    >>> from uqmbd.results import requirements_dataset
+    >>> from uqmbd.extend import requirements_dataset
     >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04])
     >>> found = answers({"mine": xr.DataTree.from_dict({"requirements": data})})
     >>> found["overload"]["mine"].words
@@ -121,7 +121,8 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
 
     >>> import numpy as np
     >>> import xarray as xr
-    >>> from uqmbd.results import Violations, unmet
+    >>> from uqmbd.results import unmet
+    >>> from uqmbd.extend import Violations
     >>> def node(violated):
     ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
     ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))
@@ -172,7 +173,8 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 
     >>> import numpy as np
     >>> import xarray as xr
-    >>> from uqmbd.results import Violations, compare_requirements
+    >>> from uqmbd.results import compare_requirements
+    >>> from uqmbd.extend import Violations
     >>> def node(violated):
     ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
     ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))
@@ -215,7 +217,7 @@ def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
 
     >>> import numpy as np
     >>> import xarray as xr
-    >>> from uqmbd.results import Violations, differing
+    >>> from uqmbd.results.requirements import differing, Violations
     >>> def node(violated):
     ...     margins = np.where(np.arange(1000) < violated, -1.0, 1.0)[:, None, None]
     ...     counted = Violations.of(margins, np.zeros(1000, dtype=bool))

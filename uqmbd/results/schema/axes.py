@@ -36,7 +36,7 @@ class OutputInfo:
     Examples
     --------
     >>> import math
-    >>> from uqmbd.results import OutputInfo
+    >>> from uqmbd.extend import OutputInfo
     >>> OutputInfo("angle", "rad", turn=2 * math.pi).turn > OutputInfo("height", "m").turn
     True
     """
@@ -61,7 +61,7 @@ class InputInfo:
 
     Examples
     --------
-    >>> from uqmbd.results import InputInfo
+    >>> from uqmbd.extend import InputInfo
     >>> InputInfo("length", "m", "Normal(mu=0.15, sigma=0.003)").units
     'm'
     """
@@ -87,7 +87,7 @@ class Labels:
 
     Examples
     --------
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> axes = labels([("height", "m")], [("speed", "m/s")], [0.0, 0.5, 1.0])
     >>> axes.dims, axes.shape, axes.turns.tolist()
     (('output', 'time'), (1, 3), [0.0])

@@ -13,7 +13,7 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 
-A propagator states once what its axes mean (:func:`uqmbd.results.labels`), and hands arrays to
+A propagator states once what its axes mean (:func:`uqmbd.extend.labels`), and hands arrays to
 :func:`sample_dataset`, :func:`statistics_dataset` and :func:`uqmbd.results.propagator_node`. Children that the schema
 does not know are allowed.
 """
@@ -164,7 +164,7 @@ def sample_dataset(
 
     Examples
     --------
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> axes = labels(["x"], ["k"], [0.0, 1.0])
     >>> samples = sample_dataset([[[1.0, 2.0]], [[1.0, float("nan")]]], [[3.0], [4.0]], axes)
     >>> samples["status"].values.tolist()
@@ -274,7 +274,7 @@ def statistics_dataset(
 
     Examples
     --------
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> axes = labels([("x", "m")], [], [0.0, 1.0])
     >>> statistics = statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 0.5]])
     >>> float(statistics["variance"].sel(output="x", time=1.0))

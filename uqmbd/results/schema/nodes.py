@@ -50,9 +50,9 @@ def propagator_node(
     label : str
         Name of the node; free of ``/`` and not a name that the schema uses itself.
     statistics : xarray.Dataset
-        From :func:`uqmbd.results.statistics_dataset`.
+        From :func:`uqmbd.extend.statistics_dataset`.
     samples : xarray.Dataset, optional
-        From :func:`uqmbd.results.sample_dataset`.
+        From :func:`uqmbd.extend.sample_dataset`.
     propagator : str
         Registered name of the method, as in ``monte-carlo``.
     realisations : int
@@ -81,7 +81,7 @@ def propagator_node(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0])
     >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
     ...                        propagator="perturbation", realisations=1, wall_time=0.1, options={"order": 1})
@@ -138,7 +138,8 @@ def join_nodes(
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import join_nodes, labels, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.results.schema import join_nodes, labels, statistics_dataset
     >>> def node(outputs, times, values):
     ...     axes = labels(outputs, [], times)
     ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))
@@ -228,7 +229,8 @@ def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, node_parts, propagator_node, statistics_dataset
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.results.schema import labels, node_parts, statistics_dataset
     >>> def node(outputs, times, values):
     ...     axes = labels(outputs, [], times)
     ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))

@@ -108,7 +108,7 @@ def units_of(variable: xr.DataArray) -> str | None:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> both = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [1.0]])
     >>> units_of(both["std"]), units_of(both["variance"].sel(output="x")), units_of(both["kurtosis"])
     ('', 'm^2', '1')
@@ -181,7 +181,7 @@ def with_units(tree: xr.DataTree) -> xr.DataTree:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m")], [], [0.0]), mean=[[0.0]], std=[[1.0]]).drop_attrs()
     >>> with_units(xr.DataTree.from_dict({"mine/statistics": data}))["mine/statistics/std"].attrs
     {'units': 'm'}

@@ -109,7 +109,7 @@ def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0]), mean=[[0.0]], std=[[0.0]], skewness=[[np.nan]])
     >>> with_reasons(found["skewness"], {"x": "all samples are equal"}).attrs["unknown"]
     '{"x": "all samples are equal"}'
@@ -232,7 +232,7 @@ def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) ->
     Parameters
     ----------
     data : xarray.Dataset
-        As of `uqmbd.results.requirements_dataset`.
+        As of `uqmbd.extend.requirements_dataset`.
     path : str
         Where it is, for messages.
     before : bool

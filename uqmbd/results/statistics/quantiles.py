@@ -29,7 +29,7 @@ __all__ = [
 
 
 class Chunk(Protocol):
-    """Consecutive samples, as `uqmbd.Realisations` and the chunks of a `uqmbd.results.SampleStore` are."""
+    """Consecutive samples, as `uqmbd.extend.Realisations` and the chunks of a `uqmbd.results.SampleStore` are."""
 
     @property
     def response(self) -> Array:
@@ -97,7 +97,8 @@ def quantiles_of_chunks(
     Examples
     --------
     >>> import tempfile
-    >>> from uqmbd.results import SampleStore, labels, sample_dataset
+    >>> from uqmbd.results import SampleStore
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> x = np.random.default_rng(1).normal(size=(1000, 1, 1))
     >>> samples = sample_dataset(x, np.zeros((1000, 1)), labels(["x"], ["k"], [0.0]))
     >>> with tempfile.TemporaryDirectory() as folder:

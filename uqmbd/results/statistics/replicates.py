@@ -21,7 +21,7 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    replicates : sequence of uqmbd.results.Moments
+    replicates : sequence of uqmbd.extend.Moments
         Moments of the successful samples of each of R replicates, of shape (...), commonly (output, time).
 
     Returns
@@ -47,7 +47,7 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import Moments
+    >>> from uqmbd.extend import Moments
     >>> error, _ = replicate_errors([Moments.of([[[x]], [[x + 1.0]]]) for x in (0.0, 2.0, 4.0, 6.0)])
     >>> bool(np.isclose(error[0, 0], 3.182 / 1.960 * np.std([0.5, 2.5, 4.5, 6.5], ddof=1) / 2, rtol=1e-3))
     True

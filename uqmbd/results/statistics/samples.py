@@ -63,7 +63,7 @@ def sample_statistics(
         Whether the samples are independent; else they are the points of a design.
     each : callable, optional
         Who computes blocks of columns: like ``map``, which computes one after another; those of an executor of threads
-        and of :meth:`uqmbd.Problem.each` compute some at once, with the same results.
+        and of :meth:`uqmbd.extend.Problem.each` compute some at once, with the same results.
 
     Returns
     -------
@@ -265,7 +265,7 @@ def statistics_of_samples(
     Parameters
     ----------
     samples : xarray.Dataset
-        From :func:`uqmbd.results.sample_dataset`.
+        From :func:`uqmbd.extend.sample_dataset`.
     probabilities : sequence of float
         Of the quantiles.
     independent : bool
@@ -276,7 +276,7 @@ def statistics_of_samples(
     Returns
     -------
     xarray.Dataset
-        Like that of :func:`uqmbd.results.statistics_dataset`; with ``circular_mean`` and ``circular_std`` where an
+        Like that of :func:`uqmbd.extend.statistics_dataset`; with ``circular_mean`` and ``circular_std`` where an
         output is an angle.
 
     Raises
@@ -286,7 +286,7 @@ def statistics_of_samples(
 
     Examples
     --------
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> axes = labels([("x", "m")], ["k"], [0.0])
     >>> samples = sample_dataset([[[1.0]], [[3.0]], [[float("inf")]]], [[0.0], [1.0], [2.0]], axes)
     >>> statistics_of_samples(samples)["mean"].item()

@@ -48,7 +48,7 @@ def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> from uqmbd.results import labels, statistics_dataset
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["driven", "free"], [], [0.0, 1.0])
     >>> varying(statistics_dataset(axes, mean=np.ones((2, 2)), std=[[1e-14, 3e-14], [0.0, 0.1]])).tolist()
     [False, True]
@@ -80,7 +80,8 @@ def varies(node: xr.DataTree, output: str) -> bool:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels, propagator_node, statistics_dataset, varies
+    >>> from uqmbd.results import propagator_node, varies
+    >>> from uqmbd.extend import labels, statistics_dataset
     >>> def node(outputs, times, values):
     ...     axes = labels(outputs, [], times)
     ...     statistics = statistics_dataset(axes, mean=values, std=np.zeros_like(values))

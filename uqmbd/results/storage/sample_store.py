@@ -65,7 +65,7 @@ class SampleChunk:
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import SampleChunk
+    >>> from uqmbd.results.storage import SampleChunk
     >>> chunk = SampleChunk(first=100, response=np.zeros((50, 2, 11)), good=np.ones(50, dtype=bool))
     >>> chunk.first + len(chunk.response)  # where the next one begins
     150
@@ -92,7 +92,8 @@ class SampleStoreChunks:
     >>> import tempfile
     >>> from pathlib import Path
     >>> import numpy as np
-    >>> from uqmbd.results import SampleStore, labels, sample_dataset
+    >>> from uqmbd.results import SampleStore
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> samples = sample_dataset(np.ones((5, 1, 2)), np.zeros((5, 1)), labels(["x"], ["k"], [0.0, 1.0]))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     chunks = SampleStore.write(Path(folder) / "a-samples.zarr", samples, size=2).chunks()
@@ -140,7 +141,7 @@ class SampleStore:
     Examples
     --------
     >>> import tempfile
-    >>> from uqmbd.results import labels, sample_dataset
+    >>> from uqmbd.extend import labels, sample_dataset
     >>> samples = sample_dataset(np.arange(10.0).reshape(5, 1, 2), np.zeros((5, 1)), labels(["x"], ["k"], [0.0, 1.0]))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     store = SampleStore.write(Path(folder) / "a-samples.zarr", samples, size=2)
@@ -243,7 +244,7 @@ class SampleStore:
         path : path-like
             Of the folder.
         samples : xarray.Dataset
-            From :func:`uqmbd.results.sample_dataset`.
+            From :func:`uqmbd.extend.sample_dataset`.
         size : int
             Samples of a chunk.
 

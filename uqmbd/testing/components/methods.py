@@ -13,7 +13,7 @@ from uqmbd.dynamics import Ensemble, derive, instances_of, integrate
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
-from uqmbd.results import surrogate_parts
+from uqmbd.results.chaos import surrogate_parts
 from uqmbd.testing.components.cases import Case, moving_case, name_of
 from uqmbd.testing.components.energy import is_timeless
 from uqmbd.testing.propagators import check_schema, described, quiet, stated_errors

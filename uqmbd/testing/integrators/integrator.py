@@ -119,7 +119,7 @@ class _Subject:
             found: Any = self.integrator().integrate(ensemble, times, rtol)
         what = f"{self.title}: {prop}: {case}"
         assert isinstance(found, Trajectories), (
-            f"{what}: its method integrate returned {found!r:.100}; expected uqmbd.Trajectories."
+            f"{what}: its method integrate returned {found!r:.100}; expected uqmbd.extend.Trajectories."
         )
         shape = (len(ensemble), len(times), ensemble.model.layout.width)
         assert np.shape(found.states) == shape, (
@@ -204,11 +204,11 @@ def _check_accuracy(subject: _Subject, form: ClosedForm, rtols: tuple[float, ...
 
 def _check_counters(subject: _Subject, case: str, counters: Any) -> None:
     assert isinstance(counters, Counters), (
-        f"{subject.title}: counters: {case}: they are {counters!r:.100}; expected uqmbd.Counters."
+        f"{subject.title}: counters: {case}: they are {counters!r:.100}; expected uqmbd.extend.Counters."
     )
     assert max(counters.steps, counters.residuals, counters.accelerations) > 0, (
         f"{subject.title}: counters: {case}: steps, residuals and accelerations are all 0; expected at least one of "
-        "them, uqmbd.Counters(steps=...)."
+        "them, uqmbd.extend.Counters(steps=...)."
     )
 
 

@@ -88,8 +88,8 @@ def _integrated(
         raise AssertionError(f"{what}: it raised {type(error).__name__}: {error}") from error
     shape = (projected.terms, len(times), projected.model.layout.width)
     assert isinstance(found, ProjectedTrajectories) and np.shape(found.coefficients) == shape, (
-        f"{what}: its method integrate_projected returned {found!r:.100}; expected uqmbd.ProjectedTrajectories with "
-        f"coefficients of shape {shape}."
+        f"{what}: its method integrate_projected returned {found!r:.100}; expected "
+        f"uqmbd.extend.ProjectedTrajectories with coefficients of shape {shape}."
     )
     return found
 

@@ -42,7 +42,7 @@ def check_propagator(
     - *failures*: realisations that cannot be assembled are counted and their reason is told, or there is an error with
       a remedy; statistics hold no NaN. Where all fail, there is an error.
     - *resume*: a run that was interrupted goes on with what is finished, to the same bits.
-    - *sizes*: where it has some (`uqmbd.Propagator.sizing`), larger ones take more, and one that an accuracy has
+    - *sizes*: where it has some (`uqmbd.extend.Propagator.sizing`), larger ones take more, and one that an accuracy has
       chosen gives the same bits without one.
     - *nothing random*: a study without random variables is a `uqmbd.StudyError` with a remedy.
 
@@ -62,7 +62,8 @@ def check_propagator(
     failures : bool
         False for a method that need not survive realisations that fail.
     resume : bool
-        False for a method that computes nothing through `uqmbd.Problem.realise` or `uqmbd.Problem.stream`.
+        False for a method that computes nothing through `uqmbd.extend.Problem.realise` or
+        `uqmbd.extend.Problem.stream`.
     nothing_random : bool
         False for a method that has an answer where nothing is random.
     workers : int or concurrent.futures.Executor, optional

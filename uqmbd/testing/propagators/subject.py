@@ -40,8 +40,8 @@ class Subject:
         made = propagator()
         if not isinstance(made, Propagator):
             raise StudyError(
-                f"check_propagator: {propagator!r} returned {made!r}; expected a uqmbd.Propagator, or a callable that "
-                "returns one, e.g. MonteCarlo(samples=500, seed=1)."
+                f"check_propagator: {propagator!r} returned {made!r}; expected a uqmbd.extend.Propagator, or a "
+                "callable that returns one, e.g. MonteCarlo(samples=500, seed=1)."
             )
         return cls(propagator, made)
 

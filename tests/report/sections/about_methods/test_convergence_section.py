@@ -116,13 +116,13 @@ def test_a_label_is_the_reference_and_only_leaves_it_out() -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Breaking(uqmbd.Propagator):
+class Breaking(uqmbd.extend.Propagator):
     """Raises what no framework expects."""
 
     name: ClassVar[str] = "breaking"
     order: int = 1
 
-    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+    def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Raise."""
         raise RuntimeError("out of paper")
 

@@ -27,9 +27,9 @@ class RungeKutta:
     """Order 4; it follows impacts, as long as the bodies leave each other again."""
 
     name: ClassVar[str] = "runge-kutta"
-    capabilities: ClassVar[uqmbd.Capabilities] = uqmbd.Capabilities(events=True, bounded_steps=True)
+    capabilities: ClassVar[uqmbd.extend.Capabilities] = uqmbd.extend.Capabilities(events=True, bounded_steps=True)
 
-    def integrate(self, ensemble: uqmbd.Ensemble, times: Array, rtol: float) -> uqmbd.Trajectories:
+    def integrate(self, ensemble: uqmbd.extend.Ensemble, times: Array, rtol: float) -> uqmbd.extend.Trajectories:
         """Integrate one realisation after the other."""
         start = ensemble.start.state
         states = np.full((len(ensemble), len(times), start.shape[1]), np.nan)
@@ -38,16 +38,16 @@ class RungeKutta:
             motion = Motion(ensemble.select(np.array([k])), times, rtol, states[k])
             messages[k], happened[k] = motion.run(start[k]), motion.happened
             steps += motion.steps
-        counters = uqmbd.Counters(steps=steps, events=sum(len(found) for found in happened.values()))
+        counters = uqmbd.extend.Counters(steps=steps, events=sum(len(found) for found in happened.values()))
         scalars = ensemble.event_times(happened)
-        return uqmbd.Trajectories(times, states, tuple(messages), counters, scalars)
+        return uqmbd.extend.Trajectories(times, states, tuple(messages), counters, scalars)
 
 
 @dataclass
 class Motion:
     """The motion of one realisation."""
 
-    one: uqmbd.Ensemble
+    one: uqmbd.extend.Ensemble
     times: Array
     rtol: float
     states: Array
@@ -140,6 +140,6 @@ class Motion:
 
 
 @uqmbd.hookimpl
-def uqmbd_integrators() -> list[type[uqmbd.Integrator]]:
+def uqmbd_integrators() -> list[type[uqmbd.extend.Integrator]]:
     """Return the integrator of this package."""
     return [RungeKutta]

@@ -6,8 +6,7 @@ import numpy as np
 
 from uqmbd.report.sections.section import Content
 from uqmbd.report.view import StudyResult
-from uqmbd.results import overall
-from uqmbd.results.comparison import AGREES, COARSE, NO_SPREAD, REFERENCE
+from uqmbd.results.comparison import AGREES, COARSE, NO_SPREAD, REFERENCE, overall
 from uqmbd.typing import Array
 from uqmbd.wording import format_duration, format_integer, format_percent
 

@@ -6,7 +6,7 @@ import math
 
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results import worst_integration_share
+from uqmbd.results.comparison import worst_integration_share
 from uqmbd.wording import format_duration, format_integer, format_number
 
 __all__ = ["COST"]

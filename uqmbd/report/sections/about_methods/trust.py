@@ -29,8 +29,8 @@ from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.about_results import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results import statements
 from uqmbd.results.chaos import Discontinuity
+from uqmbd.results.comparison import statements
 from uqmbd.wording import format_count, format_factor, format_integer, format_percent
 
 __all__ = ["TRUST"]

@@ -11,8 +11,7 @@ import xarray as xr
 
 from uqmbd.report.figures import automatic_times
 from uqmbd.report.view import Method
-from uqmbd.results import integration_shares, own_statements
-from uqmbd.results.comparison import own_error
+from uqmbd.results.comparison import integration_shares, own_error, own_statements
 from uqmbd.results.statistics import rtol_of
 from uqmbd.wording import (
     Cell,

@@ -9,7 +9,8 @@ from uqmbd.report import figures
 from uqmbd.report.charts import charted
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.results import answers, differing
+from uqmbd.results import answers
+from uqmbd.results.requirements import differing
 from uqmbd.wording import format_integer, format_percent
 
 __all__ = ["REQUIREMENTS"]

@@ -15,7 +15,7 @@ from uqmbd.report.charts import charted
 from uqmbd.report.figures import MOST_SCALARS, failure_reasons
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results import worst_integration_share
+from uqmbd.results.comparison import worst_integration_share
 from uqmbd.wording import format_at_most, format_cells, format_count, format_percent, format_share
 
 __all__ = ["SCALARS"]

@@ -36,7 +36,7 @@ def labelled_array(values: Array, points: Points, labels: Labels, about: Mapping
     Examples
     --------
     >>> import numpy as np
-    >>> from uqmbd.results import labels
+    >>> from uqmbd.extend import labels
     >>> from uqmbd.results.chaos.labelled.points import points_of
     >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0, 0.5])
     >>> found = labelled_array(np.zeros((3, 1, 2)), points_of(None, {"k": [1, 2, 3]}, axes.inputs), axes, VALUE)

@@ -37,7 +37,7 @@ def surrogate_statistics(
     ----------
     labels : Labels
     values : mapping
-        Arguments of :func:`uqmbd.results.statistics_dataset`.
+        Arguments of :func:`uqmbd.extend.statistics_dataset`.
     shape_samples : int
         Samples that skewness and kurtosis are of; 0: they are exact.
     samples, wanted : int

@@ -1,0 +1,6 @@
+"""What a check of a study returns, for plugins that add checks."""
+
+from __future__ import annotations
+
+from uqmbd.errors import Finding as Finding
+from uqmbd.errors import Severity as Severity
