@@ -209,8 +209,8 @@ def registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
     if not inspect.isclass(cls):
         return "", "which is not a class"
     if kind.base is not None:
-        package, name = kind.base.partition(".")[0], kind.base.rpartition(".")[2]
-        if f"{package}.{name}" not in lineage(cls):
+        package, base = kind.base.partition(".")[0], kind.base.rpartition(".")[2]
+        if f"{package}.{base}" not in lineage(cls):
             return "", f"which is not a subclass of {kind.base}"
         if inspect.isabstract(cls):
             missing = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
