@@ -36,6 +36,8 @@ class Controlled:
         Of the responses: the mean less the shift.
     error_mean, error_variance : array
         Their standard errors.
+    alone_mean, alone_variance : array
+        Standard errors without control.
     reduction_mean, reduction_variance : array
         Variance of the estimate without control over that with it; at most 4.5e15.
     """
@@ -44,6 +46,8 @@ class Controlled:
     variance: Array
     error_mean: Array
     error_variance: Array
+    alone_mean: Array
+    alone_variance: Array
     reduction_mean: Array
     reduction_variance: Array
 
@@ -102,8 +106,8 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
     controls) is taken off, less its own variance, so that the variance is unbiased but for the error of that last term.
     Standard errors come from the residuals, each with the factors of the other folds.
 
-    The errors of the variance come from fourth powers: with heavy tails they are too small as often as those of plain
-    samples, and more often where the surrogate is good everywhere but in the tails.
+    The errors of the variance come from fourth powers: with heavy tails they are too small, and more often so where the
+    surrogate is good everywhere but in the tails.
 
     Where the expectations of the controls are not known, their means over `further` realisations of the surrogate alone
     take their place: approximate control variates [3]_, two levels of multifidelity Monte Carlo [4]_.  With n samples
@@ -155,6 +159,8 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
         both[1],
         np.sqrt(of_mean),
         np.sqrt(both[3]),
+        np.sqrt(plain[2]),
+        np.sqrt(plain[3]),
         _ratio(plain[2], of_mean),
         _ratio(plain[3], both[3]),
     )

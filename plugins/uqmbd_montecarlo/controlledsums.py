@@ -119,11 +119,21 @@ class ControlledSums:
             "mean": shaped(centre + unit * found.mean, mean, useful),
             "std": controlled_std,
             "variance": controlled_std**2,
-            "std_error_mean": shaped(unit * found.error_mean, statistics["std_error_mean"].values, useful),
-            "std_error_std": shaped(
-                unit * found.error_variance / (2 * deviation), statistics["std_error_std"].values, positive
-            ),
         }
+        # errors of samples are wider than the usual ones, so that 1.96 of them hold 95 %; those with a control alike
+        deviation_alone = np.where(std > 0, std, 1.0).ravel()
+        for name, error, alone, where in (
+            ("std_error_mean", unit * found.error_mean, unit * found.alone_mean, useful),
+            (
+                "std_error_std",
+                unit * found.error_variance / (2 * deviation),
+                unit**2 * found.alone_variance / (2 * deviation_alone),
+                positive,
+            ),
+        ):
+            wide = statistics[name].values
+            factor = np.divide(wide.ravel(), alone, out=np.ones(wide.size), where=alone > 0)
+            replaced[name] = shaped(error * np.maximum(factor, 1.0), wide, where)
         note = {"comment": f"of samples, with {self._control.words} as control variate"}
         dims = statistics["mean"].dims
         reductions = {

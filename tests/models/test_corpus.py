@@ -24,11 +24,13 @@ REFUSED = {
     "example-robot-data/iris_description/robots/iris_simple.urdf": "nothing in it can move",
     "example-robot-data/ur_description/urdf/ur3.urdf": "it has no <link>",
     "example-robot-data/icub_description/robots/icub.urdf": "body 'head' can be accelerated without any force",
+    "example-robot-data/romeo_description/urdf/romeo.urdf": "body 'LFinger23Link' can be accelerated without any force",
     "example-robot-data/romeo_description/urdf/romeo_laas_small.urdf": "a principal moment of inertia is negative",
     "dm_control/lqr.xml": "nothing in it can move",
 }
 """Files that are refused, with a part of the message: bodies without a joint, a scene without a body, a mass at a point
-that turns about all axes (Pinocchio's mass matrix is singular there), and inertia whose energy is negative."""
+that turns about all axes and hands without mass (Pinocchio's mass matrix is singular there), and inertia whose energy
+is negative."""
 
 
 def found_files():

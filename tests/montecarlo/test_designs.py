@@ -45,7 +45,7 @@ A, B = (uqmbd.RandomVariable(name, chaospy.Normal(0, 1)) for name in "ab")
 @pytest.mark.parametrize("design", DESIGNS)
 def test_stated_intervals_hold_as_often_as_stated(design: str) -> None:
     sizes = replicate_sizes(design, SAMPLES, 16)
-    hits = np.zeros(2)
+    hits, widths, found_ones = np.zeros(2), [], []
     for seed in range(SEEDS):
         y = response(uniform_samples(design, sizes, 2, seed))
         found = sample_statistics(y)
@@ -56,8 +56,12 @@ def test_stated_intervals_hold_as_often_as_stated(design: str) -> None:
             abs(found["mean"] - MEAN).item() <= 1.96 * errors[0].item(),
             abs(found["std"] - STD).item() <= 1.96 * errors[1].item(),
         ]
-    assert np.all(hits >= 0.90 * SEEDS), hits / SEEDS
-    assert np.all(hits <= 0.99 * SEEDS), hits / SEEDS
+        widths.append([1.96 * error.item() for error in errors])
+        found_ones.append([found["mean"].item(), found["std"].item()])
+    assert np.all(hits >= 0.92 * SEEDS), hits / SEEDS
+    # nor are they much wider than what holds 95 % of these seeds: more cannot be known of tails from 16 replicates
+    needed = np.quantile(np.abs(np.array(found_ones) - [MEAN, STD]), 0.95, axis=0)
+    assert np.all(np.median(widths, axis=0) <= 2.5 * needed), np.median(widths, axis=0) / needed
 
 
 @pytest.mark.thorough
@@ -99,23 +103,26 @@ def test_seed_gives_the_same_bits_and_another_seed_gives_others(design: str) -> 
 
 
 def test_jackknife_agrees_with_the_variance_of_replicate_means() -> None:
-    """For equal replicates the jackknife of the mean is the standard error of the replicate means, exactly."""
+    """For equal replicates the jackknife of the mean is the standard error of the replicate means, before its term."""
     y = np.random.default_rng(0).normal(size=(40, 2, 3))
     error, _ = replicate_errors(replicates(y, [10] * 4))
     means = y.reshape(4, 10, 2, 3).mean(axis=1)
-    widening = 3.182446305 / 1.959963985  # Student's t of three degrees of freedom over the normal
-    np.testing.assert_allclose(error, widening * means.std(axis=0, ddof=1) / 2, rtol=1e-9)
+    t = 3.182446305  # of Student, with three degrees of freedom
+    # four replicates have a skewness up to 1.15, of which normal ones have sqrt(6 / 4) by chance
+    reach = t + np.abs(stats.skew(y)) * (1 + 2 * t**2) / (6 * np.sqrt(4))
+    np.testing.assert_allclose(error, reach / 1.959963985 * means.std(axis=0, ddof=1) / 2, rtol=1e-9)
 
 
 def test_replicates_that_scatter_to_one_side_have_the_larger_error() -> None:
-    """By Johnson's term for the worse end of the interval, from an independent skewness; mirrored alike."""
+    """By Johnson's term for the worse end of the interval, from independent skewnesses; mirrored alike."""
     y = np.random.default_rng(1).exponential(size=(8, 1, 5)) ** [2, 2, 1, 0.3, 0.3]
     error, _ = replicate_errors([Moments.of(part) for part in y])
     mirrored, _ = replicate_errors([Moments.of(-part) for part in y])
     means, t = y[:, 0], stats.t(7).ppf(0.975)
     excess = np.maximum(np.abs(stats.skew(means)) - np.sqrt(6 / 8), 0)
     assert (excess > 0).any() and (excess == 0).any()
-    reach = t + excess * (1 + 2 * t**2) / (6 * np.sqrt(8))
+    # one sample in each replicate: those of the samples are those of the replicates
+    reach = t + (excess + np.abs(stats.skew(means))) * (1 + 2 * t**2) / (6 * np.sqrt(8))
     np.testing.assert_allclose(error, reach / norm.ppf(0.975) * stats.sem(means), rtol=1e-9)
     np.testing.assert_allclose(error, mirrored, rtol=1e-12)
 
@@ -173,7 +180,7 @@ def test_every_stated_error_holds_in_nine_of_ten_seeds(design: str, samples: int
                 abs(found["mean"][k] - mean) <= 1.96 * errors[0][k] + 1e-12,
                 abs(found["std"][k] - std) <= 1.96 * errors[1][k] + 1e-12,
             ]
-    low = {name: count for name, count in hits.items() if (count < 0.91 * SEEDS).any()}
+    low = {name: count for name, count in hits.items() if (count < 0.92 * SEEDS).any()}
     assert not low, low
 
 

@@ -265,7 +265,8 @@ def test_levels_by_tolerance_and_outputs_without_a_time() -> None:
         for name in ("mean", "std"):
             error = np.hypot(one[f"std_error_{name}"], other[f"std_error_{name}"])
             assert float(abs(one[name] - other[name])) <= 4 * error
-            assert float(one[f"std_error_{name}"]) == pytest.approx(float(other[f"std_error_{name}"]), rel=0.25)
+            # those of fewer samples are wider
+            assert 0.75 <= float(one[f"std_error_{name}"]) / float(other[f"std_error_{name}"]) <= 1.75
 
 
 def test_a_study_alone_is_taken_and_its_use_is_told() -> None:

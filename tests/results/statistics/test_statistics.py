@@ -11,6 +11,7 @@ import scipy.stats
 from uqmbd.errors import StudyError
 from uqmbd.extend import DEFAULT_PROBABILITIES, labels, sample_dataset, statistics_of_samples
 from uqmbd.results import sample_statistics
+from uqmbd.results.statistics import usual_errors
 from uqmbd.results.statistics.samples import replicate_statistics, running_statistics
 
 
@@ -23,7 +24,11 @@ def test_statistics_agree_with_scipy_and_numpy() -> None:
     np.testing.assert_allclose(found["variance"], x.var(axis=0, ddof=1), rtol=1e-13)
     np.testing.assert_allclose(found["skewness"], scipy.stats.skew(x, axis=0), rtol=1e-12)
     np.testing.assert_allclose(found["kurtosis"], scipy.stats.kurtosis(x, axis=0, fisher=False), rtol=1e-12)
-    np.testing.assert_allclose(found["std_error_mean"], scipy.stats.sem(x, axis=0), rtol=1e-13)
+    t, g = scipy.stats.t(136).ppf(0.975), abs(scipy.stats.skew(x, axis=0))
+    reach = t + g * (1 + 2 * t**2) / (6 * np.sqrt(137))  # Johnson's term, for the worse end
+    np.testing.assert_allclose(
+        found["std_error_mean"], reach / scipy.stats.norm.ppf(0.975) * scipy.stats.sem(x, axis=0), rtol=1e-12
+    )
     np.testing.assert_allclose(found["quantile"], np.quantile(x, DEFAULT_PROBABILITIES, axis=0), rtol=1e-13)
     assert found["quantile"].shape == (7, 3, 5)
 
@@ -41,26 +46,29 @@ def test_any_number_of_axes(shape: tuple[int, ...]) -> None:
     "distribution", [scipy.stats.norm(), scipy.stats.expon(), scipy.stats.uniform(), scipy.stats.t(9)]
 )
 def test_standard_errors_are_the_spread_of_the_estimates(distribution: scipy.stats.rv_continuous) -> None:
-    """Repeated means and deviations scatter by their stated errors: Var(s^2) = (mu4 - (n-3)/(n-1) s^4)/n."""
+    """Repeated deviations scatter by the usual errors, Var(s^2) = (mu4 - (n-3)/(n-1) s^4)/n; stated ones are wider."""
     n, repetitions = 400, 4000
     x = distribution.rvs(size=(n, repetitions), random_state=np.random.default_rng(5))
     found = sample_statistics(x)
     sigma = distribution.std()
     kurtosis = float(distribution.stats("k")) + 3
     exact = sigma * np.sqrt((kurtosis - (n - 3) / (n - 1)) / n) / 2
-    assert np.median(found["std_error_std"]) == pytest.approx(exact, rel=0.12)
+    assert exact < np.median(found["std_error_std"]) < 1.5 * exact
     assert np.std(found["std"]) == pytest.approx(exact, rel=0.05)
-    assert np.std(found["mean"]) == pytest.approx(np.mean(found["std_error_mean"]), rel=0.05)
+    assert np.std(found["mean"]) == pytest.approx(np.mean(found["std_error_mean"]), rel=0.08)
+    usual = usual_errors(found["std"], found["kurtosis"], n)
+    assert np.median(usual[1]) == pytest.approx(exact, rel=0.12)
+    np.testing.assert_allclose(usual[0], scipy.stats.sem(x, axis=0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("distribution", [scipy.stats.norm(), scipy.stats.expon(), scipy.stats.uniform()])
 def test_standard_errors_cover_the_truth(distribution: scipy.stats.rv_continuous) -> None:
-    """The interval of two standard errors holds the true value about 95 times in 100 (less where tails are heavy)."""
+    """The interval of two standard errors holds the true value at least 95 times in 100, and not always."""
     x = distribution.rvs(size=(1000, 3000), random_state=np.random.default_rng(7))
     found = sample_statistics(x)
     for name in ("mean", "std"):
         covered = np.abs(found[name] - getattr(distribution, name)()) < 1.96 * found[f"std_error_{name}"]
-        assert 0.925 < covered.mean() < 0.965
+        assert 0.94 < covered.mean() < 0.985
 
 
 @pytest.mark.parametrize(("offset", "scale"), [(0.0, 1e-100), (1e5, 1e-3), (-1e9, 1.0), (0.0, 1e120)])

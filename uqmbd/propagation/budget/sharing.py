@@ -219,10 +219,10 @@ class Within:
             self.errors[label] = work.error
         return None
 
-    def _stated(self, node: xr.DataTree, of: Any) -> Any:
+    def _stated(self, node: xr.DataTree, of: Any, *, usual: bool = False) -> Any:
         from uqmbd.results import stated_accuracy
 
-        return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of)
+        return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of, usual=usual)
 
     def _turn(self, one: Sized, left: Left, *, pilot: bool = False) -> None:
         """Run a method at one size after the other, until it is accurate enough or has taken its part.
@@ -324,7 +324,9 @@ class Within:
             fresh = max(fresh, planned)
             ledger.spent = spent + fresh
         found = self._stated(node, one.sizing.of)
-        one.add(Stage(size, counted, fresh, seconds, computing, found.value, found.quantity, found.kind), node)
+        usual = self._stated(node, one.sizing.of, usual=True)
+        of = (found.value, found.quantity, found.kind, usual.value, usual.kind)
+        one.add(Stage(size, counted, fresh, seconds, computing, *of), node)
         record[k].update(seconds=seconds, fresh=fresh, computing=computing)
         self._write()
 

@@ -17,9 +17,13 @@ __all__ = ["Left", "Sized", "Stage"]
 MARGIN = 1.1
 """Samples over those at which the stated error, extrapolated, is the accuracy."""
 
-HEAVY, LEAST_HEAVY = 1.8, 1.4
-"""The same where the error of the standard deviation is the largest, and the least that is enough: the kurtosis, which
-tells that error, is that of a heavy tail, and of such samples it is too small more often than not."""
+HEAVY = 1.8
+"""The same where the usual error of the standard deviation is the largest: the kurtosis, which tells that error, is
+that of a heavy tail, and of such samples it is too small more often than not."""
+
+LEAP = 16
+"""Growth beyond which half the way is gone first, in logarithms, where the error may fall faster than the root of the
+number of samples: that of a design, or one that is widened for few samples by what is not known."""
 
 GROWTH = 256
 """By how much samples grow at most from one size to the next: a spread that few of them tell is not trusted further."""
@@ -79,6 +83,10 @@ class Stage:
         The quantity that decides.
     kind : str
         What that is: ``mean``, ``std`` or ``probability``.
+    usual : float
+        The same before it is widened for few samples, so that it falls with the root of their number; NaN: not known.
+    usual_kind : str
+        What has that.
     """
 
     size: int
@@ -89,6 +97,8 @@ class Stage:
     accuracy: float
     quantity: str
     kind: str = ""
+    usual: float = math.nan
+    usual_kind: str = ""
 
 
 @dataclass
@@ -189,20 +199,23 @@ class Sized:
             return self._step()
         if not math.isfinite(last.accuracy):
             return 4.0 * last.size
-        margin = HEAVY if self._heavy(last) else MARGIN
-        return math.ceil(margin * last.size * (last.accuracy / self.accuracy) ** 2)
+        if math.isfinite(last.usual):
+            margin = HEAVY if self._heavy(last) else MARGIN
+            wanted = math.ceil(margin * last.size * (last.usual / self.accuracy) ** 2)
+            if wanted > WORTH * last.size:
+                return wanted
+        return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
 
     def _heavy(self, stage: Stage) -> bool:
         """Whether independent samples, whose standard errors come from their moments, have a heavy tail."""
-        return self.sizing.falls == "root" and self.sizing.extends and stage.kind == "std"
+        return self.sizing.falls == "root" and self.sizing.extends and stage.usual_kind == "std"
 
     def _enough(self) -> bool:
         """Whether no larger size is wanted."""
         last = self.stages[-1]
         if self.accuracy is None:
             return False
-        margin = LEAST_HEAVY if self._heavy(last) else 1.0
-        return last.accuracy <= self.accuracy / math.sqrt(margin)
+        return last.accuracy <= self.accuracy
 
     def _step(self) -> float:
         """Return the order at which the error, which falls by a factor with each order, is the accuracy."""
@@ -223,6 +236,8 @@ class Sized:
         if self.sizing.falls == "itself":
             return self._following_bound(left)
         wanted = min(self.wanted(), GROWTH * last.size)
+        if self.accuracy is not None and last.kind in ("mean", "std") and last.usual >= last.accuracy:
+            wanted = math.sqrt(wanted * last.size) if wanted > LEAP * last.size else wanted
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             wanted = min(wanted, MOST)
         size = self._affordable(self._upwards(wanted), left)

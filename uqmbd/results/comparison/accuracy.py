@@ -49,7 +49,11 @@ class StatedAccuracy:
 
 
 def stated_accuracy(
-    node: xr.DataTree, *, rtol: float = 0.0, of: Literal["moments", "probabilities"] = "moments"
+    node: xr.DataTree,
+    *,
+    rtol: float = 0.0,
+    of: Literal["moments", "probabilities"] = "moments",
+    usual: bool = False,
 ) -> StatedAccuracy:
     """Return how accurate a result says that it is, with 95 % confidence.
 
@@ -68,6 +72,9 @@ def stated_accuracy(
 
         ``probabilities``: the longer side of the 95 % interval of each probability that a requirement is violated,
         relative to that probability.
+    usual : bool
+        By the usual standard errors, which fall with the root of the number of samples, where those that are stated are
+        wider for few independent samples.
 
     Returns
     -------
@@ -87,7 +94,7 @@ def stated_accuracy(
     """
     if of == "probabilities":
         return _of_probabilities(node)
-    found = [_of_moments(one, rtol) for one in (node, *_scalars(node))]
+    found = [_of_moments(one, rtol, usual=usual) for one in (node, *_scalars(node))]
     return max(found, key=lambda one: one.value)
 
 
@@ -95,7 +102,7 @@ def _scalars(node: xr.DataTree) -> list[xr.DataTree]:
     return [node.children["scalars"]] if "scalars" in node.children else []
 
 
-def _of_moments(node: xr.DataTree, rtol: float) -> StatedAccuracy:
+def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccuracy:
     statistics = node.children["statistics"].to_dataset()
     own = own_error(node, rtol, dependence=False)
     names = [str(name) for name in statistics["output"].values]
@@ -112,6 +119,8 @@ def _of_moments(node: xr.DataTree, rtol: float) -> StatedAccuracy:
     kinds: tuple[tuple[Literal["mean", "std"], str], ...] = (("mean", "mean"), ("std", "standard deviation"))
     for kind, words in kinds:
         noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
+        if usual and noisy and own.freedom >= own.samples - 1:
+            noise = getattr(own, f"noise_{kind}")
         widths = TWO_SIDED * noise + own.bias
         for row in rows.tolist():
             found = _largest(widths[row], own.std[row], getattr(own, kind)[row])

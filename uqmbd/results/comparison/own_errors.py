@@ -11,7 +11,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.results.chaos import reference_spread, stored_surrogates
-from uqmbd.results.statistics import divisor, integration_error, over_time, studentised, varying
+from uqmbd.results.statistics import (
+    divisor,
+    independent_errors,
+    integration_error,
+    over_time,
+    studentised,
+    usual_errors,
+    varying,
+)
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -34,7 +42,8 @@ class OwnError:
     mean, std, kurtosis : array, shape (O, T)
         The statistics themselves.
     noise_mean, noise_std : array, shape (O, T)
-        Standard errors, 0 where the method states none.
+        Standard errors, 0 where the method states none.  Where those that are stated are known to be widened, so that
+        1.96 of them hold 95 %, they are those before: tests widen them by the level that they are made at.
     bias : array, shape (O, T)
         Bound of what a surrogate misses of either: its stated error times its standard deviation, and a margin for the
         few realisations from which it is known.  0 where none is stated.
@@ -168,16 +177,17 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     statistics = node.children["statistics"].to_dataset()
     mean, std = over_time(statistics["mean"].values), over_time(statistics["std"].values)
     noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
-    count, replicates, widening = _design(node)
-    noise = [
-        np.nan_to_num(over_time(statistics[name].values), nan=np.inf) / widening if noisy else np.zeros_like(mean)
+    count, replicates = _design(node)
+    errors = [
+        np.nan_to_num(over_time(statistics[name].values), nan=np.inf) if noisy else np.zeros_like(mean)
         for name in ("std_error_mean", "std_error_std")
     ]
+    noise = _before_widening(statistics, errors, count, replicates) if noisy else errors
     bias, stated, told = _surrogate(node, statistics, std)
     order, top = _orders(node, len(mean))
     vary = varying(statistics, rtol)
     if noisy:
-        told = np.nan_to_num(told, nan=0.0) + 1.96 * noise[1] / divisor(reference_spread(np.nan_to_num(std)))
+        told = np.nan_to_num(told, nan=0.0) + 1.96 * errors[1] / divisor(reference_spread(np.nan_to_num(std)))
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
@@ -198,8 +208,29 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     )
 
 
-def _design(node: xr.DataTree) -> tuple[int, int, float]:
-    """Return the successful samples, the replicates of a design (0: independent), and how its errors were widened."""
+def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, replicates: int) -> list[Array]:
+    """Return standard errors (O, T) of mean and standard deviation before they were widened, as far as that is known.
+
+    Of replicates it is for their small number; of independent samples it is known where the stated errors are those of
+    `sample_statistics`.  A method of a plugin may state others.
+    """
+    if replicates:
+        return [error / studentised(replicates) for error in errors]
+    if count < 2 or not {"skewness", "kurtosis"} <= set(statistics.data_vars):
+        return errors
+    std, skewness, kurtosis = (over_time(statistics[name].values) for name in ("std", "skewness", "kurtosis"))
+    # an output that does not happen in some realisations has as many samples as it happens in
+    share = over_time(statistics["censored"].values) if "censored" in statistics else np.zeros((1, 1))
+    there = np.maximum(np.rint((1.0 - share) * count), 2.0)
+    widened, usual = independent_errors(std, skewness, kurtosis, there), usual_errors(std, kurtosis, there)
+    found = []
+    for error, wide, plain in zip(errors, widened, usual, strict=True):
+        found.append(np.where(np.isclose(error, wide, rtol=1e-9, atol=0.0), plain, error))
+    return found
+
+
+def _design(node: xr.DataTree) -> tuple[int, int]:
+    """Return the successful samples, and the replicates of a design (0: independent)."""
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
         status = np.asarray(node.children["samples"].to_dataset()["status"].values)
@@ -207,9 +238,8 @@ def _design(node: xr.DataTree) -> tuple[int, int, float]:
         # realisations for other purposes, as for Sobol' indices, are not samples
         count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
     if str(_option(node, "sampling", "random")) == "random" or "independent_samples" in node.attrs:
-        return count, 0, 1.0
-    replicates = max(int(_option(node, "replicates", 2)), 2)
-    return count, replicates, studentised(replicates)
+        return count, 0
+    return count, max(int(_option(node, "replicates", 2)), 2)
 
 
 def _option(node: xr.DataTree, name: str, default: Any) -> Any:

@@ -12,7 +12,7 @@ from uqmbd.results.statistics.circular import (
 from uqmbd.results.statistics.circular_moments import CircularMoments
 from uqmbd.results.statistics.counted_quantiles import CountedQuantiles
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
-from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.moments import Moments, independent_errors, usual_errors
 from uqmbd.results.statistics.quantiles import Chunk, quantiles_of_chunks
 from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
@@ -34,6 +34,7 @@ __all__ = [
     "circular_of_components",
     "circular_std",
     "divisor",
+    "independent_errors",
     "integration_error",
     "mean_direction",
     "mean_rotation",
@@ -50,6 +51,7 @@ __all__ = [
     "statistics_of_samples",
     "studentised",
     "unwrap_samples",
+    "usual_errors",
     "varies",
     "varying",
 ]

@@ -9,10 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.statistics.scaling import divisor
 from uqmbd.typing import Array
 
-__all__ = ["Moments", "error_of_std"]
+__all__ = ["NORMAL", "Moments", "independent_errors", "usual_errors"]
+
+
+NORMAL = 1.959963984540054
+"""Standard errors from the middle of a 95 % interval to its ends, of a normal distribution."""
+
+RAISED = 3.0
+"""Relative standard errors of the variance by which its own variance may be too small."""
 
 
 @dataclass(frozen=True)
@@ -106,31 +112,80 @@ class Moments:
         constant = m2 <= (32 * np.finfo(float).eps * np.abs(self.mean)) ** 2
         safe = np.where(constant, 1.0, m2)
         std = np.sqrt(variance)
+        skewness, kurtosis = np.where(constant, 0.0, m3 / safe**1.5), np.where(constant, 3.0, m4 / safe**2)
+        unknown = np.full_like(std, np.nan)
+        errors = independent_errors(std, skewness, kurtosis, n) if independent else (unknown, unknown.copy())
         return {
             "mean": self.mean,
             "std": std,
             "variance": variance,
-            "skewness": np.where(constant, 0.0, m3 / safe**1.5),
-            "kurtosis": np.where(constant, 3.0, m4 / safe**2),
-            "std_error_mean": std / np.sqrt(n) if independent else np.full_like(std, np.nan),
-            "std_error_std": error_of_std(variance, m4, n) if independent else np.full_like(std, np.nan),
+            "skewness": skewness,
+            "kurtosis": kurtosis,
+            "std_error_mean": errors[0],
+            "std_error_std": errors[1],
         }
 
 
-def error_of_std(variance: Array, fourth: Array, count: Any, scale: ArrayLike = 1.0) -> Array:
-    """Return the standard error of the standard deviation of independent samples over a scale; 0 where nothing varies.
+def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]:
+    """Return standard errors of mean and standard deviation of independent samples, so that 1.96 of each hold 95 %.
 
     Parameters
     ----------
-    variance, fourth : array
-        Unbiased variance, and fourth central moment of the samples (divisor `count`), over the scale.
+    std : array
+        From the unbiased variance, in any units.
+    skewness, kurtosis : array
+        Of the samples (divisor `count`; 3 for a normal distribution).
     count : int or array of int
-        Number of samples.
-    scale : array_like
-        What the samples were divided by.
+        Number n of samples, two at least.
+
+    Returns
+    -------
+    std_error_mean, std_error_std : array
+        In the units of `std`; 0 where nothing varies.
+
+    Notes
+    -----
+    The mean has the interval of Student's t with Johnson's term for a skewness g, for the worse of its ends [1]_:
+    ``s / sqrt(n) (t + g (1 + 2 t^2) / (6 sqrt(n)))``.
+
+    The variance is taken as a multiple of chi-square with ``2 / v`` degrees of freedom [2]_, where v is its relative
+    variance, from the kurtosis [3]_; of normal samples this is the exact interval.  The error is how far above s its
+    upper end is, since the true deviation is above s more often than below.  Few samples of a long tail have too small
+    a kurtosis, and mostly where s is too small as well.  The kurtosis less one is therefore raised by three times the
+    relative standard error of the variance, in which the square of the skewness counts once more.  These three are
+    measured: with fewer, intervals of ``z^2`` and ``exp(z / 2)`` of 30 normal samples z hold in less than 94 %.
+
+    References
+    ----------
+    .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
+    .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.
+    .. [3] D. G. Bonett, Computational Statistics and Data Analysis 50 (2006) 775-782.
     """
-    std = np.sqrt(variance)
+    from scipy.special import chdtri, stdtrit
+
+    n = np.asarray(count, dtype=float)
+    t = stdtrit(n - 1.0, 0.975)
+    of_mean = std / np.sqrt(n) * (t + np.abs(skewness) * (1.0 + 2.0 * t**2) / (6.0 * np.sqrt(n)))
+    raised = 1.0 + RAISED * np.sqrt((kurtosis - 1.0 + skewness**2) / n)
     # by the same divisor as the variance: else the two nearly cancel where the kurtosis is near 1, as of two values
-    fourth = fourth * (count / (count - 1)) ** 2
-    of_variance = np.sqrt(np.maximum(fourth - (count - 3) / (count - 1) * variance**2, 0.0) / count)
-    return np.where(std > 0, scale * of_variance / (2 * divisor(std)), 0.0)
+    excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)
+    relative = (excess * raised + 2.0 / (n - 1.0)) / n
+    # less than one squared deviation is no sample
+    freedom = np.maximum(2.0 / relative, 1.0)
+    of_std = std * (np.sqrt(freedom / chdtri(freedom, 0.975)) - 1.0)
+    return np.asarray(of_mean / NORMAL), np.asarray(of_std / NORMAL)
+
+
+def usual_errors(std: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]:
+    """Return the usual standard errors of mean and standard deviation of independent samples, which are not widened.
+
+    Of mean and variance they are exact for any distribution; 1.96 of them hold 95 % of many samples with short tails.
+
+    Parameters
+    ----------
+    std, kurtosis, count : array
+        As of `independent_errors`.
+    """
+    n = np.asarray(count, dtype=float)
+    excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)
+    return np.asarray(std / np.sqrt(n)), np.asarray(std * np.sqrt((excess + 2.0 / (n - 1.0)) / n) / 2.0)

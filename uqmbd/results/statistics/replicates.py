@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
-from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.moments import NORMAL, Moments
 from uqmbd.results.statistics.scaling import divisor
 from uqmbd.typing import Array
 
@@ -35,7 +36,12 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     The jackknife [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened three times.  Student's t of
     R - 1 degrees of freedom makes up for so few replicates.  Where they scatter to one side, as the few points of a
     long tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``, the most by which a skewness g moves an end of the
-    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance.  The error of a
+    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance, and that of the
+    samples.  For so few replicates mostly hold none that scatters far, and what a design leaves of a long tail is in
+    its outermost points, so that the mean of a replicate is about as skewed as they.  Of a standard deviation, that of
+    squared samples is taken as ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``, with kurtosis k and skewness g of the
+    samples, and k - 3 not below 0; this is measured, as are its effects (`docs/explanation/stated_errors.md`).  The
+    error of a
     standard deviation s is in proportion to the true one, which is above s more often than below: a half-width x, over
     s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
 
@@ -66,24 +72,28 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     variances = np.where(n > 1, np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0), np.nan)
     total = counts.sum()
     whole = np.maximum(second.sum(axis=0) / total - (first.sum(axis=0) / total) ** 2, 0.0)
-    return _half_width(means) / _NORMAL, _of_proportion(_half_width(np.sqrt(variances)), np.sqrt(whole)) / _NORMAL
+    samples = reduce(Moments.merge, used).statistics(independent=False)
+    skewness = np.abs(samples["skewness"])
+    kurtosis = np.maximum(samples["kurtosis"], 3.0)
+    of_squares = np.sqrt((2.5 * (kurtosis - 3.0)) ** 2 / (kurtosis - 1.0) + 2.0 * skewness**2)
+    half_widths = _half_width(means, skewness), _half_width(np.sqrt(variances), of_squares)
+    return half_widths[0] / NORMAL, _of_proportion(half_widths[1], np.sqrt(whole)) / NORMAL
 
 
-_NORMAL = 1.959963984540054
-"""Standard errors from the middle of a 95 % interval to its ends, of a normal distribution."""
+def _half_width(estimates: Array, of_samples: Array) -> Array:
+    """Return half the width of the 95 % interval from estimates (R, ...) without one replicate each.
 
-
-def _half_width(estimates: Array) -> Array:
-    """Return half the width of the 95 % interval from estimates (R, ...) without one replicate each."""
+    Also of the skewness (...) of what single samples add to the estimate.
+    """
     count = len(estimates)
     off = estimates - estimates.mean(axis=0)
     unit = divisor(np.abs(off).max(axis=0))
     off = off / unit
     square = (off**2).mean(axis=0)
     skewness = np.abs((off**3).mean(axis=0)) / divisor(square**1.5)
-    reach = _NORMAL * studentised(count)
+    reach = NORMAL * studentised(count)
     # so much is chance: the deviation of the skewness of normal replicates
-    skewness = np.maximum(skewness - np.sqrt(6.0 / count), 0.0)
+    skewness = np.maximum(skewness - np.sqrt(6.0 / count), 0.0) + of_samples
     reach = reach + skewness * (1.0 + 2.0 * reach**2) / (6.0 * np.sqrt(count))
     return np.asarray(unit * reach * np.sqrt((count - 1) * square))
 
