@@ -11,7 +11,7 @@ import sympy
 
 import uqmbd
 from uqmbd.extend import labels, statistics_dataset
-from uqmbd.propagation.existence import existence_of, grows
+from uqmbd.propagation.inputs import existence_of, grows
 from uqmbd.report import write_report
 from uqmbd.results import load, save
 from uqmbd_montecarlo import MonteCarlo

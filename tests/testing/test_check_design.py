@@ -8,7 +8,7 @@ from scipy.stats import qmc
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.randomness.designs.built_in import BuiltIn
+from uqmbd.randomness.designs.registry import BuiltIn
 from uqmbd.testing import check_design
 
 CORE = BuiltIn().uqmbd_designs()

@@ -36,10 +36,10 @@ from uqmbd.propagation.execution import (
     set_aside,
     writable,
 )
+from uqmbd.propagation.inputs import nothing_random
 from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.problem import Problem
-from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
 from uqmbd.propagation.studies import Study, findings, load_study, warning_of

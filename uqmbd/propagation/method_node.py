@@ -11,7 +11,7 @@ from uqmbd.dynamics import Model
 from uqmbd.errors import StudyWarning
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import Kind, solver_counters
-from uqmbd.propagation.existence import Existence
+from uqmbd.propagation.inputs import Existence
 from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
 from uqmbd.randomness import JointInput
 from uqmbd.results import propagator_node

@@ -47,9 +47,8 @@ from uqmbd.propagation.execution import (
     run_tasks,
     threads_of,
 )
-from uqmbd.propagation.existence import Existence
+from uqmbd.propagation.inputs import Existence, nothing_random
 from uqmbd.propagation.method_node import labels_of, method_node
-from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.reduction import Reduction, Reductions, Work
 from uqmbd.randomness import GermSpace, JointInput, RandomVariable
 from uqmbd.results.schema import Labels

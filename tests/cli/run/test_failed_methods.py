@@ -110,9 +110,9 @@ def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, mon
 
 @pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypatch):
-    import uqmbd.results.tree.study
+    import uqmbd.results.tree.compared
 
-    monkeypatch.setattr(uqmbd.results.tree.study, "compare_both", failing)
+    monkeypatch.setattr(uqmbd.results.tree.compared, "compare_both", failing)
     methods = "MonteCarlo(samples=8, seed=1), Collocation(order=1, verify=0)"
     status, out, err = cli("run", "fall.py", "--out", "r", methods=methods)
     assert (status, "no ink" in out) == (0, True), err

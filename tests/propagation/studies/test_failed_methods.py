@@ -293,10 +293,10 @@ def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp
 
 @pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(swing, tmp_path, monkeypatch):
-    import uqmbd.results.tree.study
+    import uqmbd.results.tree.compared
 
     monkeypatch.setattr(
-        uqmbd.results.tree.study, "compare_both", lambda *a, **k: raising(ZeroDivisionError("no scale"))
+        uqmbd.results.tree.compared, "compare_both", lambda *a, **k: raising(ZeroDivisionError("no scale"))
     )
     with pytest.warns(UserWarning, match="its methods cannot be compared: ZeroDivisionError: no scale"):
         tree = swing.with_propagators([GOOD, Own()]).run()

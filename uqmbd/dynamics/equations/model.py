@@ -12,9 +12,8 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.equations.evaluators import Evaluators
-from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout
+from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout, ParameterMap
 from uqmbd.dynamics.equations.limits import Limit, Tensor
-from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.errors import Finding
 from uqmbd.mechanism import Spline
 from uqmbd.typing import Array, Index

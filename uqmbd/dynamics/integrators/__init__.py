@@ -1,11 +1,16 @@
 """Who integrates: the protocol of integrators, those of the core, and what every result is held against."""
 
 from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
-from uqmbd.dynamics.integrators.capabilities import require, require_for
-from uqmbd.dynamics.integrators.integrate import integrate
+from uqmbd.dynamics.integrators.integrate import (
+    built_in_names,
+    integrate,
+    integrator_class,
+    integrators,
+    require,
+    require_for,
+)
 from uqmbd.dynamics.integrators.projected import ProjectedEnsemble
 from uqmbd.dynamics.integrators.protocol import Capabilities, Capability, Integrator, capabilities_of
-from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class, integrators
 
 __all__ = [
     "Auto",

@@ -13,10 +13,9 @@ from uqmbd.dynamics.contact import integrate_with_events, motion_in_segments
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
-from uqmbd.dynamics.integrators.checked import checked
 from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
-from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, in_stacks
+from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, checked, in_stacks
 from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,
     LinearSolver,

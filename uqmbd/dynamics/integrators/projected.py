@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.integration import position_jumps
-from uqmbd.dynamics.integrators.capabilities import require, require_for
+from uqmbd.dynamics.integrators.integrate import integrator_class, require, require_for
 from uqmbd.dynamics.integrators.protocol import capabilities_of
-from uqmbd.dynamics.integrators.registry import integrator_class
 from uqmbd.dynamics.integrators.sampled import projected_in_samples
 from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,

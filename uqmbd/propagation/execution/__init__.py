@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
 from uqmbd.propagation.execution.chunks import (
     Chunk,
     Kind,
@@ -14,14 +13,19 @@ from uqmbd.propagation.execution.chunks import (
     not_finite_output,
 )
 from uqmbd.propagation.execution.cost import Clock, Spending
-from uqmbd.propagation.execution.fingerprint import fingerprint
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
-from uqmbd.propagation.execution.kept import Kept, Known
+from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, Kept, Known, fingerprint
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
-from uqmbd.propagation.execution.margins import Margins
-from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs, log_realisations
-from uqmbd.propagation.execution.realisations import Realisations
+from uqmbd.propagation.execution.realisations import (
+    AGAIN,
+    Margins,
+    Observed,
+    Realisations,
+    evenly,
+    late_outputs,
+    log_realisations,
+)
 from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks

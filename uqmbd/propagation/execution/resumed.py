@@ -16,8 +16,7 @@ import numpy as np
 from uqmbd.dynamics import Model
 from uqmbd.errors import StudyWarning
 from uqmbd.files import replacing
-from uqmbd.propagation.execution.checkpoint import FOLDER
-from uqmbd.propagation.execution.fingerprint import fingerprint
+from uqmbd.propagation.execution.kept import FOLDER, fingerprint
 from uqmbd.randomness import JointInput
 from uqmbd.typing import Array
 

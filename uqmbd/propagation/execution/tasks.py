@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.execution.checkpoint import Checkpoint
 from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.kept import Checkpoint
 from uqmbd.propagation.execution.transport import Packed
 from uqmbd.threads import one_thread
 

@@ -15,8 +15,7 @@ from uqmbd.errors import Finding, PluginWarning, Severity, UnusedInputWarning
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked
-from uqmbd.propagation.existence import existence_of
-from uqmbd.propagation.idle_inputs import POINTS, affordable, idle_inputs
+from uqmbd.propagation.inputs import POINTS, affordable, existence_of, idle_inputs
 from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.studies.run_methods import planned
 

@@ -23,7 +23,7 @@ from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
-from uqmbd.propagation.existence import existence_of
+from uqmbd.propagation.inputs import existence_of
 from uqmbd.propagation.methods import Propagator, run_method
 from uqmbd.propagation.observed_model import (
     finding_attributes,

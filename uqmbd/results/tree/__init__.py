@@ -7,9 +7,8 @@ these numbers came about.
 
 from __future__ import annotations
 
-from uqmbd.results.tree.compared import compare_both, happening, scalar_nodes
+from uqmbd.results.tree.compared import compare_both, happening, scalar_nodes, study_tree
 from uqmbd.results.tree.joined import joined_outputs, with_requirements, with_scalars
-from uqmbd.results.tree.study import study_tree
 
 __all__ = [
     "compare_both",

@@ -1,8 +1,9 @@
-"""Methods compared in outputs over time, in those without, and in requirements."""
+"""The result of a study: methods compared in outputs over time, in those without, and in requirements."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,11 +12,14 @@ from uqmbd.errors import StudyError
 from uqmbd.results.comparison import DIFFERS, UNDER_RESOLVED, compare, overall
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import (
+    as_text,
     comparable,
+    join_nodes,
     node_parts,
+    united,
 )
 
-__all__ = ["compare_both", "happening", "scalar_nodes"]
+__all__ = ["compare_both", "happening", "scalar_nodes", "study_tree"]
 
 
 def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
@@ -180,3 +184,52 @@ def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
         parts = {"/": xr.Dataset(attrs=node.attrs)} | {str(k): one.to_dataset() for k, one in inner.children.items()}
         found[label] = xr.DataTree.from_dict(parts, name=label)
     return found
+
+
+def study_tree(
+    nodes: Iterable[xr.DataTree],
+    *,
+    study: str,
+    mechanism: str,
+    reference: str | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.DataTree:
+    """Join the nodes of several propagators to the result of a study, and compare them.
+
+    Parameters
+    ----------
+    nodes : iterable of xarray.DataTree
+        From :func:`uqmbd.results.propagator_node`; their labels must differ.
+    study, mechanism : str
+        Names.
+    reference : str, optional
+        Label of the method that the others are compared with; default :func:`uqmbd.results.choose_reference`.
+    attrs : mapping, optional
+        Further attributes of the root, as ``rtol``, ``integrator``, ``command``.
+
+    Returns
+    -------
+    xarray.DataTree
+
+    Raises
+    ------
+    StudyError
+        If there is no node, or two have the same label.
+
+    Examples
+    --------
+    >>> from uqmbd.results import propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0])
+    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
+    ...                        propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> sorted(study_tree([node], study="s", mechanism="m").children)
+    ['comparison', 'mine']
+    """
+    found = list(nodes)
+    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
+    by_label = {str(node.name): node for node in found}
+    tree["comparison"] = xr.DataTree(
+        as_text(united(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))))
+    )
+    return tree
