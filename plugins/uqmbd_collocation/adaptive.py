@@ -100,27 +100,11 @@ class _Scale:
 
 
 def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limits: Limits, label: str) -> Refinement:
-    """Refine a sparse grid where it changes mean and standard deviation most, until nothing does.
+    """Refine a sparse grid where mean and standard deviation change most, until the changes meet the tolerance.
 
-    Parameters
-    ----------
-    runs : Runs
-        Realisations.
-    points : uqmbd.extend.VerificationPoints
-        While the chaos misses more there than the tolerance, it is not met.
-    limits : Limits
-        When to end; the changes of all levels that have no successors yet are added up for it.
-    label : str
-        Of the propagator.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If not even the first levels can be computed with the realisations that are allowed.
-
-    References
-    ----------
-    T. Gerstner and M. Griebel, Computing 71 (2003) 65-87.
+    The changes of all levels without successors are added up (Gerstner and Griebel, Computing 71 (2003) 65-87). The
+    tolerance is not met while the error at the verification points exceeds it. Raise StudyError if the allowed
+    realisations do not suffice for the first levels.
     """
     grid, dimension = _Grid(runs), runs.space.dimension
     root = (0,) * dimension

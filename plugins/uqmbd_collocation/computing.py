@@ -18,19 +18,7 @@ __all__ = ["computed"]
 def computed(
     runs: Runs, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
 ) -> tuple[Fit, Refinement | None]:
-    """Compute what is needed, and fit.
-
-    Parameters
-    ----------
-    runs : Runs
-        Realisations so far; what is computed is added.
-    plans : Plans
-        Where they are needed.
-    points : uqmbd.extend.VerificationPoints
-        Computed with the nodes.
-    limits : Limits
-        Of a refinement.
-    """
+    """Compute the realisations that the plans require, with the verification points, add them to `runs`, and fit."""
     label, space = runs.problem.label, runs.space
     if plans.adaptive == "no":
         planned = plans.plan(space, plans.order)

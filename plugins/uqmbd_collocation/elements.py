@@ -85,14 +85,10 @@ def collocate_elements(
     plans: Plans,
     limits: uqmbd.extend.ElementLimits,
 ) -> xr.DataTree:
-    """Split the germ space where it is needed, and summarise.
+    """Split the germ space where the error requires it, and return the node with statistics.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If an option does not suit the inputs.
-    uqmbd.IntegrationError
-        If failures leave too few realisations in an element.
+    Raise StudyError if an option does not suit the inputs, IntegrationError if failures leave too few realisations in
+    an element.
     """
     begin = problem.clock()
     plans.plan(space, plans.order).check(space)

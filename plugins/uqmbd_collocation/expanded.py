@@ -20,33 +20,16 @@ __all__ = ["Expanded"]
 
 @dataclass(frozen=True, eq=False)
 class Expanded:
-    """A surrogate of all outputs, and what it took.
-
-    Attributes
-    ----------
-    chaos : surrogate
-        With its verification realisations.
-    realisations : int
-        How many were computed.
-    counters : mapping
-        Of the solver.
-    nodes : xarray.Dataset
-        Where realisations were.
-    attrs : mapping
-        Attributes of the node.
-    children : mapping
-        Further datasets of the node.
-    leave_one_out : array, shape (O, T), optional
-        Of a regression.
-    """
+    """Surrogate of all outputs, and its cost."""
 
     chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos
-    realisations: int
-    counters: Counter[str]
-    nodes: xr.Dataset
-    attrs: Mapping[str, Any]
-    children: Mapping[str, xr.Dataset] = field(default_factory=dict)
-    leave_one_out: Array | None = None
+    """With its verification realisations."""
+    realisations: int  # computed in total
+    counters: Counter[str]  # of the solver
+    nodes: xr.Dataset  # points of the realisations
+    attrs: Mapping[str, Any]  # of the node
+    children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # further datasets of the node
+    leave_one_out: Array | None = None  # (O, T), of a regression
 
     @property
     def stored(self) -> dict[str, xr.Dataset]:

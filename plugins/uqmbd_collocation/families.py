@@ -181,23 +181,10 @@ def expand_families(
     *,
     wanted: bool,
 ) -> Expanded:
-    """Expand in several ways, and take for each output the one with the least error at the verification realisations.
+    """Expand by several families; take for each output the one with the least error at the verification realisations.
 
-    Parameters
-    ----------
-    problem, space, plans, limits, tolerance
-        Of the study, and of the method.
-    names : sequence of str
-        Families; with both events and phases their combination is one more, if it is possible.
-    clock : str, optional
-        Name of a clock.
-    wanted : bool
-        Whether all of them must be possible; else those that are not are left out.
-
-    Raises
-    ------
-    uqmbd.StudyError, uqmbd.IntegrationError
-        If a family that is wanted is impossible, or all are.
+    With both events and phases their combination is one more family, if it is possible. Raise StudyError or
+    IntegrationError if all families are impossible or, with `wanted`, if one is; without `wanted` it is left out.
     """
     work = _Work(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
     ways: tuple[Way, ...] = (*names, COMBINED) if {"events", "phase"} <= set(names) else tuple(names)

@@ -26,55 +26,25 @@ MOST_FAILURES = 0.5
 
 @dataclass(frozen=True)
 class Fit:
-    """Coefficients, and how they were found.
+    """Coefficients of a polynomial chaos, and the method of their fit."""
 
-    Attributes
-    ----------
-    coefficients : array, shape (P, O, T)
-        In the units of the outputs.
-    multi_index : array of int, shape (P, d)
-        Of the terms.
-    how : str
-        In words.
-    where : array of int, shape (K,)
-        Places of the realisations that it comes from.
-    leave_one_out : array, shape (O, T), optional
-        Of a regression on samples.
-    weights : array, shape (K,), optional
-        Of a quadrature.
-    failed : int
-        Realisations that were left out because they failed.
-    """
-
-    coefficients: Array
-    multi_index: Index
-    how: str
-    where: Index
-    leave_one_out: Array | None = None
-    weights: Array | None = None
-    failed: int = 0
+    coefficients: Array  # (P, O, T), in the units of the outputs
+    multi_index: Index  # (P, d)
+    how: str  # in words
+    where: Index  # (K,) indices of the realisations that were used
+    leave_one_out: Array | None = None  # (O, T), of a regression on samples
+    weights: Array | None = None  # (K,), of a quadrature
+    failed: int = 0  # failed realisations, which the fit leaves out
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Pseudo-spectral projection on a basis by a quadrature rule.
-
-    Attributes
-    ----------
-    rule : uqmbd.extend.Quadrature
-        Nodes and weights.
-    multi_index : array of int, shape (P, d)
-        The basis.
-    exact : bool
-        Whether it is known that the rule integrates products of the basis.
-    label : str
-        Of the propagator.
-    """
+    """Pseudo-spectral projection on a basis by a quadrature rule."""
 
     rule: uqmbd.extend.Quadrature
-    multi_index: Index
-    exact: bool
-    label: str
+    multi_index: Index  # (P, d)
+    exact: bool  # whether the rule is known to integrate products of the basis exactly
+    label: str  # of the propagator, in messages
 
     @property
     def nodes(self) -> Array:
@@ -82,13 +52,7 @@ class Projection:
         return self.rule.nodes
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Raise if the rule cannot tell the terms apart, and warn if it can only roughly.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If products of the basis are integrated with errors that make coefficients meaningless.
-        """
+        """Raise StudyError if aliasing of the rule makes coefficients meaningless; warn if it is considerable."""
         wrong = 0.0 if self.exact else uqmbd.extend.gram_error(space, self.rule, self.multi_index)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
@@ -116,32 +80,17 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Least squares on samples, or sparse regression (``omp``, ``lars``).
+    """Least squares on samples, or sparse regression (``omp``, ``lars``)."""
 
-    Attributes
-    ----------
-    nodes : array, shape (K, d)
-        The samples, germs.
-    multi_index : array of int, shape (P, d)
-        The basis.
-    method : str
-        ``regression``, ``omp`` or ``lars``.
-    label : str
-        Of the propagator.
-    """
-
-    nodes: Array
-    multi_index: Index
-    method: str
-    label: str
+    nodes: Array  # (K, d) samples, germs
+    multi_index: Index  # (P, d)
+    method: str  # ``regression``, ``omp`` or ``lars``
+    label: str  # of the propagator, in messages
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Raise if there are too few samples.
+        """Raise StudyError if samples are too few.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            For least squares: fewer than terms.  For sparse regression: fewer than three.
+        Fewer than terms for least squares, fewer than three for sparse regression.
         """
         terms = len(self.multi_index)
         if self.method == "regression" and terms > len(self.nodes):
@@ -155,13 +104,7 @@ class Regression:
             )
 
     def fit(self, runs: Runs) -> Fit:
-        """Fit; samples that failed are left out, and said.
-
-        Raises
-        ------
-        uqmbd.IntegrationError
-            If failures leave too few.
-        """
+        """Fit without failed samples, and warn of these; raise IntegrationError if failures leave too few."""
         terms, every = len(self.multi_index), runs.at(self.nodes)
         where = every[runs.good(every)]
         failed = len(every) - len(where)
@@ -190,20 +133,9 @@ class Regression:
 
 
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
-    """Project on the nodes of a quadrature, or fit those that did not fail, and say so; see `uqmbd.extend.fit_nodes`.
+    """Project on quadrature nodes (indices `every`, (K,)), or fit the successful ones and warn.
 
-    Parameters
-    ----------
-    runs : Runs
-        Realisations.
-    every : array of int, shape (K,)
-        Places of all nodes.
-    multi_index : array of int, shape (P, d)
-        The basis.
-    label : str
-        Of the propagator.
-    weights : array, shape (K,), optional
-        Of the nodes.
+    See `uqmbd.extend.fit_nodes`.
     """
     good = runs.good(every)
     psi = runs.space.evaluate(runs.germs[every], multi_index)

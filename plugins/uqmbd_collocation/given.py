@@ -23,28 +23,14 @@ ALIKE = 1e-6
 
 @dataclass(frozen=True)
 class Polynomials:
-    """Polynomials of the inputs, as plain numbers.
+    """Polynomials of the inputs, as plain numbers."""
 
-    Attributes
-    ----------
-    powers : tuple of tuple of int
-        Of the inputs, for each monomial.
-    coefficients : tuple of tuple of float
-        For each monomial that of each polynomial.
-    """
-
-    powers: tuple[tuple[int, ...], ...]
-    coefficients: tuple[tuple[float, ...], ...]
+    powers: tuple[tuple[int, ...], ...]  # of the inputs, for each monomial
+    coefficients: tuple[tuple[float, ...], ...]  # for each monomial one for each polynomial
 
     @classmethod
     def of(cls, expansion: Any) -> Polynomials:
-        """Read polynomials of numpoly, which chaospy's expansions are.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If it is something else.
-        """
+        """Read polynomials of numpoly, the type of chaospy's expansions; raise StudyError for anything else."""
         wanted = "expected polynomials of chaospy, e.g. chaospy.generate_expansion(3, joint)"
         if not all(hasattr(expansion, name) for name in ("exponents", "coefficients", "names")):
             raise uqmbd.StudyError(f"Collocation: expansion is {str(expansion)[:60]!r}; {wanted}.")
@@ -75,29 +61,15 @@ class Polynomials:
 
 @dataclass(frozen=True)
 class Given:
-    """Polynomials, nodes and weights, as plain numbers.
-
-    Attributes
-    ----------
-    polynomials : Polynomials
-    nodes : tuple of tuple of float
-        A row for each input, in the order of their names.
-    weights : tuple of float
-    """
+    """Polynomials, nodes and weights, as plain numbers."""
 
     polynomials: Polynomials
-    nodes: tuple[tuple[float, ...], ...]
+    nodes: tuple[tuple[float, ...], ...]  # a row for each input, in the order of their names
     weights: tuple[float, ...]
 
     @classmethod
     def of(cls, expansion: Any, nodes: Any, weights: Any) -> Given:
-        """Check shapes.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            Which, and what was expected.
-        """
+        """Check shapes and finiteness, and convert; raise StudyError with what was given and what was expected."""
         polynomials = Polynomials.of(expansion)
         if nodes is None or weights is None:
             raise uqmbd.StudyError(
@@ -130,13 +102,10 @@ class Given:
         return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
 
     def plan(self, space: uqmbd.extend.GermSpace, label: str) -> GivenProjection:
-        """Bring it into the terms of the germs.
+        """Convert to a projection in the germs; raise StudyError if polynomials and rule do not fit the inputs.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If it does not fit the inputs: another number of them, dependent ones, nodes outside of a distribution,
-            polynomials of an input that is no affine function of its germ, or that do not belong to the distributions.
+        They do not fit with another number of inputs, dependent inputs, nodes outside a distribution, polynomials of an
+        input that is no affine function of its germ, or polynomials that do not belong to the distributions.
         """
         if len(self.nodes) != space.dimension or len(self.polynomials.powers[0]) > space.dimension:
             raise uqmbd.StudyError(
@@ -191,18 +160,10 @@ class Given:
 
 @dataclass(frozen=True, eq=False)
 class GivenProjection:
-    """Projection on what given polynomials span, by a given rule.
+    """Projection on the span of given polynomials, by a given rule."""
 
-    Attributes
-    ----------
-    complete : Projection
-        On all terms that occur in them.
-    projector : array, shape (P, P), optional
-        Onto the span, where it is less than these.
-    """
-
-    complete: Projection
-    projector: Array | None
+    complete: Projection  # on all terms that occur in the polynomials
+    projector: Array | None  # (P, P), onto the span, where it is smaller than the complete basis
 
     @property
     def nodes(self) -> Array:
@@ -221,10 +182,7 @@ class GivenProjection:
     def fit(self, runs: Runs) -> Fit:
         """Project; if a node failed, fit the others by regression.
 
-        Raises
-        ------
-        uqmbd.IntegrationError
-            If a node failed, and the polynomials are not all products up to their degrees.
+        Raise IntegrationError if a node failed and the polynomials are not all products up to their degrees.
         """
         found = self.complete.fit(runs)
         if self.projector is None:

@@ -29,27 +29,10 @@ def raise_order(
     limits: Limits,
     label: str,
 ) -> Refinement:
-    """Raise the order until mean and standard deviation change by less than the tolerance.
+    """Raise the order from `first` until mean and standard deviation change by less than the tolerance.
 
-    Parameters
-    ----------
-    runs : Runs
-        Realisations.
-    points : uqmbd.extend.VerificationPoints
-        While the chaos misses more there than the tolerance, it is not met.
-    plan : callable
-        Nodes and fit of an order.
-    first : int
-        Order to begin with.
-    limits : Limits
-        When to end.
-    label : str
-        Of the propagator.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the first order cannot be done.
+    `plan` gives nodes and fit of an order. The tolerance is not met while the error at the verification points exceeds
+    it. Raise StudyError if the first order is impossible.
     """
     steps: list[Step] = []
     fit: Fit | None = None

@@ -26,23 +26,10 @@ def expand(
     given: uqmbd.extend.Verification | None = None,
     quiet: bool = False,
 ) -> tuple[Expanded, float]:
-    """Compute realisations, fit and verify; return what was found, and the seconds that realisations took.
+    """Compute realisations, fit and verify; return the surrogate, and the computing time of the realisations, s.
 
-    Parameters
-    ----------
-    source : Source
-        Computes realisations.
-    space, plans, limits
-        Of the study, and of the method.
-    given : uqmbd.extend.Verification, optional
-        Realisations that are known; default: they are computed.
-    quiet : bool
-        Whether nothing is said of outputs that look discontinuous.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If failures leave too few realisations.
+    `given` are verification realisations that are known; `quiet` suppresses the warning of outputs that look
+    discontinuous. Raise IntegrationError if failures leave too few realisations.
     """
     label, runs, points = source.label, Runs(source, space), plans.verification_points(space)
     if given is not None:

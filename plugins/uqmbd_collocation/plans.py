@@ -38,14 +38,10 @@ class TooManyNodes(uqmbd.StudyError):
 
 @dataclass(frozen=True)
 class Plans:
-    """The options of `Collocation` that choose where realisations are, and the `label` that stands before messages.
+    """Options of `Collocation` that choose the nodes, and the `label` before messages.
 
-    An order of None means all terms that the `level` of a sparse grid resolves.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If they contradict each other.
+    An order of None means all terms that the `level` of a sparse grid resolves. Raise StudyError if options contradict
+    each other.
     """
 
     label: str
@@ -134,12 +130,9 @@ class Plans:
     def plan(
         self, space: uqmbd.extend.GermSpace, order: int | None
     ) -> Projection | SparseProjection | Regression | GivenProjection:
-        """Choose nodes and the way to fit them; nothing is computed yet.
+        """Choose nodes and fit without computing realisations.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If an option does not suit the inputs, or there would be more than ``max_realisations``.
+        Raise StudyError if an option does not suit the inputs or more than ``max_realisations`` would be needed.
         """
         try:
             return self._planned(space, order)

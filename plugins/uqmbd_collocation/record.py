@@ -22,19 +22,7 @@ __all__ = ["nodes_dataset", "nodes_of", "nodes_of_elements", "warn_of_failures"]
 def nodes_of(
     labels: Labels, names: Sequence[str], inputs: Array, germs: Array, status: Index, messages: list[str], purpose: Any
 ) -> xr.Dataset:
-    """Return the dataset `nodes` of a node: where the realisations were, what for, and what became of them.
-
-    Parameters
-    ----------
-    labels : uqmbd.extend.Labels
-        Of the problem.
-    names : sequence of str
-        Of the germs.
-    inputs, germs : array, shape (K, d)
-        Points.
-    status, messages, purpose
-        Of each.
-    """
+    """Return the dataset `nodes`: inputs and germs (K, d), status, message and purpose of each realisation."""
     data = {
         "inputs": (("node", "input"), inputs),
         "germs": (("node", "germ"), germs),
@@ -46,17 +34,7 @@ def nodes_of(
 
 
 def nodes_of_elements(labels: Labels, names: Sequence[str], runs: Sequence[tuple[Runs, Runs]]) -> xr.Dataset:
-    """Return the dataset `nodes` of elements, from the realisations of each: those of its fit, and of its verification.
-
-    Parameters
-    ----------
-    labels : uqmbd.extend.Labels
-        Of the problem.
-    names : sequence of str
-        Of the germs.
-    runs : sequence of pairs of Runs
-        Those of a verification may be none.
-    """
+    """Return the dataset `nodes` of elements, from pairs of realisations: fit, verification (may be empty)."""
     parts = [(fit, "fit") for fit, _ in runs] + [(other, "verification") for _, other in runs if len(other)]
     return nodes_of(
         labels,

@@ -19,44 +19,22 @@ __all__ = ["Limits", "Refinement", "Step", "UnmetWarning", "history", "missed_sh
 
 @dataclass(frozen=True)
 class Limits:
-    """When a refinement ends.
+    """Stopping criteria of a refinement."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Of mean and standard deviation, relative to the largest standard deviation of each output over time.
-    most : int
-        Realisations, verification included.
-    rtol : float
-        Relative tolerance of the integration, which no tolerance can be far below.
-    """
-
-    tolerance: float
-    most: int
-    rtol: float
+    tolerance: float  # of mean and standard deviation, over the largest standard deviation of each output over time
+    most: int  # realisations, verification included
+    rtol: float  # relative tolerance of the integration, a lower bound of any achievable tolerance
 
 
 @dataclass(frozen=True)
 class Step:
-    """What a refinement knew after one of its steps.
+    """State of a refinement after one of its steps."""
 
-    Attributes
-    ----------
-    realisations : int
-        So far.
-    terms : int
-        Of the chaos.
-    change_mean, change_std : float
-        Largest over outputs and times, over the largest standard deviation of the output over time.
-    missed_std : float
-        What :func:`missed_share` said; NaN if it was not asked, because the changes were too large anyway.
-    """
-
-    realisations: int
-    terms: int
+    realisations: int  # so far
+    terms: int  # of the chaos
     change_mean: float
-    change_std: float
-    missed_std: float = np.nan
+    change_std: float  # as `change_mean` largest over outputs and times, over the largest standard deviation over time
+    missed_std: float = np.nan  # of `missed_share`; NaN if it was not computed because the changes were too large
 
     @property
     def change(self) -> float:
@@ -92,16 +70,12 @@ def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
 
 
 def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: uqmbd.extend.VerificationPoints) -> float:
-    """Return by how much the standard deviation is too small for what the chaos misses at verification points.
+    """Return by how much the standard deviation is too small because of the error of the chaos at verification points.
 
     A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is
-    too small by e^2 / (2 s).  Two steps of a refinement can agree though both are blind for the same terms (an even
-    function, an interaction without main effects); realisations elsewhere see it.
-
-    Returns
-    -------
-    float
-        Largest over the outputs, over the largest standard deviation over time; 0 without points.
+    too small by e^2 / (2 s). Two steps of a refinement can agree though both miss the same terms (an even function, an
+    interaction without main effects); realisations elsewhere reveal it. The value is the largest over the outputs, over
+    the largest standard deviation over time; 0 without points.
     """
     known = runs.verification(points)
     if not len(known):

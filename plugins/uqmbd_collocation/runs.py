@@ -59,24 +59,12 @@ class Derived:
 
 @dataclass
 class Runs:
-    """All realisations of a collocation so far.
+    """All realisations of a collocation so far."""
 
-    Attributes
-    ----------
-    problem : Source
-        Who computes them.
-    space : uqmbd.extend.GermSpace
-        Of the inputs.
-    counters : dict
-        Solver counters, summed.
-    wall_time : float
-        s.
-    """
-
-    problem: Source
+    problem: Source  # computes the realisations
     space: uqmbd.extend.GermSpace
-    counters: Counter[str] = field(default_factory=Counter)
-    wall_time: float = 0.0
+    counters: Counter[str] = field(default_factory=Counter)  # of the solver, summed
+    wall_time: float = 0.0  # s
     _where: dict[tuple[float, ...], int] = field(default_factory=dict)
     _germs: list[Array] = field(default_factory=list)
     _parts: list[uqmbd.extend.Realisations] = field(default_factory=list)

@@ -31,42 +31,16 @@ FULL = 0.8
 
 
 def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple[Array, Array]:
-    """Fit few terms of a basis to realisations.
+    """Fit few of the terms `psi` (K, P) to responses (K, O, T).
 
-    Each time is fitted on its own, from the responses at that time.  scikit-learn tells in which order terms enter
-    (orthogonal matching pursuit or least-angle regression); among the least-squares fits on the first so many of them
-    the one with the smallest corrected leave-one-out error is taken [1]_.  The order of an earlier time serves again
-    where the responses have hardly turned since, so that an output at 400 times costs some dozen orders.  No fit
-    depends on later times: what is lost there does not spoil what is known before.
-
-    Parameters
-    ----------
-    response : array, shape (K, O, T)
-        In the units of the outputs; times ascend.
-    psi : array, shape (K, P)
-        The basis at the samples; its first term is the constant.
-    solver : {"omp", "lars"}
-        Who orders the terms.
-
-    Returns
-    -------
-    coefficients : array, shape (P, O, T)
-        Mostly zeros.
-    leave_one_out : array, shape (O, T)
-        Corrected leave-one-out error relative to the variance of the samples; 0 where they agree.  The same samples
-        chose the terms, so that it can be several times too small where there are no few terms to be found.
-
-    References
-    ----------
-    .. [1] G. Blatman and B. Sudret, Journal of Computational Physics 230 (2011) 2345-2367.
-
-    Examples
-    --------
-    >>> x = np.linspace(-1, 1, 12)
-    >>> psi = x[:, None] ** np.arange(20)
-    >>> coefficients, error = sparse_regression((1 + 3 * x**2)[:, None, None], psi)
-    >>> coefficients[:, 0, 0].round(8)[:4].tolist(), bool(error < 1e-12)
-    ([1.0, 0.0, 3.0, 0.0], True)
+    Return coefficients (P, O, T) and leave-one-out errors (O, T). Each time is fitted separately. scikit-learn gives
+    the order in which terms enter (`solver`: orthogonal matching pursuit or least-angle regression); of the
+    least-squares fits on the first n of them, the one with the smallest corrected leave-one-out error is taken (Blatman
+    and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse the order of an earlier time
+    while the responses hardly change direction, so that an output at 400 times needs some dozen orders. No fit depends
+    on later times: a failure there does not affect earlier results. Errors are relative to the variance of the samples,
+    0 where they agree; as the same samples chose the terms, they can be several times too small where the expansion is
+    not sparse.
     """
     samples, outputs, times = response.shape
     coefficients = np.zeros((psi.shape[1], outputs, times))
@@ -91,28 +65,14 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
 
 @dataclass(frozen=True, eq=False)
 class _Order:
-    """The order in which terms enter, found from responses in a direction, and what all fits on it share.
+    """Order in which terms enter, found from responses in a direction, and the factorisation that its fits share."""
 
-    Attributes
-    ----------
-    direction : array, shape (K,)
-        Responses about their mean, of length 1.
-    terms : array of int, shape (N,)
-        The constant first.
-    basis, triangle : array, shape (K, N) and (N, N)
-        QR factorisation of the terms at the samples.
-    left : array, shape (K, N)
-        1 - leverage of each sample in the fit on the first n + 1 terms.
-    correction : array, shape (N,)
-        Of the mean squared leave-one-out error: K / (K - P) (1 + trace((Psi^T Psi)^-1)).
-    """
-
-    direction: Array
-    terms: NDArray[np.int64]
+    direction: Array  # (K,) responses about their mean, of length 1
+    terms: NDArray[np.int64]  # (N,) the constant first
     basis: Array
-    triangle: Array
-    left: Array
-    correction: Array
+    triangle: Array  # with `basis` (K, N) the QR factorisation of the terms at the samples, (N, N)
+    left: Array  # (K, N) 1 - leverage of each sample in the fit on the first n + 1 terms
+    correction: Array  # (N,) factor of the mean squared leave-one-out error: K / (K - P) (1 + trace((Psi^T Psi)^-1))
 
     @classmethod
     def of(cls, direction: Array, psi: Array, solver: str) -> _Order:

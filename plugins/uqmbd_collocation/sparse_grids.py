@@ -111,21 +111,11 @@ def nodes_of_levels(space: uqmbd.extend.GermSpace, levels: Iterable[Level]) -> A
 
 @dataclass(frozen=True, eq=False)
 class TensorProjection:
-    """Full pseudo-spectral projection at the nodes of a level, on the terms that these resolve exactly.
+    """Full pseudo-spectral projection at the nodes of a level, on the terms that these resolve exactly."""
 
-    Attributes
-    ----------
-    where : array of int, shape (K,)
-        Places of its realisations.
-    weights : array, shape (K,)
-        Of its nodes.
-    terms : dict
-        Coefficients (O, T) by the degrees of their terms.
-    """
-
-    where: Index
-    weights: Array
-    terms: dict[Level, Array]
+    where: Index  # (K,) indices of its realisations
+    weights: Array  # (K,) of its nodes
+    terms: dict[Level, Array]  # coefficients (O, T) by the degrees of their terms
 
 
 def tensor_projection(runs: Runs, level: Level) -> TensorProjection:
@@ -146,35 +136,18 @@ def tensor_projection(runs: Runs, level: Level) -> TensorProjection:
 class SparseProjection:
     """Sparse pseudo-spectral projection: the Smolyak combination of tensor projections.
 
-    One quadrature for all coefficients, that of the sparse grid, mixes terms whose products it does not integrate, by
-    factors far above 1.  Here each tensor projection holds the terms that its own nodes resolve.  The combination
-    reproduces every polynomial of all these terms together [1]_, [2]_.
-
-    Attributes
-    ----------
-    factors : dict
-        Factor of each level in the combination; none is 0.
-    multi_index : array of int, shape (P, d)
-        The terms: all that the levels resolve, or some of them.
-    nodes : array, shape (K, d)
-        Where realisations are needed, each once.
-    label : str
-        Of the propagator.
-    name : str
-        Of the grid, for people.
-
-    References
-    ----------
-    .. [1] P. G. Constantine, M. S. Eldred and E. T. Phipps, Computer Methods in Applied Mechanics and Engineering
-       229-232 (2012) 1-12.
-    .. [2] P. R. Conrad and Y. M. Marzouk, SIAM Journal on Scientific Computing 35 (2013) A2643-A2670.
+    A single quadrature for all coefficients, that of the sparse grid, mixes terms whose products it does not integrate,
+    by factors far above 1. Here each tensor projection holds the terms that its own nodes resolve. The combination
+    reproduces every polynomial of all these terms together (Constantine, Eldred and Phipps, Computer Methods in Applied
+    Mechanics and Engineering 229-232 (2012) 1-12; Conrad and Marzouk, SIAM Journal on Scientific Computing 35 (2013)
+    A2643-A2670).
     """
 
-    factors: dict[Level, int]
-    multi_index: Index
-    nodes: Array
-    label: str
-    name: str
+    factors: dict[Level, int]  # factor of each level in the combination; none is 0
+    multi_index: Index  # (P, d) all terms that the levels resolve, or some of them
+    nodes: Array  # (K, d) distinct
+    label: str  # of the propagator, in messages
+    name: str  # of the grid, in messages
 
     @classmethod
     def of(

@@ -169,14 +169,9 @@ def align(
     tolerance: Limits,
     given: uqmbd.extend.Verification | None = None,
 ) -> Expanded:
-    """Expand times of landmarks and the motion between them, in elements where their sequences differ or it is wrong.
+    """Expand the times of markers and the motion between them, in elements where sequences differ or errors are large.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If the mechanism has too many events; or no clock.
-    uqmbd.IntegrationError
-        If realisations fail.
+    Raise StudyError if the mechanism has too many events or no clock, IntegrationError if realisations fail.
     """
     paths.prepare(space.to_inputs(plans.first_nodes(space)))
     work, children = _Elements(problem, plans, paths, tolerance, given), dict[str, Any]()

@@ -20,22 +20,12 @@ __all__ = ["AlignedProblem"]
 
 @dataclass(frozen=True, eq=False)
 class AlignedProblem(Derived):
-    """Outputs are the time, then those of the study, at the points of all segments, one behind the other.
-
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    cut : callable
-        Computes realisations from landmark to landmark.
-    segments, points : int
-        How many segments there are, and points of each.
-    """
+    """Problem whose outputs are the time, then those of the study, at the points of all segments in sequence."""
 
     problem: uqmbd.extend.Problem
-    cut: Cut
+    cut: Cut  # computes realisations from marker to marker
     segments: int
-    points: int
+    points: int  # of each segment
 
     @property
     def labels(self) -> Labels:

@@ -75,27 +75,16 @@ class _Motion:
 
 @dataclass
 class CombinedPaths:
-    """Realisations from landmark to landmark, of both kinds.
+    """Realisations from marker to marker, where markers are both events and phases.
 
-    They are those of the events, or are followed anew where so many points do not tell the motion between events, or
-    where no event ends it and others reach a phase earlier.
-
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    events : EventPaths
-        Realisations from event to event.
-    clock : Clock
-        An angle.
-    spent : int
-        Realisations that were followed anew.
+    They are those of the events. They are integrated anew where their points do not resolve the motion between events,
+    or where no event ends the last segment and others reach a phase earlier.
     """
 
     problem: uqmbd.extend.Problem
     events: EventPaths
-    clock: uqmbd.extend.Clock
-    spent: int = 0
+    clock: uqmbd.extend.Clock  # an angle
+    spent: int = 0  # realisations that were integrated anew
     counters: Counter[str] = field(default_factory=Counter)
     _fine: int = FIRST
     _longer: float = 1.0
@@ -159,19 +148,10 @@ class CombinedPaths:
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
     def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
-        """Return the landmarks of an element.
+        """Return the markers of an element with nodes `germs` (K, d) and a sequence of events.
 
-        Parameters
-        ----------
-        space : uqmbd.extend.GermSpace
-            Of the element.
-        germs : array, shape (K, d)
-            Nodes.
-        spread : array, shape (N, d)
-            Where the chaos is evaluated: the phases of events there are those of a polynomial of order 2 through the
-            nodes, and marks have the same order there, too.
-        sequence : tuple of str
-            Of the events.
+        A polynomial of order 2 through the nodes gives the phases of events at the points `spread` (N, d), at which the
+        chaos is evaluated. The order of events and marks is the same there as at the nodes.
         """
         values, count = space.to_inputs(germs), len(sequence)
         same = np.array([other == sequence for other in self.sequences(values)])

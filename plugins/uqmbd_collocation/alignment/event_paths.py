@@ -37,26 +37,17 @@ MARGIN = 0.1
 
 @dataclass
 class EventPaths:
-    """Realisations from event to event, each once.
+    """Realisations from event to event, each computed once.
 
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    least : int
-        Segments that each has.
-    longer : float
-        Last segments, which no event ends, last so many times as long as the output times: in all of them to the same
-        moment, behind the last event of all.  It would be no smooth function of the inputs else: the last output time
-        where the last event is before that, and its own time where it is not.
-    spent : int
-        Realisations so far.
+    Last segments, which no event ends, last until `longer` times the range of the output times, in all realisations to
+    the same time after the last event of all. Otherwise their end would not be a smooth function of the inputs: the
+    last output time where the last event is before it, and a separate time where it is not.
     """
 
     problem: uqmbd.extend.Problem
-    least: int = 1
+    least: int = 1  # segments of each realisation
     longer: float = 1.0
-    spent: int = 0
+    spent: int = 0  # realisations so far
     counters: Counter[str] = field(default_factory=Counter)
     _known: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
 
@@ -88,12 +79,9 @@ class EventPaths:
         """Find what is needed besides at inputs (K, d): nothing."""
 
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
-        """Return what ends the segments of realisations at inputs (K, d): as many as any has until the last time.
+        """Return the events that end the segments of realisations at inputs (K, d).
 
-        Raises
-        ------
-        uqmbd.IntegrationError
-            If one fails.
+        Each has as many segments as any has until the last time. Raise IntegrationError if a realisation fails.
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 

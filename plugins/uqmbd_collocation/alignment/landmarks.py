@@ -37,21 +37,11 @@ STANDING = 8
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Where realisations of an element are cut.
+    """Markers of the realisations of an element."""
 
-    Attributes
-    ----------
-    phases : array, shape (S,)
-        Increasing phases of the landmarks behind the first, which is the start, rad.
-    tail : float
-        What is compared at equal time behind the last of these, s, where the clock comes to rest.
-    parts : int
-        Segments of that.
-    """
-
-    phases: Array
-    tail: float = 0.0
-    parts: int = 0
+    phases: Array  # (S,) rad, increasing, of the markers after the start
+    tail: float = 0.0  # s after the last phase that are compared at equal times, where the clock comes to rest
+    parts: int = 0  # segments of the tail
 
     @property
     def count(self) -> int:
@@ -68,18 +58,10 @@ class Marks:
 
 @dataclass(frozen=True, eq=False)
 class Landmarked:
-    """Realisations from landmark to landmark.
+    """Realisations from marker to marker."""
 
-    Attributes
-    ----------
-    edges : array, shape (K, S + 1)
-        Times of the landmarks, s; NaN where a realisation does not reach one.
-    response : array, shape (K, S, O, N)
-        Outputs at `uqmbd.extend.AlignedElement.points` of each segment.
-    """
-
-    edges: Array
-    response: Array
+    edges: Array  # (K, S + 1) times of the markers, s; NaN where a realisation does not reach one
+    response: Array  # (K, S, O, N) outputs at `uqmbd.extend.AlignedElement.points` of each segment
 
 
 Cut = Callable[[Array], tuple[Landmarked, uqmbd.extend.Realisations]]
@@ -88,44 +70,21 @@ Cut = Callable[[Array], tuple[Landmarked, uqmbd.extend.Realisations]]
 
 @dataclass(frozen=True)
 class Cutting:
-    """How realisations of an element are cut.
+    """Rule by which realisations of an element are divided at markers."""
 
-    Attributes
-    ----------
-    cut : callable
-        Computes them from landmark to landmark.
-    labels : tuple of str, length S
-        What ends each segment; empty: no event.
-    landmarks : {"events", "phase", "time"}
-        What they are.
-    farther : callable, optional
-        From how much farther realisations are to be known, s, and how long a segment takes, s, to how they are cut
-        then; None where they go no farther.
-    """
-
-    cut: Cut
-    labels: tuple[str, ...]
+    cut: Cut  # computes realisations from marker to marker
+    labels: tuple[str, ...]  # length S: the event that ends each segment; empty: no event
     landmarks: Landmarks
     farther: Callable[[float, float], Cutting | None] | None = None
+    """Maps (additional time, time of a segment), s, to the rule for longer realisations; None: impossible."""
 
 
 def phase_landmarks(
     found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, marks: Marks, outputs: int, points: int
 ) -> Landmarked:
-    """Cut realisations where their phases pass given values, and at equal distances of time behind the last of these.
+    """Divide realisations where they pass the phases of `marks`, and at equal steps of time after the last of these.
 
-    Parameters
-    ----------
-    found : uqmbd.extend.Dense
-        Realisations, which are fine.
-    phases : uqmbd.extend.Phases
-        Of these.
-    marks : Marks
-        Where.
-    outputs : int
-        So many of the rows are outputs of the study.
-    points : int
-        Points of a segment.
+    The times of `found` resolve the motion; the first `outputs` of its rows are outputs of the study.
     """
     where = AlignedElement.points(points)
     edges = np.empty((len(phases.values), marks.count + 1))
@@ -151,15 +110,7 @@ def time_landmarks(found: uqmbd.extend.Dense, edges: Array, outputs: int, points
 
 
 def marks_behind(starts: Array, last: float) -> Array:
-    """Return phases of landmarks (S,), rad: multiples of a part of a turn, behind all starts (K,) and up to the last.
-
-    Parameters
-    ----------
-    starts : array, shape (K,)
-        Phases at the first time, rad.
-    last : float
-        Phase that is reached, rad.
-    """
+    """Return phases of markers (S,), rad: multiples of a part of a turn, after all starts (K,), up to `last`, rad."""
     step = TURN / PER_TURN
     first = np.floor(starts.max() / step + 0.5) + 1
     return np.asarray(np.arange(first, np.ceil(last / step) + 1) * step)

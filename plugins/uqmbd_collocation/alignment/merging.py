@@ -18,21 +18,11 @@ NEAR = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """Landmarks of an element: the ends of its segments between events, and phases in each of them.
+    """Markers of an element: the ends of its segments between events, and phases in each of them."""
 
-    Attributes
-    ----------
-    phases : tuple of array
-        Of each segment between events the phases at which it is cut, rad, increasing; they may be none.
-    dropped : int
-        Phases that realisations pass in segments that are not the same, or too near to an event.
-    ending : bool
-        Whether the last segment ends at the last of its phases, and not with an event.
-    """
-
-    phases: tuple[Array, ...]
-    dropped: int
-    ending: bool = False
+    phases: tuple[Array, ...]  # for each segment between events its marker phases, rad, increasing; may be empty
+    dropped: int  # phases that realisations pass in different segments, or too near to an event
+    ending: bool = False  # whether the last segment ends at the last of its phases instead of an event
 
     @property
     def kept(self) -> int:
@@ -55,17 +45,11 @@ class Merged:
 
 
 def merged(edges: Array, reached: float = np.inf) -> Merged:
-    """Merge marks, which are multiples of a part of a turn, with events, whose phases differ between realisations.
+    """Merge marks at multiples of a part of a turn with events at phases `edges` (K, S + 1), rad, increasing.
 
-    A mark is a landmark where it lies in the same segment between events in all realisations; else it is dropped in all
-    of them, so that all have the same sequence of landmarks.
-
-    Parameters
-    ----------
-    edges : array, shape (K, S + 1)
-        Increasing phases of the begin, of events, and of the end of realisations, rad.
-    reached : float
-        A mark that all realisations get to, rad, if the last segment is ended by no event: it ends there.
+    A mark is a marker where it is in the same segment between events in all realisations; otherwise it is dropped in
+    all of them, so that all have the same sequence of markers. If no event ends the last segment, it ends at the mark
+    `reached`, rad, which all realisations reach.
     """
     step = TURN / PER_TURN
     ends = edges.copy()

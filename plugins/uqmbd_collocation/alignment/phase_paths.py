@@ -65,30 +65,14 @@ class _Path:
 
 @dataclass
 class PhasePaths:
-    """Realisations over longer times, each computed once, or anew where it has to go further.
-
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    wanted : str, optional
-        Name of the clock that the user asks for.
-    clock : Clock
-        Set by `prepare`.
-    spent : int
-        Realisations so far, those that were computed anew counted again.
-    counters : Counter
-        Of the solver, summed.
-    error : float
-        Of the interpolation, over the range of an output: the largest.
-    """
+    """Realisations over longer times, each computed once, or anew where it has to be longer."""
 
     problem: uqmbd.extend.Problem
-    wanted: str | None = None
-    clock: uqmbd.extend.Clock | None = None
-    spent: int = 0
+    wanted: str | None = None  # name of the clock that the user requests
+    clock: uqmbd.extend.Clock | None = None  # set by `prepare`
+    spent: int = 0  # realisations so far; those that were computed anew count again
     counters: Counter[str] = field(default_factory=Counter)
-    error: float = 0.0
+    error: float = 0.0  # largest interpolation error, relative to the range of an output
     turns: tuple[float, float] = (np.inf, 0.0)
     """Turns that the clock makes in nodes until the last output time, at least and at most."""
     rests: tuple[float, float] = (np.inf, -np.inf)
@@ -194,21 +178,12 @@ class PhasePaths:
         return np.asarray(turns[0] | turns[1])
 
     def marks(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Marks:
-        """Return the landmarks that all realisations of an element need; none where its clock stands.
+        """Return the markers that all realisations of an element with nodes `germs` (K, d) need.
 
-        Where the clock comes to rest in some of them the landmarks are those that all nodes have; what is behind is
-        compared at equal distances of time from the last.
-
-        Parameters
-        ----------
-        space : uqmbd.extend.GermSpace
-            Of the element.
-        germs : array, shape (K, d)
-            Nodes.
-        spread : array, shape (N, d)
-            Where the chaos is evaluated: the phases there are those of a polynomial of order 2 through the nodes.
-        sequence : tuple of str
-            Of the element.
+        There are no markers where the clock of the element stands. A polynomial of order 2 through the nodes gives the
+        phases at the points `spread` (N, d), at which the chaos is evaluated. Where the clock comes to rest in some
+        realisations, the markers are those that all nodes have; the motion after the last of them is compared at equal
+        steps of time.
         """
         if sequence == STANDS:
             return Marks(np.zeros(0))

@@ -16,32 +16,17 @@ __all__ = ["Starts"]
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Start phases of some realisations; others start within half a turn of their neighbour.
+    """Start phases of some realisations; others start within half a turn of their neighbour."""
 
-    Attributes
-    ----------
-    points : KDTree
-        Their inputs, each over its range.
-    scale : array, shape (d,)
-        The ranges.
-    phases : array, shape (K,)
-        rad.
-    """
-
-    points: KDTree
-    scale: Array
-    phases: Array
+    points: KDTree  # their inputs, each over its range
+    scale: Array  # (d,) the ranges
+    phases: Array  # (K,) rad
 
     @classmethod
     def of(cls, values: Array, phases: Array) -> Starts:
-        """Make them continuous from neighbour to neighbour along the shortest tree through all.
+        """Make start phases (K,), rad, which are known up to whole turns, continuous over inputs (K, d).
 
-        Parameters
-        ----------
-        values : array, shape (K, d)
-            Inputs.
-        phases : array, shape (K,)
-            Of the starts, rad, but for whole turns.
+        Neighbours along the minimum spanning tree of the inputs differ by less than half a turn.
         """
         scale = np.where(np.ptp(values, axis=0) > 0, np.ptp(values, axis=0), 1.0)
         points = values / scale

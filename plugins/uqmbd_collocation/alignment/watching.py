@@ -22,18 +22,10 @@ class Paths(Protocol):
 
 @dataclass
 class Watching(Derived):
-    """A problem whose realisations are watched.
-
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    paths : Paths
-        Tells the sequence of what was watched.
-    """
+    """Problem that records watched outputs of its realisations."""
 
     problem: uqmbd.extend.Problem
-    paths: Paths
+    paths: Paths  # identify the sequence from the watched outputs
     _seen: list[Array] = field(default_factory=list)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:

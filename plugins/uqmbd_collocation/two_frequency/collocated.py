@@ -97,21 +97,10 @@ def expand_series(
     tolerance: Limits,
     given: uqmbd.extend.Verification | None = None,
 ) -> Expanded:
-    """Find frequencies and harmonics, and expand them.
+    """Find frequencies and harmonics, and expand them; `given` are verification realisations that are known.
 
-    Parameters
-    ----------
-    problem, space, plans, limits, tolerance
-        Of the study, and of the method.
-    given : uqmbd.extend.Verification, optional
-        Realisations that are known; default: they are computed.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If motions are no sums of harmonics of one or two frequencies.
-    uqmbd.IntegrationError
-        If failures leave too few realisations.
+    Raise StudyError if motions are no sums of harmonics of one or two frequencies, IntegrationError if failures leave
+    too few realisations.
     """
     series = SeriesProblem(problem)
     series.find(space.to_inputs(plans.first_nodes(space)))

@@ -62,34 +62,18 @@ ATTEMPTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """What realisations have in common.
+    """Combinations of base frequencies that all realisations share."""
 
-    Attributes
-    ----------
-    main : array of int, shape (C, M)
-        Combinations of the base frequencies in the strongest lines.
-    lattice : array of int, shape (H, M)
-        All combinations of the series.
-    """
-
-    main: Index
-    lattice: Index
+    main: Index  # (C, M) combinations of the base frequencies in the strongest lines
+    lattice: Index  # (H, M) all combinations of the series
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """Realisations as series.
-
-    Attributes
-    ----------
-    kind : Kind
-        What they have in common.
-    series : tuple of Series
-        Of each; of a few only where these are not quasi-periodic.
-    """
+    """Realisations as series."""
 
     kind: Kind
-    series: tuple[Series, ...]
+    series: tuple[Series, ...]  # of each realisation; of a few only where these are not quasi-periodic
 
     @property
     def residuals(self) -> Array:
@@ -103,19 +87,10 @@ class Identified:
 
 
 def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
-    """Find base frequencies and harmonics of realisations.
+    """Find base frequencies and harmonics of K realisations at the same times.
 
-    Parameters
-    ----------
-    signals : sequence of Signals
-        Of K realisations, of the same times.
-    places : array, shape (K, d)
-        Their inputs, each over its spread.
-
-    Returns
-    -------
-    Identified or None
-        With the least share of realisations that are not quasi-periodic; None where no line was found.
+    `places` (K, d) are inputs over their spread. Return the result with the least share of realisations that are not
+    quasi-periodic; None where no line was found.
     """
     best: Identified | None = None
     begin = int(np.argmin(np.sum((places - places.mean(axis=0)) ** 2, axis=1)))
@@ -141,20 +116,9 @@ def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
 def follow(
     signals: Sequence[Signals], places: Array, kind: Kind, known: Sequence[Series], known_places: Array
 ) -> list[Series]:
-    """Fit series of a kind to realisations, each from the nearest that is known.
+    """Fit series of a kind to K realisations at scaled inputs `places` (K, d), each from the nearest known one.
 
-    Parameters
-    ----------
-    signals : sequence of Signals
-        Of K realisations.
-    places : array, shape (K, d)
-        Their inputs, each over its spread.
-    kind : Kind
-        Of the series.
-    known : sequence of Series
-        At least one.
-    known_places : array, shape (N, d)
-        Where these are.
+    `known` holds at least one series, at scaled inputs `known_places` (N, d).
     """
     done, where = list(known), [*known_places]
     found: dict[int, Series] = {}
@@ -208,16 +172,9 @@ def _alone(signals: Signals, base: Base) -> tuple[Kind, Series]:
 
 
 def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
-    """Return combinations (H, M) that a realisation needs: of the lowest order that leaves a small residual.
+    """Return the combinations (H, M) that a realisation needs: those of the lowest order that leaves a small residual.
 
-    Parameters
-    ----------
-    signals : Signals
-        Of the realisation.
-    frequencies : array, shape (M,)
-        Of the base, rad/s.
-    least : array of int, shape (C, M)
-        Combinations that are there in any case.
+    `frequencies` (M,) are those of the base, rad/s; the combinations `least` (C, M) are always included.
     """
     nyquist = np.pi / signals.times[1]
     series = refine(signals, frequencies, least)

@@ -28,25 +28,15 @@ MISSED = 1000
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Frequencies of whose combinations lines are.
+    """Base frequencies of which lines are combinations."""
 
-    Attributes
-    ----------
-    frequencies : array, shape (M,)
-        rad/s, rising.
-    lattice : array of int, shape (C, M)
-        The lines that are combinations, the strongest first.
-    """
-
-    frequencies: Array
-    lattice: Index
+    frequencies: Array  # (M,) rad/s, increasing
+    lattice: Index  # (C, M) the lines that are combinations, the strongest first
 
 
 def ball(order: int, dimension: int) -> Index:
-    """Return combinations (H, M) up to an order |k1| + ... but zero, one of each two that differ by the sign.
+    """Return combinations (H, M) up to an order |k1| + ... without zero, one of each pair that differs by the sign.
 
-    Examples
-    --------
     >>> ball(2, 2).tolist()
     [[0, 1], [0, 2], [1, -1], [1, 0], [1, 1], [2, 0]]
     """
@@ -60,15 +50,9 @@ def ball(order: int, dimension: int) -> Index:
 def bases(lines: Lines, resolution: float) -> list[Base]:
     """Return the simplest base of one frequency, where all lines are multiples, then that of two, if there is one.
 
-    The simplest has the least sum of orders of all lines; its frequencies are lines, differences of two, or halves of
-    these, for a line need not be there itself (a height of a pendulum has none but even combinations).
-
-    Parameters
-    ----------
-    lines : Lines
-        Of a realisation.
-    resolution : float
-        2 pi / length, rad/s.
+    The simplest has the least sum of orders of all lines. Its frequencies are lines, differences of two, or halves of
+    these, as a base frequency need not be a line (the height of a pendulum has even combinations only). `resolution` is
+    2 pi / length, rad/s.
     """
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]

@@ -32,18 +32,10 @@ WEAKEST = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Lines of a spectrum, the strongest first.
+    """Lines of a spectrum, the strongest first."""
 
-    Attributes
-    ----------
-    frequencies : array, shape (L,)
-        rad/s.
-    sizes : array, shape (L,)
-        Root mean square over the signals.
-    """
-
-    frequencies: Array
-    sizes: Array
+    frequencies: Array  # (L,) rad/s
+    sizes: Array  # (L,) root mean square over the signals
 
 
 def strongest_lines(signals: Signals, count: int) -> Lines:

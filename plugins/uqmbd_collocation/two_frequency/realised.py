@@ -54,54 +54,28 @@ NOTHING = "alignment='two-frequency' needs motions that oscillate, and nothing d
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """Coefficients of what realisations consist of, from those of the columns of a `SeriesProblem`.
+    """Coefficients of frequencies, constants, drifts and harmonics, from those of the columns of a `SeriesProblem`."""
 
-    Attributes
-    ----------
-    frequencies : array, shape (P, M)
-    constants, drifts : array, shape (P, O)
-    waves : array of complex, shape (P, O, H)
-        a - i b for a cos + b sin.
-    """
-
-    frequencies: Array
+    frequencies: Array  # (P, M)
     constants: Array
-    drifts: Array
-    waves: NDArray[np.complex128]
+    drifts: Array  # (P, O), as `constants`
+    waves: NDArray[np.complex128]  # (P, O, H) a - i b for a cos + b sin
 
 
 @dataclass
 class SeriesProblem(Derived):
-    """Outputs are the base frequencies, then for each output of the study its constant, drift, cosines and sines.
-
-    Attributes
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    kind : Kind
-        What all realisations have in common; set by `find`.
-    scales : array, shape (O,)
-        What residuals of the outputs are compared with: root mean squares of their motion.
-    kept : array of bool, shape (O, H)
-        Which harmonics of the kind an output has.
-    longer : float
-        How much longer than the output times realisations are followed.
-    spent : int
-        Realisations so far.
-    failures : int
-        Those that failed.
-    residual : float
-        The largest so far, over the scale of the output.
-    """
+    """Problem with outputs: base frequencies, then constant, drift, cosines and sines of each output of the study."""
 
     problem: uqmbd.extend.Problem
-    kind: Kind | None = None
+    kind: Kind | None = None  # that of all realisations; set by `find`
     scales: Array = field(default_factory=lambda: np.zeros(0))
+    """(O,) root mean squares of the motion, with which residuals are compared."""
     kept: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
-    longer: float = 1.0
-    spent: int = 0
-    failures: int = 0
-    residual: float = 0.0
+    """(O, H) harmonics of the kind that an output has."""
+    longer: float = 1.0  # factor of the output times to which realisations are integrated
+    spent: int = 0  # realisations so far
+    failures: int = 0  # realisations that failed
+    residual: float = 0.0  # largest so far, over the scale of the output
     counters: Counter[str] = field(default_factory=Counter)
     _count: int = 0
     _spread: Array = field(default_factory=lambda: np.zeros(0))
@@ -135,12 +109,7 @@ class SeriesProblem(Derived):
     def find(self, values: Array) -> None:
         """Find the frequencies and harmonics of realisations at inputs (K, d).
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If some are no sums of harmonics of two frequencies.
-        uqmbd.IntegrationError
-            If all fail.
+        Raise StudyError if some are no sums of harmonics of two frequencies, IntegrationError if all fail.
         """
         spread = values.std(axis=0)
         self._spread = np.where(spread > 0, spread, 1.0)
@@ -164,12 +133,9 @@ class SeriesProblem(Derived):
         self._lose(values, told)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Compute realisations, and their series: response (K, 1 + O, 2 + 2 H).
+        """Compute realisations and their series: response (K, 1 + O, 2 + 2 H).
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If some are no sums of the harmonics.
+        Raise StudyError if some are no sums of the harmonics.
         """
         keys = _keys(values)
         missing = list(dict.fromkeys(k for k in keys if k not in self._known and k not in self._lost))

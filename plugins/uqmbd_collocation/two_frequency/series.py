@@ -44,18 +44,10 @@ HALVINGS = 6
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Outputs of one realisation.
+    """Outputs of one realisation."""
 
-    Attributes
-    ----------
-    times : array, shape (N,)
-        Evenly spaced, from 0 on, s.
-    values : array, shape (N, O)
-        Over their scales.
-    """
-
-    times: Array
-    values: Array
+    times: Array  # (N,) evenly spaced, from 0, s
+    values: Array  # (N, O) over their scales
 
     @property
     def length(self) -> float:
@@ -86,27 +78,13 @@ class Signals:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Sum of harmonics of few frequencies, a constant, and a drift.
+    """Sum of harmonics of few frequencies, a constant, and a drift."""
 
-    Attributes
-    ----------
-    frequencies : array, shape (M,)
-        Of the base, rad/s.
-    lattice : array of int, shape (H, M)
-        Multiples of the base frequencies in each harmonic.
-    amplitudes : array, shape (2 + 2 H, O)
-        Constants, drifts (1/s), cosines, sines.
-    residual : array, shape (O,)
-        Root mean square over all times, each counted alike.
-    misfit : float
-        Mean square of the weighted residuals of all signals: what is made least.
-    """
-
-    frequencies: Array
-    lattice: Index
-    amplitudes: Array
-    residual: Array
-    misfit: float
+    frequencies: Array  # (M,) base frequencies, rad/s
+    lattice: Index  # (H, M) multiples of the base frequencies in each harmonic
+    amplitudes: Array  # (2 + 2 H, O) constants, drifts (1/s), cosines, sines
+    residual: Array  # (O,) root mean square over all times with equal weights
+    misfit: float  # mean square of the weighted residuals of all signals, which the fit minimises
 
     def at(self, times: Array) -> Array:
         """Return the sum at times (N,): (N, O)."""
