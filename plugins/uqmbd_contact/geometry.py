@@ -18,27 +18,13 @@ BUMP = sympy.sin(distance) / 4
 
 @dataclass(frozen=True)
 class Meeting:
-    """Two bodies close to each other.
+    """Geometry of a pair of bodies that are close to each other."""
 
-    Attributes
-    ----------
-    gap : expression
-        m; negative where they overlap.
-    normal : column
-        Unit normal from body i to body j, world axes.
-    relative : column
-        Velocity of body j relative to body i where they meet, m/s.
-    fixed_i : column, optional
-        The normal in the frame of body i, where it does not change.
-    reach : expression
-        Depth that is much: the radius of the smaller body, m; 0: a point.
-    """
-
-    gap: sympy.Expr
-    normal: sympy.Matrix
-    relative: sympy.Matrix
-    fixed_i: sympy.Matrix | None = None
-    reach: Any = 0
+    gap: sympy.Expr  # m; negative where they overlap
+    normal: sympy.Matrix  # unit normal from body i to body j, world axes
+    relative: sympy.Matrix  # velocity of body j relative to body i at the contact, m/s
+    fixed_i: sympy.Matrix | None = None  # the normal in the frame of body i, where it is constant
+    reach: Any = 0  # reference depth: the radius of the smaller body, m; 0: a point
 
 
 class OnPlane(uqmbd.extend.TypedComponent):

@@ -34,17 +34,11 @@ IN_TIME = 4
 
 @dataclass(eq=False)
 class _Path:
-    """Coefficients (P, S, N, width + 1) of states and time at the points of segments, one after the other.
-
-    Attributes
-    ----------
-    phase : float
-        That is reached, rad.
-    """
+    """Coefficients (P, S, N, width + 1) of states and time at the points of consecutive segments, up to a phase."""
 
     motion: uqmbd.extend.PhaseMotion
     parts: list[Array]
-    phase: float = 0.0
+    phase: float = 0.0  # rad, reached so far
 
     def follow(self, turns: float) -> None:
         """Integrate on."""
@@ -80,26 +74,10 @@ def galerkin_in_phase(
     wanted: str | None,
     begin: float,
 ) -> xr.DataTree:
-    """Find a clock, integrate in its phase, and summarise.
+    """Find a clock from realisations at `pilots` (K, input), integrate in its phase, and return the node.
 
-    Parameters
-    ----------
-    propagator, problem, space
-        As they are given.
-    terms : array of int, shape (P, d)
-        The multi-index.
-    rule : uqmbd.extend.Quadrature
-        The nodes.
-    projected : uqmbd.extend.ProjectedEnsemble
-        The equations, with what the clock needs among the outputs.
-    verification : uqmbd.extend.Verification
-        Realisations from which the error is stated.
-    pilots : array, shape (K, input)
-        Inputs of realisations from which the clock is found.
-    wanted : str, optional
-        Name of the clock.
-    begin : float
-        When it began, s.
+    The outputs of `projected` include those that the clock needs; `terms` is (P, d). The stated error comes from the
+    `verification` realisations. `wanted` names a clock; `begin` is the start of the computation, s.
     """
     times, label = problem.times, problem.label
     rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)

@@ -52,29 +52,16 @@ def watched_rates(mechanism: Any) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class ClockRates:
-    """Rates of the phase at the nodes; called with times (K,) and states (K, width).
+    """Phase rates (K,), rad/s, at the nodes, as a function of times (K,) and states (K, width)."""
 
-    Attributes
-    ----------
-    clock : uqmbd.extend.Clock
-        That of the realisations.
-    ensemble : uqmbd.extend.Ensemble
-        The nodes, whose outputs have what is watched behind those of the study.
-    rows : tuple of int
-        Of value, rate and second rate among the outputs.
-    centre, reach, speed : float
-        Of an oscillation: where value and rate are centred, and their scales; those of all realisations.
-    until : float
-        Time up to which the motion is followed in time, s: that of the start, or later where it starts at rest.
-    """
-
-    clock: uqmbd.extend.Clock
-    ensemble: uqmbd.extend.Ensemble
-    rows: tuple[int, int, int]
+    clock: uqmbd.extend.Clock  # that of the realisations
+    ensemble: uqmbd.extend.Ensemble  # the nodes; watched outputs follow those of the study
+    rows: tuple[int, int, int]  # of value, rate and second rate among the outputs
     centre: float
+    """Centre of the value; `reach` and `speed` scale value and rate of an oscillation, alike in all realisations."""
     reach: float
     speed: float
-    until: float
+    until: float  # time up to which the motion is integrated in time, s: the start, or later for a start at rest
 
     def __call__(self, times: Array, states: Array) -> Array:
         """Return rates (K,), rad/s."""
@@ -111,29 +98,9 @@ class ClockRates:
 def find_clock(
     problem: uqmbd.extend.Problem, ensemble: uqmbd.extend.Ensemble, pilots: Array, wanted: str | None
 ) -> tuple[ClockRates, int]:
-    """Choose a clock from realisations that are followed to the last output time.
+    """Choose a clock from realisations at `pilots` (K, input) up to the last output time; return it and their number.
 
-    Parameters
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the study.
-    ensemble : uqmbd.extend.Ensemble
-        The nodes, with what is watched.
-    pilots : array, shape (K, input)
-        Inputs of the realisations.
-    wanted : str, optional
-        Name of the clock.
-
-    Returns
-    -------
-    ClockRates
-    int
-        Realisations that were computed.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is none, or it stands in some of them.
+    `wanted` names a clock. Raise StudyError if there is none, or if it stands in some realisations.
     """
     end = float(problem.times[-1])
     names = [o.name for o in problem.watching().labels.outputs]

@@ -18,27 +18,13 @@ SINGULAR_VALUES = 9
 def diagnostics(
     projected: uqmbd.extend.ProjectedEnsemble, times: Array, coefficients: Array, terms: Index
 ) -> xr.Dataset:
-    """Follow invariants of the projected motion.
+    """Return invariants of the projected motion over time, from the coefficients (P, T, width) of its states.
 
-    Parameters
-    ----------
-    projected : uqmbd.extend.ProjectedEnsemble
-        The equations.
-    times : array, shape (T,)
-        s.
-    coefficients : array, shape (P, T, width)
-        Of the states.
-    terms : array of int, shape (P, d)
-        The multi-index.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over time: ``energy``, the expectation of kinetic and potential energy (J); ``constraint_rms``, the root of the
-        expectation of the squared constraints, summed (zero at the nodes in the limit of high order only);
-        ``quaternion_norm_rms``, how far nodal quaternions are from unit length; ``top_order_share``, the part of the
-        variance of the coordinates in the highest degrees.  At some times (``probe_time``) the smallest singular value
-        of the projected constraint Jacobian and the smallest of all nodes.
+    ``energy`` is the expectation of kinetic and potential energy (J); ``constraint_rms`` the root of the expectation of
+    the squared constraints, summed (zero at the nodes in the limit of high order only); ``quaternion_norm_rms`` the
+    deviation of nodal quaternions from unit length; ``top_order_share`` the part of the variance of the coordinates in
+    the highest degrees. At some times (``probe_time``) the dataset holds the smallest singular value of the projected
+    constraint Jacobian and the smallest of all nodes.
     """
     nodal = projected.nodal(coefficients)
     weights, model = projected.weights, projected.model

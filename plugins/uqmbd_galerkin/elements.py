@@ -32,30 +32,11 @@ def solve_element(
     integrator: str,
     linear_solver: str,
 ) -> dict[str, NDArray[Any]]:
-    """Solve the projected equations of one element; for workers.
+    """Solve the projected equations of one element in a worker.
 
-    Parameters
-    ----------
-    model
-        Equations and outputs.
-    values : array, shape (K, input)
-        Inputs at the nodes.
-    psi : array, shape (K, P)
-        The local basis there.
-    weights : array, shape (K,)
-        Of the nodes.
-    times : array, shape (T,)
-        s.
-    rtol : float
-        Relative tolerance.
-    integrator, linear_solver : str
-        As for `uqmbd.extend.ProjectedEnsemble.integrate`.
-
-    Returns
-    -------
-    dict
-        ``coefficients`` (P, O, T) of the outputs, with fewer times where the motion ended early; texts ``message``,
-        ``integrator``, ``counters`` (JSON); the number of ``unknowns``.
+    `psi` (K, P) is the local basis at the inputs (K, input). The result holds ``coefficients`` (P, O, T) of the
+    outputs, with fewer times where the motion ended early; texts ``message``, ``integrator``, ``counters`` (JSON); the
+    number of ``unknowns``.
     """
     ensemble = uqmbd.extend.Ensemble(model, values)
     projected = uqmbd.extend.ProjectedEnsemble(ensemble, psi, weights)

@@ -47,23 +47,10 @@ def warn(
 
 
 def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
-    """Find the first time at which the stated error of an output exceeds a limit; outputs that never do are left out.
+    """Return for each output the first time, s, at which its stated error exceeds `limit` standard deviations.
 
-    An output that varies by no more than the tolerance of the integration has no error worth a word.
-
-    Parameters
-    ----------
-    chaos : uqmbd.results.PolynomialChaos, uqmbd.results.PiecewiseChaos or uqmbd.results.AlignedChaos
-        Without verification data nothing is known, and nothing found.
-    limit : float
-        Over the standard deviation.
-    rtol : float
-        Relative tolerance of the integration.
-
-    Returns
-    -------
-    dict of str to float
-        Times in s by the name of the output.
+    Outputs that never exceed it are left out, and so are those that vary by less than the tolerance `rtol` of the
+    integration. Without verification data the result is empty.
     """
     if chaos.verification_response is None:
         return {}

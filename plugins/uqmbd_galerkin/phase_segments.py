@@ -33,25 +33,11 @@ def points_of(edges: Array) -> Array:
 def in_segments(
     projected: uqmbd.extend.ProjectedEnsemble, coefficients: Array, outputs: int
 ) -> tuple[Array, Array, float]:
-    """Evaluate outputs at the points of segments in each node's normalised time.
+    """Evaluate the first `outputs` outputs at the points of segments in the normalised time of each node.
 
-    Parameters
-    ----------
-    projected : uqmbd.extend.ProjectedEnsemble
-        The nodes.
-    coefficients : array, shape (P, S, N, width + 1)
-        Of states and time at the points of the segments' phases.
-    outputs : int
-        The first ones are wanted.
-
-    Returns
-    -------
-    edges : array, shape (K, S + 1)
-        Times of the landmarks, s.
-    response : array, shape (K, S, O, N)
-        Outputs at their Chebyshev points.
-    error : float
-        Of the interpolation, over the range of an output: the largest.
+    `coefficients` (P, S, N, width + 1) are those of states and time at the points of the segments' phases. Return the
+    times (K, S + 1) of the markers, s; the outputs (K, S, O, N) at their Chebyshev points; and the largest
+    interpolation error, relative to the range of an output.
     """
     terms, segments, count, width = coefficients.shape
     flat = coefficients.reshape(terms, -1)

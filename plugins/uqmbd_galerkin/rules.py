@@ -25,12 +25,9 @@ ALIASED = 0.5
 
 @dataclass(frozen=True)
 class Discretisation:
-    """The options of `Galerkin` that choose basis and quadrature, and the `label` that stands before messages.
+    """Options of `Galerkin` that choose basis and quadrature, and the `label` before messages.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If they contradict each other.
+    Raise StudyError if options contradict each other.
     """
 
     label: str
@@ -74,13 +71,7 @@ class Discretisation:
         return space.basis(self.order, self.products, self.weights)
 
     def quadrature(self, space: uqmbd.extend.GermSpace, terms: Index) -> uqmbd.extend.Quadrature:
-        """Return nodes and weights for a basis.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If the rule does not suit the inputs, or not the basis.
-        """
+        """Return nodes and weights for a basis; raise StudyError if the rule does not suit the inputs or the basis."""
         if self.rule == "gauss":
             self.node_count(space)
             rule = uqmbd.extend.gauss_tensor(space, self._gauss_counts(space))
@@ -116,15 +107,11 @@ class Discretisation:
         return total
 
     def refuse_impacts(self, ensemble: uqmbd.extend.Ensemble, *, terms: int, nodes: int) -> None:
-        """Raise where a mechanism has impacts that an expansion cannot follow.
+        """Raise StudyError where a mechanism has impacts that an expansion cannot represent.
 
-        Realisations meet at times of their own.  With as many terms as nodes the projected laws of impact hold at each
-        node; with fewer the jump of one would be a jump of all.  An event that only notes a time is in nobody's way.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            Which components, and what to use instead.
+        Impacts occur at a different time in each realisation. With as many terms as nodes the projected laws of impact
+        hold at each node; with fewer the jump of one would be a jump of all. An event that only records a time is
+        accepted.
         """
         names = dict.fromkeys(component for component, _, directions in ensemble.model.events if directions)
         if not names or terms == nodes:

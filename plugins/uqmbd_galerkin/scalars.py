@@ -22,13 +22,7 @@ def projected_scalars(
     verification: uqmbd.extend.Verification,
     begin: float,
 ) -> xr.DataTree:
-    """Expand the outputs without a time.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If too few nodes have values.
-    """
+    """Expand the outputs without a time; raise IntegrationError if too few nodes have values."""
     found = problem.realise(space.to_inputs(rule.nodes))
     psi = space.evaluate(rule.nodes, terms)
     about = (found.status == Status.OK, found.most_frequent_reason(), psi, terms, rule.weights)

@@ -30,23 +30,9 @@ Watch = Callable[[int, Array, Mask], None]
 
 
 class Passing:
-    """Quantiles, extremes and directions of samples that come once, in memory that does not grow with their number.
+    """Quantiles, extremes and directions of streamed samples, in memory that does not grow with their number.
 
-    Parameters
-    ----------
-    labels : uqmbd.extend.Labels
-        Of the problem.
-    again : bool
-        Whether the responses are asked for again: they go to a temporary file, which nobody else sees and which is
-        gone at the end.
-
-    Examples
-    --------
-    >>> passing = Passing(uqmbd.extend.labels(["x"], ["k"], [0.0]), again=True)
-    >>> passing.add(0, np.array([[[1.0]], [[5.0]], [[3.0]]]), np.array([True, False, True]))
-    >>> passing.statistics()["largest"].tolist(), passing.responses(1, 3).ravel().tolist()
-    ([[3.0]], [nan, 3.0])
-    >>> passing.close()
+    With `again` the responses can be read again: they go to an unnamed temporary file, which is deleted at the end.
     """
 
     def __init__(self, labels: Labels, again: bool) -> None:
@@ -57,12 +43,9 @@ class Passing:
         self._bytes = 8 * int(np.prod(labels.shape))
 
     def add(self, first: int, response: Array, fine: Mask) -> None:
-        """Gather samples from index `first` on: responses (K, output, time), and which of them succeeded (K,).
+        """Add samples from index `first` on: responses (K, output, time), and which of them succeeded (K,).
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If the temporary file cannot be written.
+        Raise StudyError if the temporary file cannot be written.
         """
         good = response if fine.all() else response[fine]
         self._quantiles.add(good)
@@ -97,13 +80,9 @@ class Passing:
 
 
 class Stored:
-    """The same of samples in a store, where quantiles are exact.
+    """Quantiles, extremes and directions of samples in a store, where quantiles are exact.
 
-    Parameters
-    ----------
-    store : uqmbd.results.SampleStore
-    labels : uqmbd.extend.Labels
-        Of the problem, whose outputs are some of those in the store.
+    Outputs are those of `labels`.
     """
 
     def __init__(self, store: SampleStore, labels: Labels) -> None:

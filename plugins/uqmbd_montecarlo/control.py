@@ -28,57 +28,31 @@ _MEAN_TARGETS, _ALL_TARGETS = (_D, _I), (_D, _W, _I)
 
 @dataclass(frozen=True)
 class Controlled:
-    """Estimates with a control, each of shape (C,); all in the units of `variables`, the variance in their square.
+    """Estimates with a control, each of shape (C,), in the units of `variables`; variances in their square."""
 
-    Attributes
-    ----------
-    mean, variance : array
-        Of the responses: the mean less the shift.
-    error_mean, error_variance : array
-        Their standard errors.
-    alone_mean, alone_variance : array
-        Standard errors without control.
-    reduction_mean, reduction_variance : array
-        Variance of the estimate without control over that with it; at most 4.5e15.
-    """
-
-    mean: Array
-    variance: Array
-    error_mean: Array
+    mean: Array  # of the responses less the shift
+    variance: Array  # of the responses
+    error_mean: Array  # standard error, as `error_variance`
     error_variance: Array
-    alone_mean: Array
+    alone_mean: Array  # standard error without control, as `alone_variance`
     alone_variance: Array
     reduction_mean: Array
+    """Variance of the estimate without control over that with it, as `reduction_variance`; at most 4.5e15."""
     reduction_variance: Array
 
 
 def fold_of(index: ArrayLike, samples: int) -> NDArray[np.int64]:
-    """Return the fold of each sample: equal parts, one after the other.
-
-    Examples
-    --------
-    >>> fold_of([0, 2, 3, 29], 30).tolist()
-    [0, 0, 1, 9]
-    """
+    """Return the fold of each sample: equal parts in sequence."""
     return np.asarray(index, dtype=np.int64) * FOLDS // samples
 
 
 def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Array:
-    r"""Return what is gathered of samples, shape (S, 5, C).
+    """Return I u - z, I u^2 - z^2, I, and the controls z and z^2 - 1 of samples, shape (S, 5, C).
 
-    With the response :math:`u`, the surrogate :math:`z` and :math:`I` = 1 for a sample that succeeded, else 0:
-    :math:`I u - z`, :math:`I u^2 - z^2`, :math:`I`, and the controls :math:`z` and :math:`z^2 - 1`, whose expectations
-    over all samples, failed ones included, are zero.
-
-    Parameters
-    ----------
-    response : array, shape (S, C)
-        Less the shift (a number near its mean that is the same for all samples), over the surrogate's deviation;
-        whatever it holds where a sample failed does not matter.
-    surrogate : array, shape (S, C)
-        Less its expectation, over its deviation.
-    fine : array of bool, shape (S,)
-        Which samples succeeded.
+    u is the `response` (S, C) less the shift (a number near its mean, the same for all samples), over the surrogate's
+    deviation; its values at failed samples have no effect. z is the `surrogate` (S, C) less its expectation, over its
+    deviation. I is 1 for a sample that succeeded (`fine`), else 0. The expectations of the controls over all samples,
+    failed ones included, are zero.
     """
     found = np.empty((len(fine), 5, response.shape[1]))
     good = fine[:, None]
@@ -98,54 +72,26 @@ def controls(surrogate: Array) -> Array:
 
 
 def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments | None = None) -> Controlled:
-    r"""Estimate mean and variance with a surrogate as control variate, cross-fitted.
+    """Estimate mean and variance from `folds` of `variables` with a surrogate as control variate, cross-fitted.
 
-    The mean of fold k is :math:`\bar u_k - b_k \bar z_k`, whose factor :math:`b_k` is the regression coefficient of the
-    other folds: it is independent of the fold, so the estimate is unbiased whatever the surrogate [1]_, [2]_. Likewise
-    the second moment with the controls :math:`z` and :math:`z^2 - 1`; of this the square of the mean (with the same
-    controls) is taken off, less its own variance, so that the variance is unbiased but for the error of that last term.
-    Standard errors come from the residuals, each with the factors of the other folds.
+    The mean of fold k is mean(u_k) - b_k mean(z_k), whose factor b_k is the regression coefficient of the other folds:
+    it is independent of the fold, so the estimate is unbiased for any surrogate (Avramidis and Wilson, A splitting
+    scheme for control variates, 1993; Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 4.1). The
+    second moment is estimated likewise with the controls z and z^2 - 1; the square of the mean (with the same
+    controls), less its own variance, is subtracted, so that the variance is unbiased but for the error of that last
+    term. Standard errors come from the residuals, each with the factors of the other folds. The errors of the variance
+    come from fourth powers: with heavy tails they are too small, more often so where the surrogate is good everywhere
+    but in the tails.
 
-    The errors of the variance come from fourth powers: with heavy tails they are too small, and more often so where the
-    surrogate is good everywhere but in the tails.
-
-    Where the expectations of the controls are not known, their means over `further` realisations of the surrogate alone
-    take their place: approximate control variates [3]_, two levels of multifidelity Monte Carlo [4]_.  With n samples
-    and N further realisations the best factors are those above times N / (n + N), and the variance of the means that
-    take the expectations' place is added to that of the estimate.
+    Where the expectations of the controls are unknown, their means over `further` (moments of `controls` at two or more
+    independent realisations of the surrogate) replace them: approximate control variates (Gorodetsky et al., Journal of
+    Computational Physics 408 (2020) 109257), two levels of multifidelity Monte Carlo (Peherstorfer, Willcox and
+    Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194). With n samples and N further realisations
+    the best factors are those above times N / (n + N), and the variance of these means is added to that of the
+    estimate.
 
     Where samples failed, responses and successes are estimated alike, and divided: the statistics are those of the
     inputs that do not fail, as without a control, though the surrogate's expectation is known over all inputs only.
-
-    Parameters
-    ----------
-    folds : sequence of JointMoments
-        Of `variables`; one that is empty is passed over.
-    further : JointMoments, optional
-        Of `controls`, of two realisations at least that are independent of the samples.  By default the expectations
-        of the controls are zero.
-
-    Returns
-    -------
-    Controlled
-
-    References
-    ----------
-    .. [1] A. N. Avramidis and J. R. Wilson, A splitting scheme for control variates, 1993.
-    .. [2] P. Glasserman, Monte Carlo Methods in Financial Engineering, Springer, 2003, section 4.1.
-    .. [3] A. A. Gorodetsky, G. Geraci, M. S. Eldred and J. D. Jakeman, Journal of Computational Physics 408 (2020)
-       109257.
-    .. [4] B. Peherstorfer, K. Willcox and M. Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> z = np.random.default_rng(0).normal(size=(10, 40, 1))
-    >>> u = 1.0 + 2.0 * z  # the surrogate knows everything but two constants
-    >>> folds = [JointMoments.of(variables(*part, np.ones(40, dtype=bool))) for part in zip(u, z)]
-    >>> found = controlled_statistics(folds)
-    >>> found.mean.round(12).tolist(), found.variance.round(12).tolist(), bool(found.reduction_mean[0] > 1e12)
-    ([1.0], [4.0], True)
     """
     used = [fold for fold in folds if fold.count]
     others = _others(used)

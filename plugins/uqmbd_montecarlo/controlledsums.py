@@ -20,19 +20,11 @@ ROUNDING = 32.0 * np.finfo(float).eps
 
 
 class Control(Protocol):
-    """A control variate, as `ControlledSums` takes it; arrays (C,) are of outputs and times.
+    """Control variate of `ControlledSums`; arrays (C,) are over outputs and times."""
 
-    Attributes
-    ----------
-    words : str
-        What it is.
-    centre, unit : array, shape (C,)
-        Known once it has been asked for values: what they are measured from, and in.
-    """
-
-    words: str
-    centre: Array
-    unit: Array
+    words: str  # its name in messages
+    centre: Array  # the values are measured from it; valid after the first values
+    unit: Array  # the values are measured in it; valid after the first values
 
     @property
     def useful(self) -> Mask:
@@ -43,14 +35,7 @@ class Control(Protocol):
 
 
 class ControlledSums:
-    """What is kept of samples and of a control beside them, in a memory that does not grow with their number.
-
-    Parameters
-    ----------
-    control : Control
-    samples : int
-        Number of all samples.
-    """
+    """Moments of samples and of a control at them, in memory that does not grow with their number."""
 
     def __init__(self, control: Control, samples: int) -> None:
         self._control, self._samples = control, samples
@@ -93,16 +78,11 @@ class ControlledSums:
         return controlled_statistics([fold for fold in self._folds if fold is not None], further)
 
     def apply(self, statistics: xr.Dataset, further: JointMoments | None = None) -> xr.Dataset:
-        """Put controlled estimates of mean and deviation, and what was gained, into the statistics of the samples.
+        """Put controlled estimates of mean and deviation, and variance reductions, into the statistics of the samples.
 
-        They stay where the control or the output does not vary, and the deviation where its estimate is not positive.
-
-        Parameters
-        ----------
-        statistics : xarray.Dataset
-            Of the samples.
-        further : JointMoments, optional
-            Of realisations of the control alone, where its expectation is not known; as of `controlled_statistics`.
+        Statistics do not change where the control or the output does not vary, nor the deviation where its estimate is
+        not positive. `further` are moments of the control alone, where its expectation is unknown; see
+        `controlled_statistics`.
         """
         found = self._found(further)
         mean, std = statistics["mean"].values, statistics["std"].values

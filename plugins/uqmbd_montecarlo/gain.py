@@ -38,21 +38,10 @@ def of_study(
     left: float,
     wall_time: float,
 ) -> dict[str, Any]:
-    """Make the attributes of statistics whose control is a cheaper study, and warn where it does not help.
+    """Return the attributes of statistics whose control is a low-cost study, and warn where it is of no use.
 
-    Parameters
-    ----------
-    statistics : xarray.Dataset
-        Controlled, if there were further realisations.
-    paired : PairedControl
-        Of a control that has been computed.
-    problem : uqmbd.extend.Problem
-        That of the samples; where its outputs are those without a time, the samples are known, and times say nothing.
-    samples : int
-    left : float
-        Share of the variance that the control leaves.
-    wall_time : float
-        Of the samples with the control at them, s.
+    `left` is the share of the variance that the control leaves, `wall_time` that of the samples with the control at
+    them, s. For outputs without a time the samples are known already, and computing times have no meaning.
     """
     stated, total = paired.control.cost, paired.realisations
     attrs: dict[str, Any] = {

@@ -25,33 +25,17 @@ SUMS = ("mean", "second", "third", "fourth")
 
 @dataclass(frozen=True)
 class Gathered:
-    """What is left of all samples.
+    """Sums over all samples, and the samples that are stored."""
 
-    Attributes
-    ----------
-    count : int
-        Samples that succeeded.
-    replicates : tuple of uqmbd.extend.Moments
-        Of each replicate of the design, of the successful samples, shape (output, time).  None where there is one
-        replicate and all of it is kept: its statistics are those of the kept samples.
-    kept : uqmbd.extend.Realisations
-        The first samples.
-    failures : int
-        Of all samples.
-    reason : str
-        The most frequent reason of failure, or empty.
-    store : uqmbd.results.SampleStore, optional
-        All samples, where there are more than are kept, and the run has a folder.
-    """
-
-    count: int
+    count: int  # samples that succeeded
     replicates: tuple[Moments, ...]
-    kept: uqmbd.extend.Realisations
-    failures: int
-    reason: str
+    """Of the successful samples of each replicate, (output, time); None if a single replicate is stored entirely."""
+    kept: uqmbd.extend.Realisations  # the first samples
+    failures: int  # of all samples
+    reason: str  # the most frequent reason of failure, or empty
     counters: dict[str, float]
     wall_time: float
-    store: SampleStore | None
+    store: SampleStore | None  # all samples, where there are more than `kept` holds and the run has a folder
     violations: tuple[Violations, ...] = ()
     """Counts of each replicate, where requirements are to be answered."""
 
@@ -68,20 +52,10 @@ def gather(
     keep: int,
     watch: Callable[[int, Array, NDArray[np.bool_]], None] | None = None,
 ) -> Gathered:
-    """Compute samples chunk by chunk and gather them in their order, so that the bits depend on nothing else.
+    """Compute samples in chunks and add them up in order, so that the bits depend on nothing else.
 
-    Parameters
-    ----------
-    problem : uqmbd.extend.Problem
-        What to compute.
-    values : array, shape (sample, input)
-        The inputs, replicate after replicate.
-    sizes : list of int
-        Sizes of the replicates.
-    keep : int
-        Most samples whose responses are kept.
-    watch : callable, optional
-        Is told of each chunk: index of its first sample, responses, and which of them succeeded.
+    `values` (sample, input) are replicate after replicate, of the given `sizes`; at most `keep` responses are stored.
+    `watch` receives for each chunk the index of its first sample, the responses, and which of them succeeded.
     """
     shape = problem.labels.shape
     edges = (*np.cumsum([0, *sizes[:-1]]).tolist(), sys.maxsize)  # more samples are asked for alike
@@ -164,24 +138,11 @@ class _Sums:
 def reduced(
     part: uqmbd.extend.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
 ) -> dict[str, NDArray[Any]]:
-    """Sum up a chunk of samples, as workers do.
+    """Sum up a chunk of samples in a worker; `first` is the index of its first sample.
 
-    Parameters
-    ----------
-    part : uqmbd.extend.Realisations
-    first : int
-        Index of the first of them.
-    edges : tuple of int
-        Where replicates begin, and where, or behind which, the last one ends.
-    moments, violations : bool
-        What is asked for.
-
-    Returns
-    -------
-    dict of str to array
-        ``replicate`` (R,): those that have samples of the chunk; ``count``, ``mean``, ``second``, ``third`` and
-        ``fourth`` (R, ...) as of `uqmbd.extend.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) as of
-        `uqmbd.extend.Violations`.
+    `edges` are the begins of the replicates and the end of the last one, or a larger number. The result holds
+    ``replicate`` (R,), those with samples in the chunk; ``count``, ``mean``, ``second``, ``third`` and ``fourth`` (R,
+    ...) of `uqmbd.extend.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) of `uqmbd.extend.Violations`.
     """
     last, fine = first + len(part.status), part.good
     touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]

@@ -13,33 +13,15 @@ __all__ = ["JointMoments"]
 
 @dataclass(frozen=True)
 class JointMoments:
-    """Number, means and central products of samples of V variables; two of them merge into that of all samples.
+    """Number, means and central products of samples of V variables in C columns.
 
-    Attributes
-    ----------
-    count : int
-        Number of samples.
-    mean : array, shape (V, C)
-        Means, in each of C columns.
-    products : array, shape (V, V, C)
-        Sums of products of the differences from the means.
-
-    References
-    ----------
-    P. Pebay, Formulas for robust, one-pass parallel computation of covariances and arbitrary-order statistical
-    moments, Sandia report SAND2008-6212 (2008).
-
-    Examples
-    --------
-    >>> x = np.array([[1.0, 2.0], [3.0, 3.0], [5.0, 4.0]])[:, :, None]
-    >>> merged = JointMoments.of(x[:1]).merge(JointMoments.of(x[1:]))
-    >>> merged.count, merged.mean[:, 0].tolist(), merged.products[:, :, 0].tolist()
-    (3, [3.0, 3.0], [[8.0, 4.0], [4.0, 2.0]])
+    Two of them merge into that of all samples. See Pebay, Formulas for robust, one-pass parallel computation of
+    covariances and arbitrary-order statistical moments, Sandia report SAND2008-6212 (2008).
     """
 
     count: int
-    mean: Array
-    products: Array
+    mean: Array  # (V, C)
+    products: Array  # (V, V, C) sums of products of the differences from the means
 
     @classmethod
     def of(cls, samples: Array) -> JointMoments:

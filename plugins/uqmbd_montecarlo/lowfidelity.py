@@ -122,18 +122,7 @@ class LowFidelity:
 
 
 def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, ...], times: Array) -> str | None:
-    """Say why a study cannot be the control of another one, or None.
-
-    Parameters
-    ----------
-    control : uqmbd.Study
-    inputs : dict
-        Units of the random inputs of the other study, by name.
-    outputs : tuple of str
-        Names of the outputs that are to be controlled.
-    times : array, shape (T,)
-        Output times of the other study, s.
-    """
+    """Return why a study cannot be the control of one with these inputs (name to unit), outputs and times, or None."""
     about = f"its control, the study {control.name!r},"
     if not np.array_equal(control.times, times):
         return f"{about} has other times; make it for the same times"
@@ -149,26 +138,10 @@ def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, .
 
 
 class PairedControl:
-    """A cheaper study beside samples, and at further inputs.
+    """Low-cost study at the inputs `values` (S, input) of samples and at further inputs, as a control variate.
 
-    A realisation of it that fails counts as one of the mean, at the samples and besides: that makes it less alike, but
-    causes no bias.
-
-    Parameters
-    ----------
-    control : LowFidelity
-        What it is.
-    method : uqmbd.extend.Propagator
-        At work.
-    problem : uqmbd.extend.Problem
-        Of the samples.
-    values : array, shape (S, input)
-        Their inputs.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it does not fit the problem.
+    Where one of its realisations fails, its mean replaces the value: that reduces the correlation, but causes no bias.
+    Raise StudyError if the study does not fit the problem.
     """
 
     def __init__(
@@ -236,13 +209,9 @@ class PairedControl:
         return np.asarray(np.where(np.abs(off) > ROUNDING * np.abs(self.centre), off / self.unit, 0.0))
 
     def further(self, count: int, seed: np.random.SeedSequence) -> JointMoments:
-        """Compute it at further random inputs, and return the moments of `controls`.
+        """Compute the control at `count` further random inputs, and return the moments of `controls`.
 
-        Parameters
-        ----------
-        count : int
-        seed : numpy.random.SeedSequence
-            Not that of the samples.
+        The seed must not be that of the samples.
         """
         begin, inputs = self._problem.clock(), self._problem.inputs
         sizes = [min(BLOCK, count - done) for done in range(0, count, BLOCK)]

@@ -28,31 +28,18 @@ _ROUNDING = 32.0 * np.finfo(float).eps
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Estimates and their 95 % intervals.
+    """Estimates of Sobol' indices and their 95 % intervals, none of which is cut off at 0 and 1."""
 
-    Attributes
-    ----------
-    first, total : array, shape (input, ...)
-        Indices of first order and total ones. Estimates, not cut off at 0 and 1.
-    first_interval, total_interval : array, shape (2, input, ...)
-        Lower and upper ends, not cut off either.
-    """
-
-    first: Array
-    total: Array
-    first_interval: Array
-    total_interval: Array
+    first: Array  # (input, ...)
+    total: Array  # (input, ...)
+    first_interval: Array  # (2, input, ...) lower and upper ends
+    total_interval: Array  # (2, input, ...)
 
 
 def obstacle_of(inputs: Any) -> str | None:
-    """Say why indices of inputs make no sense (where they depend on each other), or return None.
+    """Return why Sobol' indices are not defined for inputs (where they depend on each other), or None.
 
-    Inputs of one `uqmbd.random_vector` depend on each other if one of them moves with the uniform number of another.
-
-    Parameters
-    ----------
-    inputs : JointInput
-        The `inputs` of a problem or mechanism.
+    Inputs of one `uqmbd.random_vector` depend on each other if one of them changes with the uniform number of another.
     """
     variables = inputs.variables
     if all(len(v.joint.names) == 1 for v in variables):
@@ -75,22 +62,10 @@ def obstacle_of(inputs: Any) -> str | None:
 
 
 def mixed_inputs(a: Array, b: Array) -> Array:
-    """Return the further realisations that pick-freeze needs: a with each input in turn from b.
+    """Return the further inputs (d * N, d) of pick-freeze.
 
-    Parameters
-    ----------
-    a, b : array, shape (N, d)
-        Independent samples of independent inputs.
-
-    Returns
-    -------
-    array, shape (d * N, d)
-        Input after input.
-
-    Examples
-    --------
-    >>> mixed_inputs(np.array([[1.0, 2.0]]), np.array([[3.0, 4.0]])).tolist()
-    [[3.0, 2.0], [1.0, 4.0]]
+    A (N, d) with each input in turn from b (N, d), input after input. a and b are independent samples of independent
+    inputs.
     """
     count, dimension = a.shape
     found = np.tile(a, (dimension, 1)).reshape(dimension, count, dimension)
@@ -101,73 +76,34 @@ def mixed_inputs(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PickFreeze:
-    r"""Sums of squares of some rows of the design, from which Sobol' indices are estimated; sums of others merge.
+    """Sums of squares over rows of the design, from which Sobol' indices are estimated; sums of further rows merge.
 
-    With the responses :math:`f_A, f_B` to two independent samples, and :math:`f_{AB}` to the first with input i from
-    the second, Jansen's estimators [1]_ are
-
-    .. math:: S_i = 1 - \frac{\sum (f_B - f_{AB})^2}{\sum (f_B - f_A)^2}, \qquad
-              T_i = \frac{\sum (f_A - f_{AB})^2}{\sum (f_B - f_A)^2}.
-
-    Both are exact where an output depends on one input alone, for this input and for all others, and do not depend on
-    the mean of the response. The design, N (d + 2) realisations, is that of [2]_. Intervals are those of a jackknife
-    that leaves out a block of rows at a time [3]_, with Student's t: all realisations of a row are left out together.
-    Rows of a sampling design depend on each other: their blocks are its independent replicates.
-    On Ishigami's function (N = 500, 2000, 10,000) and a pendulum (N = 200), 200 times each, they hold 94.4, 94.7, 95.2
-    and 95.3 % of the indices; those of a bootstrap, for which all rows have to be held, 94.6, 94.5, 94.7 and 94.3 %.
-
-    Attributes
-    ----------
-    sums : array, shape (2 d + 1, blocks, C)
-        Of squares over that of `scale`, in each block of rows and each of C columns.
-    rows : array of int, shape (blocks,)
-        In each block.
-    scale : array, shape (C,)
-        A power of two near the largest difference; 0 where there is none.
-    largest, size : array, shape (C,)
-        Largest difference, and largest response.
-    shape : tuple of int
-        Of a response.
-
-    References
-    ----------
-    .. [1] M. J. W. Jansen, Computer Physics Communications 117 (1999) 35-43.
-    .. [2] A. Saltelli et al., Computer Physics Communications 181 (2010) 259-270.
-    .. [3] B. Efron and C. Stein, Annals of Statistics 9 (1981) 586-596.
-
-    Examples
-    --------
-    >>> a, b = np.random.default_rng(1).normal(size=(2, 500, 2))
-    >>> mixed = mixed_inputs(a, b).reshape(2, 500, 2)
-    >>> of_first_input = PickFreeze.of(np.arange(500), 500, a[:, 0], b[:, 0], mixed[:, :, 0])
-    >>> found = of_first_input.indices()
-    >>> found.first.tolist(), found.total.tolist()
-    ([1.0, 0.0], [1.0, 0.0])
+    With the responses f_A and f_B to two independent samples, and f_AB to the first with input i from the second,
+    Jansen's estimators (Computer Physics Communications 117 (1999) 35-43) are S_i = 1 - sum (f_B - f_AB)^2 / sum (f_B -
+    f_A)^2 and T_i = sum (f_A - f_AB)^2 / sum (f_B - f_A)^2. Both are exact where an output depends on a single input,
+    for this input and for all others, and do not depend on the mean of the response. The design, N (d + 2)
+    realisations, is that of Saltelli et al., Computer Physics Communications 181 (2010) 259-270. Intervals are those of
+    a jackknife that leaves out a block of rows at a time (Efron and Stein, Annals of Statistics 9 (1981) 586-596), with
+    Student's t: all realisations of a row are left out together. Rows of a sampling design depend on each other: their
+    blocks are its independent replicates. On Ishigami's function (N = 500, 2000, 10,000) and a pendulum (N = 200), 200
+    times each, intervals contain 94.4, 94.7, 95.2 and 95.3 % of the indices; those of a bootstrap, which must hold all
+    rows, 94.6, 94.5, 94.7 and 94.3 %.
     """
 
-    sums: Array
-    rows: Index
-    scale: Array
-    largest: Array
-    size: Array
-    shape: tuple[int, ...]
+    sums: Array  # (2 d + 1, blocks, C) of squares over that of `scale`, in each block of rows and each of C columns
+    rows: Index  # (blocks,) number in each block
+    scale: Array  # (C,) a power of two near the largest difference; 0 where there is none
+    largest: Array  # (C,) largest difference
+    size: Array  # (C,) largest response
+    shape: tuple[int, ...]  # of a response
 
     @classmethod
     def of(cls, index: Index, count: int, a: Array, b: Array, mixed: Array, blocks: int | None = None) -> PickFreeze:
-        """Gather rows.
+        """Sum over the rows `index` (K,), ascending, of `count`; the result does not depend on other rows.
 
-        Parameters
-        ----------
-        index : array of int, shape (K,)
-            Which of the N rows these are, ascending; what is gathered does not hang on others.
-        count : int
-            N.
-        a, b : array, shape (K, ...)
-            Responses, commonly (K, output, time), all finite.
-        mixed : array, shape (d, K, ...)
-            Responses to `mixed_inputs`.
-        blocks : int, optional
-            Equal parts of the N rows that are independent of each other; by default rows are, and there are 64 parts.
+        a and b (K, ...) are responses, commonly (K, output, time), all finite; `mixed` (d, K, ...) are those to
+        `mixed_inputs`. `blocks` is the number of equal, mutually independent parts of all rows; by default rows are
+        independent, in 64 blocks.
         """
         dimension, columns = len(mixed), prod(a.shape[1:])
         blocks = min(BLOCKS, count) if blocks is None else blocks
@@ -198,13 +134,10 @@ class PickFreeze:
         return PickFreeze(sums, self.rows + other.rows, scale, largest, size, self.shape)
 
     def indices(self) -> SobolIndices:
-        """Estimate the indices, with intervals.
+        """Estimate the indices and their intervals.
 
-        Returns
-        -------
-        SobolIndices
-            All 0, intervals too, where the response does not vary, or by rounding only; intervals are NaN where there
-            are rows in one block only.
+        All are 0, intervals too, where the response does not vary, or by rounding only. Intervals are NaN where only
+        one block has rows.
         """
         from scipy.special import stdtrit
 

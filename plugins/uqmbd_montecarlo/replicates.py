@@ -11,30 +11,9 @@ __all__ = ["allowed_pairs", "allowed_samples", "paired_samples", "replicate_size
 
 
 def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
-    """Share samples among replicates.
+    """Return the sizes of the replicates of a sampling design; one of independent points makes one replicate.
 
-    Parameters
-    ----------
-    design : str
-        Name of a sampling design; one of independent points needs no replicates and makes one.
-    samples, replicates : int
-        How many.
-
-    Returns
-    -------
-    list of int
-        Sizes of the replicates.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no such design, or the replicates would be too small, or of numbers that the design is not balanced
-        with.
-
-    Examples
-    --------
-    >>> replicate_sizes("latin-hypercube", 20, 8)
-    [3, 3, 3, 3, 2, 2, 2, 2]
+    Raise StudyError for an unknown design, too few samples, or sizes for which the design is not balanced.
     """
     found = uqmbd.extend.sampling_design(design, "MonteCarlo: sampling")
     if found.independent:
@@ -59,12 +38,10 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
 
 
 def allowed_samples(design: str, samples: int, replicates: int) -> int:
-    """Return the largest number of samples, up to a given one, that a design takes in so many replicates.
+    """Return the largest number of samples up to `samples` that the design allows in replicates.
 
-    Where all are larger it is the smallest.
+    Else the smallest allowed.
 
-    Examples
-    --------
     >>> allowed_samples("sobol", 1500, 16), allowed_samples("latin-hypercube", 1500, 16)
     (1024, 1500)
     """
@@ -80,10 +57,8 @@ def allowed_samples(design: str, samples: int, replicates: int) -> int:
 
 
 def allowed_pairs(design: str, samples: int, replicates: int) -> int:
-    """Return the largest number of samples, up to a given one, that are pairs of a design in equal replicates.
+    """Return the largest number of samples up to `samples` that are pairs of a design in equal replicates.
 
-    Examples
-    --------
     >>> allowed_pairs("random", 1501, 16), allowed_pairs("sobol", 1501, 16), allowed_pairs("halton", 1501, 16)
     (1500, 1024, 1472)
     """
@@ -93,35 +68,12 @@ def allowed_pairs(design: str, samples: int, replicates: int) -> int:
 
 
 def paired_samples(design: str, samples: int, replicates: int, dimension: int, seed: int) -> tuple[Array, Index, Index]:
-    """Draw samples in pairs: of a design, the two halves of the coordinates of points in twice as many dimensions.
+    """Draw samples in pairs: the two halves of the coordinates of points of a design in twice as many dimensions.
 
-    The halves of independent points are the first and the second half of the samples.
-
-    Parameters
-    ----------
-    design : str
-        Name of a sampling design.
-    samples, replicates : int
-        How many, as `allowed_pairs` allows.
-    dimension : int
-        Number of inputs.
-    seed : int
-        The same seed gives the same bits.
-
-    Returns
-    -------
-    uniform : array, shape (samples, dimension)
-        Open interval; replicate after replicate, in each the first halves of its pairs, then the second ones.
-    first, second : array of int, shape (samples / 2,)
-        Where the halves of each pair are, replicate after replicate.
-
-    Examples
-    --------
-    >>> u, first, second = paired_samples("sobol", 16, 2, dimension=1, seed=1)
-    >>> first.tolist(), second.tolist()
-    ([0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15])
-    >>> sorted((4 * u[first[:4], 0]).astype(int).tolist()), sorted((4 * u[second[:4], 0]).astype(int).tolist())
-    ([0, 1, 2, 3], [0, 1, 2, 3])
+    Return uniform numbers (samples, dimension) in the open interval, replicate after replicate, in each the first
+    halves of its pairs, then the second ones; and the indices (samples / 2,) of first and second halves. Those of
+    independent points are the first and the second half of the samples. `samples` is a number that `allowed_pairs`
+    allows; the same seed gives the same bits.
     """
     count = samples // 2
     if uqmbd.extend.sampling_design(design).independent:
@@ -136,24 +88,9 @@ def paired_samples(design: str, samples: int, replicates: int, dimension: int, s
 
 
 def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) -> Array:
-    """Uniform numbers, open interval, shape (sum of sizes, dimension): replicate after replicate.
+    """Draw uniform numbers in the open interval, (sum of sizes, dimension).
 
-    Parameters
-    ----------
-    design : str
-        Name of a sampling design.
-    sizes : list of int
-        Sizes of the replicates, which are independent of one another.
-    dimension : int
-        Number of inputs.
-    seed : int
-        The same seed gives the same bits.
-
-    Examples
-    --------
-    >>> u = uniform_samples("latin-hypercube", [4], 1, seed=3)
-    >>> sorted((4 * u[:, 0]).astype(int).tolist())
-    [0, 1, 2, 3]
+    Independent replicates of the design in sequence. The same seed gives the same bits.
     """
     found = uqmbd.extend.sampling_design(design)
     streams = np.random.SeedSequence(seed).spawn(len(sizes))

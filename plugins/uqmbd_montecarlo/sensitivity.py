@@ -20,26 +20,15 @@ __all__ = ["SobolRun", "rows_at_once", "run_sobol"]
 
 @dataclass(frozen=True)
 class SobolRun:
-    """What the indices need besides the samples.
-
-    Attributes
-    ----------
-    variables : xarray.Dataset
-        ``sobol_first``, ``sobol_total (input, output, time)`` and ``..._interval (bound, input, output, time)``.
-    rows, dropped : int
-        Rows of the design that were used, and those left out because a realisation of theirs failed.
-    realisations, failures : int
-        Of the first half of the samples with each input in turn from the second half.
-    reason : str
-        The most frequent reason of failure, or empty.
-    """
+    """Sobol' indices, and the further realisations that they need."""
 
     variables: xr.Dataset
-    rows: int
-    dropped: int
-    realisations: int
-    failures: int
-    reason: str
+    """``sobol_first``, ``sobol_total (input, output, time)`` and ``..._interval (bound, input, output, time)``."""
+    rows: int  # of the design, that were used
+    dropped: int  # rows that were left out because one of their realisations failed
+    realisations: int  # of the first half of the samples with each input in turn from the second half
+    failures: int  # of these realisations
+    reason: str  # the most frequent reason of failure, or empty
     counters: dict[str, float]
     wall_time: float
     replicates: int = 0
@@ -64,10 +53,8 @@ class SobolRun:
 
 
 def rows_at_once(rows: int, inputs: int, keep: int) -> int:
-    """Return how many rows of d + 2 realisations are held at once, of which `keep` may be.
+    """Return how many rows of d + 2 realisations are in memory at once, at most `keep` realisations.
 
-    Examples
-    --------
     >>> rows_at_once(1000, 3, keep=20_000), rows_at_once(100_000, 3, keep=20_000)
     (1000, 4000)
     """
@@ -83,36 +70,14 @@ def run_sobol(
     max_failures: float,
     replicates: int = 0,
 ) -> SobolRun:
-    """Compute the further realisations of pick-freeze, some rows at a time, and the indices.
+    """Compute the further realisations of pick-freeze, at most `keep` at a time, and the Sobol' indices.
 
-    Parameters
-    ----------
-    problem : uqmbd.extend.Problem
-        That of the samples.
-    values : array, shape (2 N, input)
-        Inputs of the samples.
-    pairs : tuple of array of int, shape (N,)
-        Places of both halves of each pair of samples.
-    responses : callable
-        Responses (K, output, time) of the samples from one index to another, NaN where they failed.
-    keep : int
-        Realisations that are held at once.
-    max_failures : float
-        Share.
-    replicates : int
-        Equal parts of the pairs that are independent of each other; 0: all pairs are.
-
-    Returns
-    -------
-    SobolRun
-        An output that does not happen in some realisations has no indices (NaN, with the reason): given that it
-        happens, inputs are not independent, so that shares of its variance do not add up, and pick-freeze, which
-        changes one input alone, leaves the realisations in which it happens.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If too many failed.
+    `values` (2 N, input) are the inputs of the samples, `pairs` the indices (N,) of both halves of each pair;
+    `responses` returns those (K, output, time) from one index to another, NaN where they failed. `replicates` is the
+    number of equal, mutually independent parts of the pairs; 0: all pairs are independent. An output that does not
+    occur in some realisations has no indices (NaN, with the reason): given that it occurs, inputs are not independent,
+    so that shares of its variance do not add up, and pick-freeze, which changes a single input, leaves the realisations
+    in which it occurs. Raise IntegrationError if the share of failures exceeds `max_failures`.
     """
     count, dimension = len(values) // 2, len(problem.inputs)
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)

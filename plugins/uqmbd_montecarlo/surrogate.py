@@ -17,40 +17,20 @@ __all__ = ["ChaosControl", "Surrogate", "surrogate_of"]
 
 @dataclass(frozen=True)
 class Surrogate:
-    """A chaos, and what it cost.
-
-    Attributes
-    ----------
-    chaos : uqmbd.results.PolynomialChaos
-    realisations, failures : int
-        Computed for it, and how many of these failed; none for a chaos that was there.
-    counters : dict
-        Of the solver.
-    wall_time : float
-        s.
-    """
+    """Polynomial chaos, and its cost."""
 
     chaos: PolynomialChaos
-    realisations: int = 0
-    failures: int = 0
-    counters: dict[str, float] = field(default_factory=dict)
-    wall_time: float = 0.0
+    realisations: int = 0  # computed for it; none for a chaos that was given
+    failures: int = 0  # of these
+    counters: dict[str, float] = field(default_factory=dict)  # of the solver
+    wall_time: float = 0.0  # s
 
 
 def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> Surrogate:
-    """Train the surrogate on realisations of its own, or take the one that is given.
+    """Train the surrogate on separate realisations, or return the one that is given.
 
-    Parameters
-    ----------
-    control : uqmbd.extend.Propagator or uqmbd.results.PolynomialChaos
-        A propagator must give a node with a child ``chaos``.
-    problem : uqmbd.extend.Problem
-        That of the samples.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no chaos, or not of the same inputs, outputs and times.
+    A propagator must return a node with a child ``chaos``. Raise StudyError if there is none, or if its inputs, outputs
+    or times differ.
     """
     if isinstance(control, PolynomialChaos):
         found = Surrogate(control)
@@ -93,18 +73,11 @@ def _check(chaos: PolynomialChaos, problem: uqmbd.extend.Problem) -> None:
 
 
 class ChaosControl:
-    """A chaos beside samples.
+    """Polynomial chaos at the uniform numbers (S, input) of samples, as a control variate.
 
-    It is evaluated at the uniform numbers that the inputs are made of. So its expectation over the samples is that of
-    its coefficients exactly, whatever distribution it was made for: one that does not fit the inputs helps less, but
-    causes no bias.
-
-    Parameters
-    ----------
-    chaos : uqmbd.results.PolynomialChaos
-        The surrogate.
-    uniform : array, shape (S, input)
-        Uniform numbers of all samples.
+    As it is evaluated at the uniform numbers from which the inputs are made, its expectation over the samples is that
+    of its coefficients exactly, for any distribution: a chaos that does not fit the inputs reduces the variance less,
+    but causes no bias.
     """
 
     words = "a polynomial chaos"

@@ -30,33 +30,15 @@ STARTS = 5
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """What was found.
+    """Result of a reliability analysis."""
 
-    Attributes
-    ----------
-    estimates : tuple of Estimate
-        Of each requirement; with several one more: that any is violated.
-    design_points : tuple of DesignPoint
-        Of all requirements, nearest first.
-    sampled : Sampled
-        The samples that the estimates come from.
-    ledger : Ledger
-        All that was computed.
-    notes : tuple of str
-        What the reader must know.
-    dependent : bool
-        Whether the samples depend on each other, so that no standard error comes from them.
-    used : Proposal, optional
-        What was sampled from; none where no violation was in sight.
-    """
-
-    estimates: tuple[Estimate, ...]
-    design_points: tuple[DesignPoint, ...]
-    sampled: Sampled
-    ledger: Ledger
-    notes: tuple[str, ...]
-    dependent: bool = False
-    used: Proposal | None = None
+    estimates: tuple[Estimate, ...]  # of each requirement; with several one more: that any is violated
+    design_points: tuple[DesignPoint, ...]  # of all requirements, nearest first
+    sampled: Sampled  # the samples of the estimates
+    ledger: Ledger  # all computed realisations
+    notes: tuple[str, ...]  # statements for the reader
+    dependent: bool = False  # whether samples depend on each other, so that they give no standard error
+    used: Proposal | None = None  # last proposal; None where no violation was found
 
 
 def analyse(
@@ -68,30 +50,10 @@ def analyse(
     most: int = 3000,
     generator: np.random.Generator,
 ) -> Analysis:
-    """Estimate the probabilities that margins are below zero.
+    """Estimate the probabilities that margins are below zero, at most with `most` realisations.
 
-    Parameters
-    ----------
-    limit : callable
-        See `LimitState`.
-    dimension : int
-        Number of standard normal variables.
-    method : {"auto", "form"}
-        ``form`` leaves out the splitting, by which ``auto`` looks for violations that no search finds.
-    target : float
-        Coefficient of variation at which sampling ends.
-    most : int
-        Realisations, at most.
-    generator : numpy.random.Generator
-        Of the random numbers.
-
-    Examples
-    --------
-    >>> plane = lambda u: (4.0 - u.sum(axis=1, keepdims=True) / 2**0.5, np.zeros(len(u), dtype=bool))
-    >>> found = analyse(plane, 2, generator=np.random.default_rng(1))
-    >>> one = found.estimates[0]
-    >>> bool(one.lower < 3.167e-5 < one.upper), round(found.design_points[0].beta, 2), found.ledger.count < 1500
-    (True, 4.0, True)
+    `method` "form" omits the splitting, by which "auto" finds violations that no search finds; `target` is the
+    coefficient of variation at which sampling ends.
     """
     ledger = Ledger(limit, dimension, most)
     pilot = generator.standard_normal((PILOT, dimension))

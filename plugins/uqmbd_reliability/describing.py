@@ -29,22 +29,9 @@ def described(
     running: Array,
     attrs: dict[str, Any],
 ) -> xr.Dataset:
-    """Build the dataset ``requirements``.
+    """Return the dataset ``requirements`` of an analysis.
 
-    Parameters
-    ----------
-    problem : uqmbd.extend.Problem
-        Of the study.
-    requirements : sequence of uqmbd.extend.Requirement
-        Those that were analysed.
-    space : StandardSpace
-        Of the inputs.
-    found : Analysis
-        Of their margins.
-    running : array, shape (N, requirement, T)
-        Running margins of the samples that count.
-    attrs : dict
-        Further attributes.
+    `running` (N, requirement, T) are the running margins of its samples.
     """
     sampled, estimates = found.sampled, found.estimates
     names = requirement_names(requirements)

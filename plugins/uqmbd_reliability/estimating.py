@@ -37,12 +37,10 @@ class Estimate:
 
 
 def with_any(margins: Array) -> Array:
-    """Append the margin of any violation, where there are several: (K, R) to (K, R + 1), any further axes kept.
+    """Append the margin of any violation, where there are several: (K, R, ...) to (K, R + 1, ...).
 
-    Its sign is right; its size is none.
+    Only its sign has a meaning, not its size.
 
-    Examples
-    --------
     >>> with_any(np.array([[1.0, -2.0], [3.0, 4.0]])).tolist()
     [[1.0, -2.0, -2.0], [3.0, 4.0, 3.0]]
     """
@@ -54,19 +52,9 @@ def with_any(margins: Array) -> Array:
 def tail_index(weights: Array) -> float:
     """Return the shape of a generalised Pareto distribution fitted to the largest weights.
 
-    The estimator of Zhang and Stephens, drawn to 0.5 by what counts as ten observations, as in Pareto smoothed
-    importance sampling: SciPy's fit by maximum likelihood fails on samples as small as these.
-
-    References
-    ----------
-    .. [1] J. Zhang and M. A. Stephens, Technometrics 51 (2009) 316.
-    .. [2] A. Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72.
-
-    Examples
-    --------
-    >>> u = np.random.default_rng(0).random(4000)
-    >>> bool(abs(tail_index(u**-0.7) - 0.7) < 0.15), bool(tail_index(u) < 0.0)
-    (True, True)
+    This is the estimator of Zhang and Stephens, Technometrics 51 (2009) 316, shrunk to 0.5 with the weight of ten
+    observations, as in Pareto smoothed importance sampling (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72): SciPy's
+    fit by maximum likelihood fails on samples as small as these.
     """
     ordered = np.sort(weights[weights > 0])[::-1]
     tail = int(min(len(ordered) / 5, 3 * np.sqrt(len(ordered))))
@@ -85,24 +73,11 @@ def tail_index(weights: Array) -> float:
 
 
 def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int, int] = (0, 0)) -> Estimate:
-    """Return a probability from the weights of samples, shape (N,).
+    """Return the probability of violation from weights (N,) of the samples that violate, and of those that fail.
 
-    Parameters
-    ----------
-    violations : array, shape (N,)
-        Weights of the samples that violate, zero of the others.
-    failures : array, shape (N,)
-        Weights of the samples that failed, zero of the others.
-    standard : int
-        Samples of the standard normal distribution itself that are known to have shown no violation, for the bound
-        where there is none at all.
-    pilot : tuple of int
-        Samples of the standard normal distribution, and how many of them failed.
-
-    Returns
-    -------
-    Estimate
-        Of those realisations that do not fail; the interval holds whatever the failed ones would be.
+    Weights of other samples are zero. The probability is that of the realisations that do not fail; the interval holds
+    for any margins of the failed ones. `standard` is the number of standard normal samples without a violation, for the
+    bound where there is none at all; `pilot` the number of standard normal samples, and of those that failed.
     """
     low, high = _bounds(violations, standard)
     lost, most_lost = failing(failures, *pilot)
@@ -114,17 +89,10 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
 
 
 def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
-    """Return the probability that a realisation fails, and its upper bound.
+    """Return the probability that a realisation fails, and its upper bound, from weights (N,) of failed samples.
 
-    Parameters
-    ----------
-    failures : array, shape (N,)
-        Weights of the samples that failed, zero of the others.
-    standard, failed : int
-        Further samples of the standard normal distribution, and how many of them failed.
+    Weights of other samples are zero. Of `standard` further standard normal samples, `failed` failed.
 
-    Examples
-    --------
     >>> failing(np.zeros(10), 100, 0)
     (0.0, 0.0)
     >>> share, most = failing(np.zeros(0), 100, 2)
@@ -145,14 +113,9 @@ def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
 def weighted_bound(weights: Array) -> float:
     """Return the upper bound of a sum of weights of rare events.
 
-    The gamma interval of Fay and Feuer, which holds for a single event, too.
+    This is the gamma interval of Fay and Feuer, Statistics in Medicine 16 (1997) 791, which holds for a single event,
+    too.
 
-    References
-    ----------
-    .. [1] M. P. Fay and E. J. Feuer, Statistics in Medicine 16 (1997) 791.
-
-    Examples
-    --------
     >>> round(weighted_bound(np.array([0.0, 0.1, 0.0])), 3)  # one event: that of a count of one
     0.557
     """
@@ -184,24 +147,11 @@ def _bounds(weights: Array, standard: int) -> tuple[float, float]:
 
 
 def derivatives(violations: Array, scores: Array, failures: Array) -> tuple[Array, Array]:
-    """Return the derivatives of a probability by two parameters of each input.
+    """Return the derivatives (2, d) of a probability by two parameters of each input, and their covariance (2, 2, d).
 
-    The derivative of a probability is the expectation of the scores of the violations: no realisation more is needed.
-
-    Parameters
-    ----------
-    violations : array, shape (N,)
-        Weights of the samples that violate, zero of the others.
-    scores : array, shape (N, 2, d)
-        Derivatives of the logarithm of the density of the inputs.
-    failures : array, shape (N,)
-        Weights of the samples that failed.
-
-    Returns
-    -------
-    value : array, shape (2, d)
-    covariance : array, shape (2, 2, d)
-        Of both parameters, of each input.
+    The derivative of a probability is the expectation of the scores (N, 2, d), the derivatives of the logarithm of the
+    density of the inputs, over the violations: no further realisation is needed. Violations and failures (N,) are
+    weights.
     """
     kept = max(1.0 - float(failures.mean()), 1e-12)
     terms = violations[:, None, None] * scores / kept

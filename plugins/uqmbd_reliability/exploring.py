@@ -27,18 +27,8 @@ MOST_LEVELS = 14
 def cloud(dimension: int, count: int, reach: float, generator: np.random.Generator, *, axes: bool = True) -> Array:
     """Return the origin, points on the axes, and `count` points farther out than standard normal ones.
 
-    Parameters
-    ----------
-    dimension : int
-        Number d of standard normal variables.
-    count : int
-        Points in directions at random; their distances exceed those of standard normal points by 0 to `reach`.
-    reach : float
-        Also the distance of the points on the axes.
-    generator : numpy.random.Generator
-        Of the random numbers.
-    axes : bool
-        Whether to take the points on the axes.
+    These are in random directions; their distances exceed those of standard normal points by 0 to `reach`. The points
+    on the axes, at 0.6 times `reach`, are left out without `axes`.
     """
     z = generator.standard_normal((count, dimension))
     distance = np.linalg.norm(z, axis=1, keepdims=True)
@@ -49,49 +39,22 @@ def cloud(dimension: int, count: int, reach: float, generator: np.random.Generat
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """What splitting found.
-
-    Attributes
-    ----------
-    probability, cov : float
-        The estimate, and its coefficient of variation by Au and Beck, which takes the levels as independent.
-    points : array, shape (K, d)
-        Of the last level: violations, where it was reached.
-    margins : array, shape (K,)
-        Theirs.
-    reached : bool
-        Whether there are violations.
-    """
+    """Result of splitting."""
 
     probability: float
-    cov: float
-    points: Array
-    margins: Array
-    reached: bool
+    cov: float  # coefficient of variation of `probability` by Au and Beck, which treats the levels as independent
+    points: Array  # (K, d) of the last level: violations, where it was reached
+    margins: Array  # (K,)
+    reached: bool  # whether there are violations
 
 
 def multilevel(
     ledger: Ledger, column: int, points: Array, margins: Array, generator: np.random.Generator, spared: int = 0
 ) -> Levels:
-    """Go down from level to level of one margin.
+    """Descend from level to level of one margin by adaptive conditional sampling, from known points (K, d).
 
-    Parameters
-    ----------
-    ledger : Ledger
-        Of the limit state.
-    column : int
-        Which requirement.
-    points, margins : array, shapes (K, d), (K,)
-        Standard normal points that are known, K of each level; NaN where a realisation failed.
-    generator : numpy.random.Generator
-        Of the random numbers.
-    spared : int
-        Realisations of the ledger that are left to others.
-
-    References
-    ----------
-    .. [1] S. K. Au and J. L. Beck, Probab. Eng. Mech. 16 (2001) 263.
-    .. [2] I. Papaioannou et al., Probab. Eng. Mech. 41 (2015) 89 (adaptive conditional sampling).
+    Each level has K points. Margins (K,) are NaN where a realisation failed; `spared` realisations of the ledger stay
+    unused. See Au and Beck, Probab. Eng. Mech. 16 (2001) 263; Papaioannou et al., Probab. Eng. Mech. 41 (2015) 89.
     """
     count = len(points)
     points, margins = points[~np.isnan(margins)], margins[~np.isnan(margins)]

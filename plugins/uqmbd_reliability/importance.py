@@ -30,24 +30,12 @@ LARGEST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Samples that count: all from one proposal.
+    """Samples of the estimates, all from one proposal."""
 
-    Attributes
-    ----------
-    points : array, shape (N, d)
-        In the standard normal space.
-    ratio : array, shape (N,)
-        Standard normal density over that of the proposal.
-    margins : array, shape (N, requirement)
-        NaN where a realisation failed.
-    rows : array of int, shape (N,)
-        Their places in the ledger.
-    """
-
-    points: Array
-    ratio: Array
-    margins: Array
-    rows: Index
+    points: Array  # (N, d) in the standard normal space
+    ratio: Array  # (N,) standard normal density over that of the proposal
+    margins: Array  # (N, requirement); NaN where a realisation failed
+    rows: Index  # (N,) indices in the ledger
 
     @property
     def failures(self) -> Array:

@@ -65,21 +65,10 @@ def learn(
     most: int = 3000,
     generator: np.random.Generator,
 ) -> Analysis | None:
-    """Estimate the probabilities that margins are below zero, with the help of a surrogate.
+    """Estimate probabilities of margins below zero, with a surrogate `predict` from (K, d) to (K, requirement).
 
-    Parameters
-    ----------
-    limit : callable
-        See `LimitState`.
-    predict : callable
-        From points (K, d) of the standard normal space to the margins (K, requirement) of the surrogate.
-    dimension, target, most, generator
-        As of `analyse`; `most` counts real realisations.
-
-    Returns
-    -------
-    Analysis or None
-        None where the surrogate sees no violation at all: then it is of no use.
+    Other arguments are those of `analyse`; `most` counts real realisations. Return None where the surrogate has no
+    violation at all and is therefore useless.
     """
     ledger = Ledger(limit, dimension, most)
     ledger(generator.standard_normal((FIRST, dimension)))

@@ -23,23 +23,7 @@ class Exhausted(Exception):
 
 
 class Ledger:
-    """A limit state with a budget, that remembers.
-
-    Parameters
-    ----------
-    limit : callable
-        See `LimitState`.
-    dimension : int
-        Number of standard normal variables.
-    most : int
-        Realisations that may be computed.
-
-    Examples
-    --------
-    >>> ledger = Ledger(lambda u: (3.0 - u[:, :1], np.zeros(len(u), dtype=bool)), 2, 10)
-    >>> ledger(np.zeros((4, 2))).ravel().tolist(), ledger.left
-    ([3.0, 3.0, 3.0, 3.0], 6)
-    """
+    """Limit state with a budget of `most` realisations, that stores all points and margins."""
 
     def __init__(self, limit: LimitState, dimension: int, most: int) -> None:
         self.dimension, self.most = dimension, most
@@ -50,10 +34,7 @@ class Ledger:
     def __call__(self, points: Array) -> Array:
         """Return margins (K, requirement); NaN where a realisation failed.
 
-        Raises
-        ------
-        Exhausted
-            Where more than what is left is asked for: nothing is computed then.
+        Raise Exhausted, without computing any, if more realisations are requested than are left.
         """
         if len(points) > self.left:
             raise Exhausted

@@ -21,24 +21,12 @@ __all__ = ["Mixture", "Normal", "Outside", "standard_log_density"]
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """A normal distribution with the covariance ``B C B^T + rest (I - B B^T)``.
+    """Normal distribution with the covariance ``B C B^T + rest (I - B B^T)``."""
 
-    Parameters
-    ----------
-    mean : array, shape (d,)
-        Its mean.
-    basis : array, shape (d, k)
-        Orthonormal directions B in which it is not the standard one.
-    covariance : array, shape (k, k)
-        C, in these directions.
-    rest : float
-        Variance in all others.
-    """
-
-    mean: Array
-    basis: Array
-    covariance: Array
-    rest: float = 1.0
+    mean: Array  # (d,)
+    basis: Array  # (d, k) orthonormal directions B in which it differs from a multiple of the standard one
+    covariance: Array  # (k, k) C, in these directions
+    rest: float = 1.0  # variance in all others
 
     @classmethod
     def round(cls, mean: Array, variance: float = 1.0) -> Normal:
@@ -69,21 +57,10 @@ class Normal:
 
 @dataclass(frozen=True, eq=False)
 class Outside:
-    """The standard normal distribution outside a sphere about the origin (radial importance sampling).
+    """Standard normal distribution outside a sphere about the origin (radial importance sampling).
 
-    All its points have the same weight, whatever their direction: where violations have no design point, as those
-    beyond a sphere, it is what no mixture of few normal distributions is.
-
-    Parameters
-    ----------
-    dimension : int
-        Number d of variables.
-    radius : float
-        Of the sphere.
-
-    References
-    ----------
-    .. [1] A. Harbitz, Structural Safety 3 (1986) 109.
+    All its points have the same weight in every direction, which no mixture of few normal distributions has: it suits
+    violations without a design point, such as those beyond a sphere (Harbitz, Structural Safety 3 (1986) 109).
     """
 
     dimension: int
@@ -111,16 +88,7 @@ class Outside:
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """Distributions with weights.
-
-    Examples
-    --------
-    >>> one = Mixture.of([Normal.round(np.zeros(2)), Normal.round(np.array([3.0, 0.0]))], [1, 3])
-    >>> one.weights.tolist(), one.sample(8, np.random.default_rng(0)).shape
-    ([0.25, 0.75], (8, 2))
-    >>> bool(np.isclose(Mixture.of(one.parts[:1], [1]).ratio(np.ones((1, 2)))[0], 1.0))
-    True
-    """
+    """Mixture of distributions with weights."""
 
     parts: tuple[Normal | Outside, ...]
     weights: Array

@@ -21,25 +21,13 @@ BLOCK = 2**13
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """Margins of chosen requirements at points of the standard normal space.
+    """Surrogate margins of chosen requirements at points of the standard normal space."""
 
-    Attributes
-    ----------
-    evaluate : callable
-        From germs (K, d) to values (K, requirement, 1).
-    space : StandardSpace
-        Of the inputs.
-    chosen : list of int
-        Which requirements.
-    realisations, failures : int
-        What it took.
-    """
-
-    evaluate: Callable[[Array], Array]
+    evaluate: Callable[[Array], Array]  # from germs (K, d) to values (K, requirement, 1)
     space: StandardSpace
-    chosen: list[int]
-    realisations: int
-    failures: int
+    chosen: list[int]  # indices of the requirements
+    realisations: int  # for the training
+    failures: int  # of these realisations
 
     def __call__(self, points: Array) -> Array:
         """Return margins (K, requirement) at points (K, d)."""
@@ -51,13 +39,7 @@ class Predictor:
 def predictor(
     method: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]
 ) -> Predictor:
-    """Run a method on the margins.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it gives no surrogate.
-    """
+    """Train a surrogate of the margins by a method; raise StudyError if the method gives none."""
     margins = problem if problem.kind == "requirements" else problem.of_requirements()
     label = f"{problem.label}: surrogate"
     checkpoint = margins.checkpoint and replace(margins.checkpoint, label=label)

@@ -30,26 +30,14 @@ PRIOR = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where violations are likely.
+    """Region where violations are likely."""
 
-    Attributes
-    ----------
-    sharp, blunt : Normal or Outside
-        The one is adapted, the other stays.
-    requirement : int
-        Whose violations.
-    log_share : float
-        Logarithm of a guess of its probability.
-    direction : array, shape (d,), optional
-        Unit vector into the violation; a region without one is round, about the origin: all that is farther away than
-        the nearest violation.
-    """
-
-    sharp: Normal | Outside
-    blunt: Normal
-    requirement: int
-    log_share: float
+    sharp: Normal | Outside  # adapted distribution
+    blunt: Normal  # fixed distribution
+    requirement: int  # whose violations these are
+    log_share: float  # logarithm of a guess of its probability
     direction: Array | None = None
+    """(d,) unit vector into the violation; None: all points farther from the origin than the nearest violation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +86,7 @@ def round_region(points: Array, requirement: int) -> Region:
 def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) -> Proposal:
     """Return the mixture of regions: each requirement has the same part, each of its regions a share of that.
 
-    Parameters
-    ----------
-    regions : sequence of Region
-        At least one.
-    shares : array, shape (region,), optional
-        Probabilities of the regions, of each requirement's whole; without it those that were guessed.
-    dimension : int
-        Number of inputs.
+    `shares` (region,) are probabilities of the regions within their requirement; by default the guessed ones.
     """
     logs = np.array([region.log_share for region in regions])
     owner = np.array([region.requirement for region in regions])
@@ -127,18 +108,10 @@ def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) ->
 
 
 def adapted(old: Proposal, points: Array, weights: Array) -> Proposal:
-    """Return the proposal whose sharp parts have the means and covariances of the weighted violations.
+    """Return the proposal whose sharp parts have means and covariances of violations among points (K, d).
 
-    The cross-entropy update of a mixture: one step of expectation and maximisation, drawn to what was there before.
-
-    Parameters
-    ----------
-    old : Proposal
-        With what was sampled.
-    points : array, shape (K, d)
-        Samples.
-    weights : array, shape (K, requirement)
-        Their weights, zero where the requirement is met.
+    `weights` (K, requirement) are zero where the requirement is met. This is the cross-entropy update of a mixture: one
+    step of expectation and maximisation, shrunk towards the previous proposal.
     """
     logs = old.mixture.log_densities(points)[:, 1:]
     both = np.logaddexp(logs[:, ::2], logs[:, 1::2])

@@ -28,17 +28,7 @@ class Known(Protocol):
 
 
 class Runs:
-    """Margins of realisations, computed where they are asked for.
-
-    Parameters
-    ----------
-    problem : uqmbd.extend.Problem
-        With requirements.
-    space : StandardSpace
-        Of its inputs.
-    chosen : list of int
-        Which requirements.
-    """
+    """Margins of chosen requirements, computed on request."""
 
     def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
         self._problem, self._space, self._chosen = problem, space, chosen

@@ -32,42 +32,20 @@ FARTHEST = 9.0
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """A most likely violation.
+    """Most likely point of violation."""
 
-    Attributes
-    ----------
-    requirement : int
-        Which margin is zero there.
-    point : array, shape (d,)
-        In the standard normal space.
-    beta : float
-        Its distance from the origin; negative where the origin is a violation.
-    direction : array, shape (d,)
-        Unit vector into the violation: against the gradient of the margin.
-    """
-
-    requirement: int
-    point: Array
-    beta: float
-    direction: Array
+    requirement: int  # whose margin is zero there
+    point: Array  # (d,) in the standard normal space
+    beta: float  # its distance from the origin; negative where the origin is a violation
+    direction: Array  # (d,) unit vector into the violation: against the gradient of the margin
 
 
 def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
-    """Choose points from which to search: those whose rays from the origin seem to meet the limit soonest.
+    """Choose at most `most` start points (S, d) of searches.
 
-    Parameters
-    ----------
-    points, margins : array, shapes (K, d), (K,)
-        What is known; NaN where a realisation failed.
-    origin : float
-        Margin of the origin.
-    most : int
-        How many.
-
-    Returns
-    -------
-    array, shape (S, d)
-        In directions that differ by 45 degrees at least, scaled to where they seem to meet it.
+    Those whose rays from the origin seem to meet the limit soonest. Their directions differ by at least 45 degrees;
+    they are scaled to where the rays seem to meet it. Known margins (K,) are NaN where a realisation failed; `origin`
+    is the margin of the origin.
     """
     distance = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -87,23 +65,11 @@ def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
 
 
 def search(ledger: Ledger, begin: Array, requirement: Array, origin: Array) -> list[DesignPoint]:
-    """Search from all starts together, by steps of Hasofer, Lind, Rackwitz and Fiessler with backtracking.
+    """Search design points from all starts (S, d) together.
 
-    Parameters
-    ----------
-    ledger : Ledger
-        Of the limit state.
-    begin : array, shape (S, d)
-        Starts.
-    requirement : array of int, shape (S,)
-        Which margin is followed from each.
-    origin : array, shape (requirement,)
-        Margins of the origin.
-
-    Returns
-    -------
-    list of DesignPoint
-        Where a search ended on the limit; several may have ended at the same point.
+    Steps are those of Hasofer, Lind, Rackwitz and Fiessler with backtracking. `requirement` (S,) is the index of the
+    margin for each start, `origin` (requirement,) holds the margins of the origin. Several searches may end at the same
+    point.
     """
     paths = [_Path(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
     for _ in range(ROUNDS):

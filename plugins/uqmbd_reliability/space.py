@@ -16,18 +16,7 @@ __all__ = ["StandardSpace"]
 class StandardSpace:
     """Standard normal variables, one for each germ, and the inputs as functions of them.
 
-    Parameters
-    ----------
-    space : uqmbd.extend.GermSpace
-        A Hermite germ is a standard normal variable; others are the quantiles of one.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> from uqmbd.randomness import JointInput
-    >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
-    >>> StandardSpace(uqmbd.extend.GermSpace.of(JointInput.of([a, b]))).to_inputs(np.zeros((1, 2))).tolist()
-    [[1.0, 1.0]]
+    A Hermite germ is a standard normal variable; other germs are quantiles of one.
     """
 
     space: uqmbd.extend.GermSpace
@@ -46,15 +35,11 @@ class StandardSpace:
         return self.space.to_inputs(self.to_germs(points))
 
     def own(self) -> tuple[Array, Array]:
-        """Return what makes the normal variable of each input of its own, and the way back.
+        """Return the factor (d, d) from standard normal variables to those of the inputs, and its transposed inverse.
 
         Inputs that depend on each other by a Gaussian copula are increasing functions of correlated normal variables
-        ``z = factor u``; the score of their density by the mean of z_i is ``(factor^-T u)_i``.
-
-        Returns
-        -------
-        factor, inverse : array, shape (d, d)
-            The latter is the transposed inverse.  NaN in the rows of inputs that depend in another way.
+        ``z = factor u``; the score of their density by the mean of z_i is ``(factor^-T u)_i``. Rows of inputs that
+        depend in another way are NaN.
         """
         factor = np.eye(self.dimension)
         for group in self.space.groups:

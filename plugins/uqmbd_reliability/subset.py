@@ -40,23 +40,9 @@ def available() -> bool:
 
 
 def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analysis:
-    """Estimate the probability that one margin is below zero.
+    """Estimate the probability that a single margin is below zero by OpenTURNS's subset sampling.
 
-    Parameters
-    ----------
-    limit : callable
-        See `uqmbd_reliability.ledger.LimitState`, of one requirement.
-    dimension : int
-        Number of standard normal variables.
-    most : int
-        Realisations, at most.
-    seed : int
-        Of OpenTURNS's random numbers.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If the realisations do not suffice.
+    Raise IntegrationError if `most` realisations do not suffice.
     """
     import openturns as ot
 

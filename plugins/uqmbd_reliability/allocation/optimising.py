@@ -39,21 +39,11 @@ CLOSE = 5e-4
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of the inputs as they are now, and the margins of a surrogate at them, tightened by factors.
+    """Samples of the present inputs, and the margins of a surrogate at them, tightened by factors."""
 
-    Attributes
-    ----------
-    germs : array, shape (N, d)
-        Where the samples are.
-    tightened : Tightened
-        Inputs that factors draw together.
-    surrogate : Surrogate
-        Of the margins.
-    """
-
-    germs: Array
-    tightened: Tightened
-    surrogate: Surrogate
+    germs: Array  # (N, d)
+    tightened: Tightened  # inputs that factors scale about their means
+    surrogate: Surrogate  # of the margins
 
     @cached_property
     def centres(self) -> Array | None:
@@ -106,24 +96,12 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Tightest:
-    """What the optimisation found.
+    """Result of the optimisation of tolerances."""
 
-    Attributes
-    ----------
-    factors : array, shape (n,)
-        Of the tolerances.
-    probability : float
-        By the samples of the surrogate, a count.
-    slope : array, shape (n,)
-        Relative change of the probability for a relative change of each tolerance.
-    alike : float
-        Cost of tightening all of them by one factor instead.
-    """
-
-    factors: Array
-    probability: float
-    slope: Array
-    alike: float
+    factors: Array  # (n,) of the tolerances
+    probability: float  # share of violations among the samples of the surrogate
+    slope: Array  # (n,) relative change of the probability for a relative change of each tolerance
+    alike: float  # cost of tightening all tolerances by the same factor instead
 
 
 def cheapest(surrogate: Surrogate, tightened: Tightened, germs: Array, target: float, narrowest: float) -> Tightest:

@@ -32,27 +32,13 @@ BLOCK = 2**11
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """The margins of all requirements as polynomials of the germs.
-
-    Attributes
-    ----------
-    space : uqmbd.extend.GermSpace
-        Of the inputs.
-    index : array of int, shape (P, d)
-        Degrees of the terms.
-    coefficients : array, shape (P, requirement)
-        Of the terms.
-    order : int
-        Total degree.
-    error : array, shape (requirement,)
-        Root mean square error at points that are left out, over the standard deviation of the margins.
-    """
+    """Margins of all requirements as polynomials of the germs."""
 
     space: uqmbd.extend.GermSpace
-    index: Index
-    coefficients: Array
-    order: int
-    error: Array
+    index: Index  # (P, d) degrees of the terms
+    coefficients: Array  # (P, requirement)
+    order: int  # total degree
+    error: Array  # (requirement,) root mean square leave-one-out error, over the standard deviation of the margins
 
     def margins(self, germs: Array) -> Array:
         """Return margins, shape (K, requirement), at germs (K, d)."""
@@ -61,17 +47,7 @@ class Surrogate:
 
 
 def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> Surrogate:
-    """Fit polynomials to realisations.
-
-    Parameters
-    ----------
-    space : uqmbd.extend.GermSpace
-        Of the inputs.
-    values : array, shape (K, input)
-        Where realisations were computed.
-    margins : array, shape (K, requirement)
-        Their margins.
-    """
+    """Fit polynomials of the germs to margins (K, requirement) at inputs (K, input)."""
     germs = space.to_germs(values)
     best: Surrogate | None = None
     spread = np.maximum(margins.std(axis=0), np.finfo(float).tiny)

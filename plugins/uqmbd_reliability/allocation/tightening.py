@@ -26,31 +26,15 @@ STEP = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Tightened:
-    """Inputs that may be tightened by factors: ``mean + factor * (input - mean)``.
-
-    Attributes
-    ----------
-    names, units : tuple of str
-        Of these inputs.
-    columns : array of int, shape (n,)
-        Their places among all inputs.
-    means : array, shape (n,)
-        The points that they are drawn together to.
-    widths : array, shape (n,)
-        Half widths of their tolerances now.
-    sources : tuple of str
-        What is known of each.
-    costs : tuple of callable
-        Of a half width.
-    """
+    """Inputs that may be tightened by factors: ``mean + factor * (input - mean)``."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    columns: Index
-    means: Array
-    widths: Array
-    sources: tuple[str, ...]
-    costs: tuple[Callable[[float], float], ...]
+    columns: Index  # (n,) their indices among all inputs
+    means: Array  # (n,)
+    widths: Array  # (n,) half widths of their present tolerances
+    sources: tuple[str, ...]  # description of the origin of each tolerance
+    costs: tuple[Callable[[float], float], ...]  # functions of a half width
 
     def values(self, values: Array, factors: Array) -> Array:
         """Return inputs (K, input) with the tightened ones drawn together."""
@@ -72,12 +56,10 @@ class Tightened:
 
 
 def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loosest: float) -> Tightened:
-    """Return the inputs that a cost names; without one those with a stated tolerance, each as dear as it is tight.
+    """Return the inputs that a cost names.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If there are none, or an input cannot be tightened, or a cost is no cost.
+    By default those with a stated tolerance, with a cost inverse to the tolerance. Raise StudyError if there are none,
+    if an input cannot be tightened, or if a cost is invalid.
     """
     variables = problem.inputs.variables
     names = [v.name for v in variables]

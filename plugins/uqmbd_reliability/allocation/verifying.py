@@ -16,50 +16,24 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Verified:
-    """A probability with its interval of 95 %.
-
-    Attributes
-    ----------
-    probability, std_error, lower, upper : float
-        Of real realisations.
-    wrong : int
-        Realisations of which the surrogate does not know whether they are violations.
-    failures : int
-        Realisations that failed.
-    """
+    """Probability from real realisations, with its 95 % interval."""
 
     probability: float
     std_error: float
     lower: float
     upper: float
-    wrong: int
-    failures: int
+    wrong: int  # realisations that the surrogate classifies wrongly
+    failures: int  # realisations that failed
 
 
 def verified(counted: float, samples: int, predicted: Mask, real: Array) -> Verified:
-    """Correct the count of a surrogate by independent real realisations.
+    """Correct the share `counted` of violations among samples of a surrogate by independent real realisations.
 
-    ``P = P_surrogate + P(violation, not predicted) - P(predicted, no violation)``, whose first term is known from many
-    samples and whose others are small: far fewer realisations are needed than for a count.  The interval adds those of
-    Clopper and Pearson, so that it holds for few realisations, too.
-
-    Parameters
-    ----------
-    counted : float
-        Share of violations among samples of the surrogate.
-    samples : int
-        How many there were.
-    predicted : array of bool, shape (K,)
-        Violations by the surrogate, at the real realisations.
-    real : array, shape (K,)
-        Their smallest margins; NaN where a realisation failed: it counts as safe in the lower bound, as a violation in
-        the upper one.
-
-    Examples
-    --------
-    >>> found = verified(0.01, 10**6, np.arange(1000) < 10, np.arange(1000) - 11.0)
-    >>> round(found.probability, 6), found.wrong
-    (0.011, 1)
+    P = P_surrogate + P(violation, not predicted) - P(predicted, no violation), whose first term is known from many
+    samples and whose others are small: far fewer realisations are needed than for a count. The interval adds those of
+    Clopper and Pearson, so that it holds for few realisations, too. `predicted` (K,) are violations by the surrogate at
+    the real realisations, `real` (K,) their smallest margins; NaN where a realisation failed, which counts as safe in
+    the lower bound and as a violation in the upper one.
     """
     count = len(real)
     failed = np.isnan(real)
