@@ -83,10 +83,22 @@ def test_a_rotor_under_constant_torque_has_a_straight_speed(space, rtol):
 @pytest.mark.parametrize("rtol", TOLERANCES)
 @pytest.mark.parametrize("space", ["plane", "space"])
 def test_the_centre_of_mass_may_be_beside_the_axis(space, rtol):
-    """By rates of quaternions it was off by 4 to 10 tolerances; but in the plane at 1e-5 it was less, and is 21 now."""
+    """By rates of quaternions it was off by 4 to 10 tolerances."""
     times = np.linspace(0, 1, 11)
-    limit = 30 if (space, rtol) == ("plane", 1e-5) else 4
-    assert max(errors(rotor(space, 0.3, 10.0, times), times, rtol).values()) < limit
+    assert max(errors(rotor(space, 0.3, 10.0, times), times, rtol).values()) < 4
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("space", ["plane", "space"])
+def test_no_tolerance_is_such_that_errors_grow_from_step_to_step(space):
+    """With accelerations from before the states were put on the constraints, errors were up to 25 tolerances.
+
+    Each step of one to three radians made the error of the one before larger by a half, with the other sign, until it
+    was noticed: at tolerances of 2e-6 to 1e-5, with a few such steps at the end, and at others not.
+    """
+    times = np.linspace(0, 1, 11)
+    for rtol in np.logspace(-3, -7, 25):
+        assert max(errors(rotor(space, 0.3, 10.0, times), times, rtol).values()) < 5, rtol
 
 
 @pytest.mark.parametrize("rtol", TOLERANCES)

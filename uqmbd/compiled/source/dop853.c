@@ -42,8 +42,10 @@ static void remember(const Problem *p, Group *g, Mask taken) {
     for (int64_t i = 0; i < width; i++) newest[i] = choose(taken, g->z[i], newest[i]);
 }
 
-/* Go on from the states that were reached, put on the constraints; their rates change by the same little. */
-static void accept(const Problem *p, Group *g, Mask taken) {
+/* Go on from the states that were reached, put on the constraints; their rates change by the same little.  Rates of what
+   turns do not: they change by the square of its speed times that, which a step of some radians makes larger from one
+   step to the next.  These are evaluated anew. */
+static void accept(const Problem *p, Group *g, Mask taken, V now) {
     int64_t width = p->width, n = p->coordinates;
     const V *reached = g->rates + STAGES * width;
     to_state(p, g, g->next);
@@ -64,6 +66,14 @@ static void accept(const Problem *p, Group *g, Mask taken) {
         g->z[p->velocities + i] -= v;
         g->rates[i] -= v;
     }
+    if (!p->turning) return;
+    copy(g->work, g->z, width);
+    for (int64_t b = 0; b < p->turning; b++) {
+        g->lengths[b] = length_of(p->turn, g->z + p->turns[b]);
+        g->shrink[b] = splat(1.0);
+    }
+    evaluate_rate(p, g, now, g->next);
+    for (int64_t i = 0; i < width; i++) g->rates[i] = choose(taken, g->next[i], g->rates[i]);
 }
 
 /* Choose the sizes of the next steps. */
@@ -206,7 +216,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
     }
     write_outputs(p, pool, g, taken, last, watched);
     if (any(stopped)) stop(p, g, stopped, until);
-    accept(p, g, taken & ~stopped);
+    accept(p, g, taken & ~stopped, reached);
     if (any(g->touching)) stopped |= keep_contacts(p, g, taken & ~stopped, reached, happened);
     g->now = choose(taken, reached, g->now);
     if (p->guarded) remember(p, g, taken);
