@@ -20,10 +20,8 @@ MARGIN = 1.02
 
 
 def exists(moment: int, order: float) -> bool:
-    """Tell whether a moment is finite, of a variable whose moments are so below an order.
+    """Return whether a moment is finite, for a variable whose moments are finite below an order.
 
-    Examples
-    --------
     >>> exists(1, 1.0), exists(1, 1.2), exists(2, 1.2), exists(4, np.inf)
     (False, True, False, True)
     """
@@ -31,20 +29,10 @@ def exists(moment: int, order: float) -> bool:
 
 
 def moment_orders(inputs: JointInput) -> dict[str, float]:
-    """Find the order below which the moments of each input are finite: infinite for most.
+    """Return for each input, by name, the order below which its moments are finite: infinite for most.
 
-    Parameters
-    ----------
-    inputs : JointInput
-        All random variables of a mechanism.
+    Inputs that depend on each other have the lowest order of their group.
 
-    Returns
-    -------
-    dict of str to float
-        By name.  Inputs that depend on each other have the lowest order of theirs.
-
-    Examples
-    --------
     >>> import chaospy, uqmbd
     >>> a = uqmbd.RandomVariable("a", chaospy.Normal()); b = uqmbd.RandomVariable("b", chaospy.StudentT(3))
     >>> {name: round(order, 1) for name, order in moment_orders(JointInput.of([a, b])).items()}

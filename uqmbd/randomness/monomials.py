@@ -14,24 +14,10 @@ __all__ = ["as_numpoly"]
 
 
 def as_numpoly(germs: Sequence[Germ], multi_index: Index, coefficients: Array) -> Any:
-    """Return a sum of products of orthonormal polynomials as a polynomial of chaospy.
+    """Return a sum of products of orthonormal polynomials as a polynomial of chaospy, of the shape (...).
 
-    Parameters
-    ----------
-    germs : sequence of Germ, length d
-        Whose polynomials they are; germ k is the variable ``qk``.
-    multi_index : array of int, shape (P, d)
-        Degrees of the terms.
-    coefficients : array, shape (P, ...)
-        Of the terms.
+    Germ k is the variable ``qk``; `multi_index` (P, d) holds the degrees of the terms, `coefficients` is (P, ...).
 
-    Returns
-    -------
-    numpoly.ndpoly
-        Of the shape (...).
-
-    Examples
-    --------
     >>> germ = Germ.classical("x", "legendre")
     >>> p = as_numpoly([germ], np.array([[0], [1]]), np.array([2.0, 1.0]))
     >>> float(p(0.0)), round(float(p(1.0)), 9)

@@ -12,10 +12,8 @@ __all__ = ["random_factor", "random_root"]
 
 
 def random_factor(name: str, dispersion: float) -> RandomVariable:
-    """Return a positive factor of mean 1 and standard deviation `dispersion`: gamma distributed.
+    """Return a gamma distributed positive factor of mean 1 and standard deviation `dispersion`.
 
-    Examples
-    --------
     >>> random_factor("x", 0.5).description
     'Gamma(4.0, scale=0.25)'
     """
@@ -25,23 +23,14 @@ def random_factor(name: str, dispersion: float) -> RandomVariable:
 
 
 def random_root(name: str, dispersion: float, size: int) -> sympy.Matrix:
-    r"""Return an upper triangular matrix ``L`` of independent entries, so that ``L^T L`` is a random matrix of mean 1.
+    """Return an upper triangular n x n matrix ``L`` of independent entries, so that ``L^T L`` is random with mean 1.
 
-    Its dispersion :math:`\sqrt{E \lVert L^T L - 1 \rVert^2 / n}` is the one given.  With
-    ``s = dispersion / sqrt(n + 1)``, entries beside the diagonal are normal of standard deviation ``s``; those on it,
-    numbered from zero, are ``s`` times chi distributed of ``(n + 1) / dispersion^2 - i`` degrees of freedom.
+    n = `size` is at least 2. The dispersion sqrt(E |L^T L - 1|^2 / n) is the given one, positive and below the square
+    root of ``(n + 1) / (n - 1)``. With ``s = dispersion / sqrt(n + 1)``, entries above the diagonal are normal of
+    standard deviation ``s``; those on it, numbered from zero, are ``s`` times chi distributed of ``(n + 1) /
+    dispersion^2 - i`` degrees of freedom. Names of the variables are `name` and the numbers of row and column, from
+    one.
 
-    Parameters
-    ----------
-    name : str
-        Beginning of the names of the variables; the number of row and column follows, from one.
-    dispersion : float
-        Positive, below the square root of ``(n + 1) / (n - 1)``.
-    size : int
-        n, at least 2.
-
-    Examples
-    --------
     >>> random_root("x", 0.5, 2)
     Matrix([
     [x.11, x.12],

@@ -57,12 +57,10 @@ class Joint:
 
     @cached_property
     def separated(self) -> tuple[Joint, ...]:
-        """Itself, or whole numbers that depend on no other, each alone, and what is left; by their names.
+        """Return whole numbers that depend on no other variable, each alone, and the rest.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If such a variable takes values that are no whole numbers.
+        Or the joint itself if there are none. Names are those of their members. Raise StudyError if such a variable
+        takes values that are no whole numbers.
         """
         import chaospy
 
@@ -299,12 +297,9 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
 
 
 def _flaw_of_joint(where: str, distribution: Any) -> str:
-    """Say why dependent variables have no such distribution; empty where they have.
+    """Return why a distribution of dependent variables is invalid; empty where it is valid.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is made in a way that cannot be evaluated.
+    Raise StudyError if its structure cannot be evaluated.
     """
     import chaospy
 

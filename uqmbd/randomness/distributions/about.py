@@ -21,25 +21,12 @@ RARE = 1e-9
 def distribution_about(
     mean: float, std: float, kind: str = "", minimum: float = -math.inf, maximum: float = math.inf
 ) -> chaospy.Distribution:
-    """Return a distribution of given mean and standard deviation.
+    """Return a distribution of given mean and (positive) standard deviation within a range.
 
-    Parameters
-    ----------
-    mean, std : float
-        Of the number; the standard deviation is positive.
-    kind : str
-        One of `KINDS`.  Empty: normal where the number has no range; where it has one end, lognormal counted from
-        there; where it has two, a beta distribution between them.
-    minimum, maximum : float
-        Range of the number.
+    `kind` is one of `KINDS`. If it is empty, the distribution is normal where the number has no range; lognormal,
+    counted from the end of the range, where it has one end; a beta distribution where it has two. Raise StudyError,
+    with a part of a sentence, if no such distribution stays within the range.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If no such distribution stays within the range; the message is a part of a sentence.
-
-    Examples
-    --------
     >>> import chaospy
     >>> found = distribution_about(2.0, 0.1, minimum=0)
     >>> round(float(chaospy.E(found)), 6), round(float(chaospy.Std(found)), 6), strays(found, 0, 3)
@@ -81,10 +68,8 @@ def distribution_about(
 
 
 def strays(distribution: chaospy.Distribution, minimum: float, maximum: float) -> bool:
-    """Tell whether a distribution puts more than a billionth of its probability beyond either end of a range.
+    """Return whether a distribution has more than a billionth of its probability beyond either end of a range.
 
-    Examples
-    --------
     >>> import chaospy
     >>> strays(chaospy.Normal(1, 0.1), 0, 2), strays(chaospy.Normal(1, 0.5), 0, 2)
     (False, True)
@@ -96,10 +81,8 @@ def strays(distribution: chaospy.Distribution, minimum: float, maximum: float) -
 
 
 def is_distribution(value: object) -> bool:
-    """Tell whether a value is a distribution of chaospy of one dimension.
+    """Return whether a value is a one-dimensional distribution of chaospy.
 
-    Examples
-    --------
     >>> import chaospy
     >>> is_distribution(chaospy.Normal(1, 0.1)), is_distribution(chaospy.Normal), is_distribution("normal")
     (True, False, False)

@@ -54,23 +54,12 @@ FAMILIES: Mapping[str, Callable[[Any, Parameters], Any]] = {
 
 
 def adopted(where: str, distribution: Any) -> Any:
-    """Return a distribution of scipy.stats or OpenTURNS as one of chaospy; anything else as it is.
+    """Return a distribution of scipy.stats or OpenTURNS as one of chaospy; any other argument unchanged.
 
-    Parameters
-    ----------
-    where : str
-        For messages.
-    distribution : object
-        A frozen distribution of ``scipy.stats``, one of its newer infrastructure, one of OpenTURNS, or anything.
+    Those of scipy.stats are frozen, or of its new infrastructure. `where` stands before messages. Raise StudyError for
+    a distribution without its parameters, several at once, discrete values that are no whole numbers, or a dependence
+    that chaospy does not know.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is one that cannot be taken: without its parameters, several at once, of values that are no whole
-        numbers, or dependent in a way that chaospy does not know.
-
-    Examples
-    --------
     >>> import scipy.stats
     >>> adopted("here", scipy.stats.norm(0.15, 0.003)), adopted("here", scipy.stats.weibull_min(2, scale=3))
     (Normal(mu=0.15, sigma=0.003), scipy.stats.weibull_min(2, scale=3))

@@ -21,34 +21,13 @@ __all__ = ["Law", "is_dependent"]
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """The distribution of ``shift + scale * y``, with ``y`` distributed as a core, perhaps truncated.
+    """Distribution of ``shift + scale * y``, with ``y`` distributed as a core, possibly truncated."""
 
-    Parameters
-    ----------
-    core : object
-        A chaospy distribution that is neither affine nor a truncation, or the :class:`Law` that is truncated.
-    shift, scale : float
-        A negative scale turns the distribution round.
-    cut : tuple of float, optional
-        Bounds of the truncation, in the variable of the core.
-    operations : int
-        Sums, products and changes of sign that were taken apart.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> law = Law.of(3 - 2 * chaospy.Normal(1, 0.5))
-    >>> law.kind, law.shift, law.scale
-    ('normal', 1.0, -1.0)
-    >>> law.quantile(np.array([0.5]))
-    array([1.])
-    """
-
-    core: Any
+    core: Any  # chaospy distribution, neither affine nor a truncation, or the :class:`Law` that is truncated
     shift: float = 0.0
-    scale: float = 1.0
-    cut: tuple[float, float] | None = None
-    operations: int = 0
+    scale: float = 1.0  # a negative scale reverses the distribution
+    cut: tuple[float, float] | None = None  # bounds of the truncation, in the variable of the core
+    operations: int = 0  # sums, products and changes of sign that were decomposed
 
     @classmethod
     def of(cls, distribution: Any) -> Law:

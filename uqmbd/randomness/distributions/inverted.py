@@ -43,22 +43,12 @@ PROBE = np.array([1e-12, 1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-
 
 @dataclass(frozen=True, eq=False)
 class Inverted:
-    """The integral of a density on panels, each a polynomial, summed from both ends.
+    """Integral of a density on panels, each a polynomial, summed from both ends."""
 
-    Parameters
-    ----------
-    edges : array, shape (n + 1,)
-        Of the panels.
-    series : array, shape (n, 21)
-        Legendre coefficients of the integral from the left edge of each panel.
-    below, above : array, shape (n + 1,)
-        Probability below and above each edge: each is accurate relative to itself.
-    """
-
-    edges: Array
-    series: Array
-    below: Array
-    above: Array
+    edges: Array  # (n + 1,) of the panels
+    series: Array  # (n, 21) Legendre coefficients of the integral from the left edge of each panel
+    below: Array  # (n + 1,) probability below each edge, with a small relative error, as `above`
+    above: Array  # (n + 1,)
 
     def quantile(self, u: Array) -> Array:
         """Return quantiles; those beyond the tails that are cut are the last edges."""
@@ -88,22 +78,13 @@ class Inverted:
 def inverted(
     density: Callable[[Array], Array], cdf: Callable[[Array], Array], support: tuple[float, float], quartiles: Array
 ) -> Inverted | None:
-    """Return a table of the quantiles of a distribution; None where its density is not integrated to `ACCURACY`.
+    """Return a table of the quantiles of a distribution.
 
-    The panels begin at the quartiles, double outwards, and are bisected until the density is a polynomial on each.
-    What is found is compared with the distribution function at probabilities from 1e-12 to 1 - 1e-6.
+    It is None where the integral of its density is less exact than `ACCURACY`. The panels begin at the quartiles (3,),
+    double outwards, and are bisected until the density is a polynomial on each. The result is compared with the
+    distribution function at probabilities from 1e-12 to 1 - 1e-6. `density` and `cdf` map arrays (N,); the ends of the
+    support may be infinite.
 
-    Parameters
-    ----------
-    density, cdf : callable
-        Of arrays of shape (N,).
-    support : tuple of float
-        Its ends, which may be infinite.
-    quartiles : array, shape (3,)
-        Of it.
-
-    Examples
-    --------
     >>> import scipy.stats
     >>> normal = scipy.stats.norm()
     >>> table = inverted(normal.pdf, normal.cdf, normal.support(), normal.ppf([0.25, 0.5, 0.75]))

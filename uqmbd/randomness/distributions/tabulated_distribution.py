@@ -18,15 +18,7 @@ __all__ = ["TabulatedDistribution"]
 
 
 class TabulatedDistribution(SimpleDistribution):
-    """A distribution by its quantiles.
-
-    Parameters
-    ----------
-    normal : array, shape (N,)
-        Standard normal variable, increasing.
-    values : array, shape (N,)
-        Its values there, increasing.
-    """
+    """Distribution from its values (N,) at quantiles (N,) of a standard normal variable, both increasing."""
 
     def __init__(self, normal: Array, values: Array) -> None:
         kept = np.concatenate([[True], np.diff(values) > 0])

@@ -34,19 +34,14 @@ SLOWEST_GROWTH = 1.6
 
 @dataclass(frozen=True)
 class Tail:
-    """How fast a tail of probability falls.
+    """Rate at which a tail of probability falls.
 
-    Parameters
-    ----------
-    index : float
-        Minus the slope of log probability over log distance from the median, at the probability 1e-9.  Moments of an
-        order below it are finite if it does not grow.
-    growth : float
-        The index over that at the probability 1e-5: 1 for a power law.
+    The index is minus the slope of log probability over log distance from the median, at the probability 1e-9. Moments
+    of an order below it are finite if it does not grow.
     """
 
     index: float
-    growth: float
+    growth: float  # index over that at the probability 1e-5: 1 for a power law
 
     @property
     def power_law(self) -> bool:
@@ -70,17 +65,7 @@ class Tail:
 
 
 def heaviest_tail(law: Law) -> Tail:
-    """Estimate the heavier of both tails.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> tail = heaviest_tail(Law.of(chaospy.StudentT(3)))
-    >>> tail.power_law, round(tail.moments, 2)
-    (True, 3.0)
-    >>> [heaviest_tail(Law.of(d)).polynomial for d in (chaospy.Normal(5, 2), chaospy.LogNormal(0, 1))]
-    [True, False]
-    """
+    """Estimate the heavier of both tails."""
     if law.cut is None and law.kind in NO_MOMENTS:
         return Tail(1.0 if law.kind != "levy" else 0.5, 1.0)
     return tail_of(law.far_quantile)
@@ -89,8 +74,6 @@ def heaviest_tail(law: Law) -> Tail:
 def tail_of(quantile: Callable[[Array], Array]) -> Tail:
     """Estimate the heavier tail from a quantile function.
 
-    Examples
-    --------
     >>> tail = tail_of(lambda u: np.tan(np.pi * (u - 0.5)))
     >>> round(tail.index, 2), tail.power_law
     (1.0, True)

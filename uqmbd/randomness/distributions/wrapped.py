@@ -24,15 +24,7 @@ MOST_VALUES = 100_000
 
 
 class WrappedDistribution(SimpleDistribution):
-    """A continuous distribution of another package.
-
-    Parameters
-    ----------
-    source : Source
-        What is evaluated.
-    text : str
-        How it is shown.
-    """
+    """Continuous distribution of another package, printed as `text`."""
 
     tabulated = True
     """Whether its quantiles are found by numbers, which may take a while."""
@@ -87,19 +79,10 @@ class MovedDistribution(ShiftScaleDistribution):
 
 
 class WholeNumbers(SimpleDistribution):
-    """A distribution of whole numbers as a table, spread over an interval of length one about each, as in chaospy.
+    """Distribution of whole numbers as a table, spread over an interval of length one about each, as in chaospy.
 
-    Parameters
-    ----------
-    source : Source
-        Where it comes from; it is not kept.
-    text : str
-        How it is shown.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it takes a value that is no whole number, or too many; the message is a part of a sentence.
+    The source is read once; `text` is the printed form. Raise StudyError, with a part of a sentence, if it takes a
+    value that is no whole number, or too many.
     """
 
     interpret_as_integer = True

@@ -25,46 +25,21 @@ STORED = 64
 
 @dataclass(frozen=True, eq=False)
 class Germ:
-    """One independent standard variable with its orthonormal polynomials.
+    """Independent standard variable with its orthonormal polynomials.
 
-    Parameters
-    ----------
-    name : str
-        Label for people.
-    family : str
-        ``"hermite"`` (standard normal), ``"legendre"`` (uniform on [-1, 1]), ``"jacobi"`` (beta on [-1, 1]),
-        ``"laguerre"`` (gamma of scale 1), ``"discrete"`` (finitely many values) or ``"stieltjes"`` (anything else).
-    alpha, beta : array, shape (N,)
-        Recurrence coefficients of the monic polynomials, ``beta[0] = 1``.  A discrete germ has as many as values.
-    parameters : tuple of float
-        Of the family: ``a, b`` of the beta density, the shape of the gamma density.
-    bounds : tuple of float
-        The support.
-    table : array, shape (2, M), optional
-        ``"stieltjes"``: quantiles over the probit scale; ``"discrete"``: cumulated probabilities and values.
-
-    Notes
-    -----
-    Every operation treats each point by itself: evaluating some points, or all, gives the same bits.  Gauss nodes of a
+    Every operation treats each point separately: evaluating some points, or all, gives the same bits. Gauss nodes of a
     discrete germ lie between its values, except for the rule with as many nodes as values.
-
-    Examples
-    --------
-    >>> germ = Germ.classical("x", "legendre")
-    >>> germ.polynomials(np.array([0.0, 1.0]), 2).round(6).tolist()
-    [[1.0, 0.0, -1.118034], [1.0, 1.732051, 2.236068]]
-    >>> nodes, weights = germ.gauss(2)
-    >>> nodes.round(6).tolist(), weights.round(6).tolist()
-    ([-0.57735, 0.57735], [0.5, 0.5])
     """
 
     name: str
     family: str
-    alpha: Array
-    beta: Array
-    parameters: tuple[float, ...] = ()
-    bounds: tuple[float, float] = (-np.inf, np.inf)
+    """Of `recurrence` (hermite, legendre, jacobi, laguerre), discrete (finitely many values) or stieltjes (others)."""
+    alpha: Array  # (N,) recurrence coefficients of the monic polynomials; a discrete germ has as many as values
+    beta: Array  # (N,), ``beta[0] = 1``
+    parameters: tuple[float, ...] = ()  # ``a, b`` of the beta density, the shape of the gamma density
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # the support
     table: Array | None = None
+    """(2, M), "stieltjes": quantiles over the probit scale; "discrete": cumulated probabilities, values."""
 
     @classmethod
     def classical(cls, name: str, family: str, *parameters: float) -> Germ:
@@ -90,10 +65,7 @@ class Germ:
     def coefficients(self, count: int) -> tuple[Array, Array]:
         """Return `count` recurrence coefficients ``alpha, beta``.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If the germ has no polynomials of that degree.
+        Raise StudyError if the germ has no polynomials of that degree.
         """
         if count <= len(self.alpha):
             return self.alpha[:count], self.beta[:count]
@@ -108,21 +80,8 @@ class Germ:
     def polynomials(self, x: ArrayLike, degree: int) -> Array:
         """Evaluate the orthonormal polynomials of degree 0 to `degree` by their three-term recurrence.
 
-        Parameters
-        ----------
-        x : array_like, shape (...)
-            Points.
-        degree : int
-            Highest degree.
-
-        Returns
-        -------
-        array, shape (..., degree + 1)
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If the degree is no whole number of at least 0, or above :attr:`highest_degree`.
+        Points (...) give values (..., degree + 1). Raise StudyError if the degree is no whole number of at least 0, or
+        above :attr:`highest_degree`.
         """
         whole_number(degree, f"The degree of the polynomials of {self.name!r}", 0)
         points = np.asarray(x, dtype=float)
@@ -138,26 +97,9 @@ class Germ:
         return np.ascontiguousarray(np.moveaxis(values, 0, -1))
 
     def derivatives(self, x: ArrayLike, degree: int) -> Array:
-        """Evaluate the derivatives of the orthonormal polynomials of degree 0 to `degree`, by their recurrence.
+        """Evaluate the derivatives of the polynomials of degree 0 to `degree`, by their recurrence.
 
-        Parameters
-        ----------
-        x, degree
-            As of :meth:`polynomials`.
-
-        Returns
-        -------
-        array, shape (..., degree + 1)
-
-        Raises
-        ------
-        uqmbd.StudyError
-            As of :meth:`polynomials`.
-
-        Examples
-        --------
-        >>> Germ.classical("x", "hermite").derivatives(np.array([0.5]), 2).round(6).tolist()
-        [[0.0, 1.0, 0.707107]]
+        See :meth:`polynomials`.
         """
         values = self.polynomials(x, degree)
         points = np.asarray(x, dtype=float)
@@ -172,25 +114,11 @@ class Germ:
         return found
 
     def gauss(self, count: int) -> tuple[Array, Array]:
-        """Return the Gauss rule: exact for polynomials up to degree ``2 * count - 1``.
+        """Return ascending nodes (count,) and weights (count,) of sum 1, exact up to the degree ``2 * count - 1``.
 
-        Golub and Welsch, Math. Comp. 23 (1969) 221: nodes are eigenvalues of the Jacobi matrix; weights are
-        Christoffel numbers, ``1 / sum(p_k(node)**2)``, which are accurate relative to themselves.
-
-        Parameters
-        ----------
-        count : int
-            Number of nodes, at least 1.
-
-        Returns
-        -------
-        nodes, weights : array, shape (count,)
-            Ascending nodes; weights that sum to 1.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If `count` is no whole number of at least 1, or above ``highest_degree + 1``.
+        Golub and Welsch, Math. Comp. 23 (1969) 221: nodes are eigenvalues of the Jacobi matrix; weights are Christoffel
+        numbers, ``1 / sum(p_k(node)**2)``, with small relative errors. Raise StudyError if `count` is no whole number
+        of at least 1, or above ``highest_degree + 1``.
         """
         whole_number(count, f"The number of Gauss nodes of {self.name!r}", 1)
         if count not in self._gauss_rules:
@@ -212,13 +140,7 @@ class Germ:
         return nodes, weights / weights.sum()
 
     def from_uniform(self, u: ArrayLike) -> Array:
-        """Quantile function: map uniform numbers, of any shape, to the germ.
-
-        Examples
-        --------
-        >>> Germ.classical("x", "hermite").from_uniform([0.5, 0.975]).round(4).tolist()
-        [0.0, 1.96]
-        """
+        """Map uniform numbers, of any shape, to the germ by its quantile function."""
         uniform = np.asarray(u, dtype=float)
         values: Array
         if self.family == "hermite":
@@ -239,24 +161,10 @@ class Germ:
         return values
 
     def linearisation(self, degree: int) -> Array:
-        """Return ``E[p_i p_j p_k]`` for ``i, j <= degree`` and ``k <= 2 * degree``, by an exact Gauss rule.
+        """Return ``E[p_i p_j p_k]`` for ``i, j <= degree``, ``k <= 2 * degree``.
 
-        A discrete germ has polynomials up to one less than its number of values; the others have no norm, and their
-        entries are zero.
-
-        Parameters
-        ----------
-        degree : int
-            Highest degree of the two factors.
-
-        Returns
-        -------
-        array, shape (degree + 1, degree + 1, 2 * degree + 1)
-
-        Examples
-        --------
-        >>> Germ.classical("x", "hermite").linearisation(1)[1, 1].round(6).tolist()
-        [1.0, 0.0, 1.414214]
+        The shape is (degree + 1, degree + 1, 2 * degree + 1). Values come from an exact Gauss rule. A discrete germ has
+        polynomials up to one less than its number of values; entries of higher degrees, which have no norm, are zero.
         """
         highest = 2 * whole_number(degree, f"The degree of products of {self.name!r}", 0)
         if self.values == len(self.alpha):

@@ -21,8 +21,6 @@ LARGEST = 1 - 2.0**-53
 def probit(uniform: Array) -> Array:
     """Return standard normal quantiles; 0 and 1 are moved into the open interval.
 
-    Examples
-    --------
     >>> probit(np.array([0.5, 1.0])).round(2).tolist()
     [0.0, 8.21]
     """
@@ -48,10 +46,8 @@ def slopes(knots: Array, values: Array) -> Array:
 
 
 def interpolate(table: Array, where: Array) -> Array:
-    """Evaluate a table, shape (2, M): knots and values that do not fall; straight lines beyond its ends.
+    """Evaluate a table (2, M) of knots and non-decreasing values; it continues by straight lines beyond its ends.
 
-    Examples
-    --------
     >>> interpolate(np.array([KNOTS, 2 * KNOTS]), np.array([0.123, 10.0])).round(12).tolist()
     [0.246, 20.0]
     """
@@ -66,10 +62,8 @@ def interpolate(table: Array, where: Array) -> Array:
 
 
 def slope_at(table: Array, where: Array) -> Array:
-    """Return the derivative of what :func:`interpolate` gives.
+    """Return the derivative of :func:`interpolate`.
 
-    Examples
-    --------
     >>> slope_at(np.array([KNOTS, 2 * KNOTS]), np.array([0.123, 10.0])).round(9).tolist()
     [2.0, 2.0]
     """
@@ -85,10 +79,8 @@ def slope_at(table: Array, where: Array) -> Array:
 
 
 def invert(table: Array, values_at: Array) -> Array:
-    """Return where a table takes values: bisection, then Newton's method kept within its bracket.
+    """Return the points where a table takes values: bisection, then Newton's method within its bracket.
 
-    Examples
-    --------
     >>> invert(np.array([KNOTS, 2 * KNOTS]), np.array([0.246])).round(12).tolist()
     [0.123]
     """

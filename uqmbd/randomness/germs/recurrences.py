@@ -14,28 +14,13 @@ CLASSICAL = ("hermite", "legendre", "jacobi", "laguerre")
 
 
 def recurrence(family: str, parameters: tuple[float, ...], count: int) -> tuple[Array, Array]:
-    """Return the coefficients of ``p[k + 1] = (x - alpha[k]) p[k] - beta[k] p[k - 1]``, the monic polynomials.
+    """Return alpha, beta (count,) of the monic polynomials ``p[k + 1] = (x - alpha[k]) p[k] - beta[k] p[k - 1]``.
 
+    Families: "hermite" (standard normal), "legendre" (uniform on [-1, 1]), "jacobi" (beta on [-1, 1]; parameters ``a,
+    b`` of the density ``(1 + x)**(a - 1) * (1 - x)**(b - 1)``), "laguerre" (gamma of scale 1; parameter: shape).
     Source: Gautschi, Orthogonal Polynomials: Computation and Approximation, Oxford 2004, table 1.1, for weights that
     are probability densities (``beta[0] = 1``).
 
-    Parameters
-    ----------
-    family : str
-        ``"hermite"`` (standard normal), ``"legendre"`` (uniform on [-1, 1]), ``"jacobi"`` (beta on [-1, 1]; parameters
-        ``a, b`` of the density ``(1 + x)**(a - 1) * (1 - x)**(b - 1)``), ``"laguerre"`` (gamma of scale 1; parameter:
-        shape).
-    parameters : tuple of float
-        As above; empty for the first two.
-    count : int
-        How many.
-
-    Returns
-    -------
-    alpha, beta : array, shape (count,)
-
-    Examples
-    --------
     >>> recurrence("hermite", (), 4)[1]
     array([1., 1., 2., 3.])
     >>> recurrence("laguerre", (1.0,), 4)[0]

@@ -36,44 +36,24 @@ QUANTILES: Array = np.r_[
 
 @dataclass(frozen=True, eq=False)
 class Discretised:
-    """Recurrence coefficients of the standardised variable ``(x - shift) / scale``, and how they were found.
+    """Recurrence coefficients of the standardised variable ``(x - shift) / scale``, and their accuracy."""
 
-    Parameters
-    ----------
-    alpha, beta : array, shape (N,)
-        Of the monic polynomials.
-    shift, scale : float
-        The standardisation.
-    bounds : tuple of float
-        Support of the standardised variable; infinite where the density's formula goes on.
-    mass : float
-        Integral of the density, 1 but for errors.
-    change : float
-        Largest change of the coefficients, relative to their size, when all panels were halved.
-    """
-
-    alpha: Array
-    beta: Array
+    alpha: Array  # (N,) of the monic polynomials
+    beta: Array  # (N,)
     shift: float
     scale: float
     bounds: tuple[float, float]
-    mass: float
-    change: float
+    """Support of the standardised variable; infinite where the formula of the density is unbounded."""
+    mass: float  # integral of the density, 1 but for errors
+    change: float  # largest relative change of the coefficients when all panels were halved
 
 
 def discretise(law: Law, count: int = COUNT) -> Discretised:
     """Compute recurrence coefficients of a continuous distribution.
 
-    The density is integrated by Gauss-Legendre rules on panels, bisected until the density is a polynomial on each; in
-    the last panels beside a kink or a singularity, by quantiles.  All panels are then halved until the coefficients
-    stay.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> found = discretise(Law.of(chaospy.Uniform(2, 4)))
-    >>> bool(abs(found.beta[1:4] - [1 / 3, 4 / 15, 9 / 35]).max() < 1e-13)
-    True
+    Gauss-Legendre rules on panels integrate the density; panels are bisected until it is a polynomial on each. The last
+    panels at a kink or a singularity are integrated by quantiles. All panels are then halved until the coefficients
+    stay constant.
     """
     edges, ends = _panels(law, count)
     inner = np.where(np.isfinite(ends), ends, law.quantile(np.array([1e-6, 1 - 1e-6])))
@@ -101,24 +81,11 @@ def discretise(law: Law, count: int = COUNT) -> Discretised:
 
 
 def lanczos(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
-    """Return recurrence coefficients of a discrete measure, normalised to mass one.
+    """Return `count` recurrence coefficients of a discrete measure of nodes and weights (n,), normalised to mass one.
 
-    The Lanczos process with full reorthogonalisation (Gautschi 2004, section 2.2.3): exact to rounding as long as
-    `count` does not exceed the number of nodes.
+    This is the Lanczos process with full reorthogonalisation (Gautschi 2004, section 2.2.3): exact to rounding as long
+    as `count` does not exceed n.
 
-    Parameters
-    ----------
-    nodes, weights : array, shape (n,)
-        The measure.
-    count : int
-        Number of coefficients, at most n.
-
-    Returns
-    -------
-    alpha, beta : array, shape (count,)
-
-    Examples
-    --------
     >>> alpha, beta = lanczos(np.array([-1.0, 1.0]), np.array([1.0, 1.0]), 2)
     >>> np.abs(alpha).round(12).tolist(), beta.round(12).tolist()
     ([0.0, 0.0], [1.0, 1.0])
@@ -140,15 +107,7 @@ def lanczos(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
 
 
 def discretise_quantiles(law: Law, count: int) -> Discretised:
-    """Do the same from quantiles alone, where the density is not known: accurate to about 1e-6.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> found = discretise_quantiles(Law.of(chaospy.Uniform(2, 4)), 4)
-    >>> bool(abs(found.beta[1:4] - [1 / 3, 4 / 15, 9 / 35]).max() < 1e-6)
-    True
-    """
+    """Compute recurrence coefficients from quantiles alone, where the density is unknown; errors are about 1e-6."""
     nodes = law.quantile(scipy.special.ndtr(KNOTS))
     weights = np.exp(-(KNOTS**2) / 2)
     low, high = law.bounds

@@ -31,20 +31,13 @@ SMALLEST = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class TruncatedGerm(Germ):
-    """A germ under the condition that it lies in an interval, in the coordinate of the whole germ.
+    """Germ conditional on an interval (its ``bounds``), in the coordinate of the whole germ.
 
-    Made by :func:`truncated`; ``bounds`` is the interval.
-
-    Attributes
-    ----------
-    parent : Germ
-        The whole.
-    ends : tuple of float
-        Its cumulated probabilities at the ends of the interval.
+    It is made by :func:`truncated`.
     """
 
-    parent: Germ | None = None
-    ends: tuple[float, float] = (0.0, 1.0)
+    parent: Germ | None = None  # the whole germ
+    ends: tuple[float, float] = (0.0, 1.0)  # its cumulated probabilities at the ends of the interval
 
     def from_uniform(self, u: ArrayLike) -> Array:
         """Quantile function of the condition: map uniform numbers, of any shape, into the interval."""
@@ -55,13 +48,7 @@ class TruncatedGerm(Germ):
 
 
 def cumulated(germ: Germ, x: ArrayLike) -> Array:
-    """Return the distribution function of a germ at points of any shape.
-
-    Examples
-    --------
-    >>> cumulated(Germ.classical("x", "legendre"), [-2.0, 0.0, 0.5]).tolist()
-    [0.0, 0.5, 0.75]
-    """
+    """Return the distribution function of a germ at points of any shape."""
     points = np.asarray(x, dtype=float)
     inside = np.clip(points, *germ.bounds)
     if isinstance(germ, TruncatedGerm):
@@ -91,33 +78,13 @@ def cumulated(germ: Germ, x: ArrayLike) -> Array:
 
 
 def truncated(germ: Germ, lower: float, upper: float) -> Germ:
-    """Return a germ under the condition that it lies in an interval.
+    """Return a germ (not truncated itself) conditional on an interval.
 
-    The coordinate stays that of the germ, so that maps to inputs hold.  A uniform germ keeps Legendre polynomials, in
-    closed form; others get polynomials of a Stieltjes procedure on their density, one that is known by its quantile
-    function on that.  A discrete germ keeps the values above `lower`, up to and with `upper`.
-
-    Parameters
-    ----------
-    germ : Germ
-        The whole, not truncated itself.
-    lower, upper : float
-        Ends; infinite ones, or those of the support, are no condition.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the interval is empty, or so improbable that nothing can be computed in it.
-
-    References
-    ----------
-    X. Wan and G. E. Karniadakis, SIAM Journal on Scientific Computing 28 (2006) 901-928.
-
-    Examples
-    --------
-    >>> half = truncated(Germ.classical("x", "legendre"), 0.0, 1.0)
-    >>> half.gauss(2)[0].round(6).tolist(), half.from_uniform([0.5]).tolist()
-    ([0.211325, 0.788675], [0.5])
+    Infinite ends, or those of the support, are no condition. The coordinate stays that of the germ, so that maps to
+    inputs hold. A uniform germ keeps Legendre polynomials, in closed form; others get polynomials of a Stieltjes
+    procedure on their density, or on their quantile function where only that is known (Wan and Karniadakis, SIAM
+    Journal on Scientific Computing 28 (2006) 901-928). A discrete germ keeps the values above `lower`, up to and with
+    `upper`. Raise StudyError if the interval is empty, or too improbable for any computation.
     """
     low, high = max(float(lower), germ.bounds[0]), min(float(upper), germ.bounds[1])
     if germ.family == "discrete":

@@ -18,13 +18,11 @@ STEPS = 1100
 def bisected(
     rising: Callable[[Array], Array], low: Array, high: Array, slope: Callable[[Array], Array] | None = None
 ) -> Array:
-    """Return where a rising function of shape (N,) crosses zero, between brackets, to the last digit.
+    """Return where an increasing function of shape (N,) crosses zero, between brackets, to the last digit.
 
-    With its derivative Newton's steps are taken where they stay within the bracket.  A value does not depend on the
-    others that are searched for with it: each ends on its own.
+    With the derivative, Newton's steps are used where they stay within the bracket. A value does not depend on the
+    others in the array: each iteration ends separately.
 
-    Examples
-    --------
     >>> bisected(lambda x: x**2 - 2, np.array([0.0]), np.array([2.0])).round(12).tolist()
     [1.414213562373]
     >>> bisected(lambda x: x**2 - 2, np.array([0.0]), np.array([2.0]), lambda x: 2 * x).round(12).tolist()

@@ -59,23 +59,11 @@ class Copula(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Archimedean:
-    r"""The copula :math:`\psi(\psi^{-1}(v_1) + ... + \psi^{-1}(v_n))`.
+    """Copula psi(psi^-1(v_1) + ... + psi^-1(v_n)) of the family "clayton", "gumbel" or "joe".
 
-    Given the components before it, a component has the distribution function
-    :math:`\psi^{(k)}(s + \psi^{-1}(v)) / \psi^{(k)}(s)`, with the sum s of theirs (Joe, Dependence Modeling with
-    Copulas, 2014, section 3.4).  With a shorter variable for each family, the derivatives are polynomials.
-
-    Parameters
-    ----------
-    family : {"clayton", "gumbel", "joe"}
-    parameter : float
-        That of the family.
-    dimension : int
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no such copula; the message is a part of a sentence.
+    Given the components before it, a component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s), with
+    the sum s of theirs (Joe, Dependence Modeling with Copulas, 2014, section 3.4). With a shorter variable for each
+    family, the derivatives are polynomials. Raise StudyError, with a part of a sentence, if the parameter is invalid.
     """
 
     family: str
@@ -170,21 +158,11 @@ class Archimedean:
 
 @dataclass(frozen=True, eq=False)
 class Elliptical:
-    """The copula of a normal vector, or of one of Student's distribution.
+    """Copula of a normal vector or of a vector of Student's distribution."""
 
-    Parameters
-    ----------
-    factor : array, shape (n, n)
-        Rows of norm one: with its rows and columns in `order` it is the lower triangular factor of the correlation.
-    order : tuple of int
-        Components in the order of conditioning.
-    freedom : float
-        Degrees of freedom; infinite for a normal vector.
-    """
-
-    factor: Array
-    order: tuple[int, ...]
-    freedom: float = np.inf
+    factor: Array  # (n, n) with rows of norm one; in `order` the lower triangular factor of the correlation
+    order: tuple[int, ...]  # components in the order of conditioning
+    freedom: float = np.inf  # degrees of freedom; infinite for a normal vector
 
     def inverse(self, u: Array) -> Array:
         """Map independent variables to dependent ones."""
@@ -202,12 +180,9 @@ class Elliptical:
 
 
 def triangular(matrix: Array, order: tuple[int, ...]) -> Array:
-    """Return the factor of a covariance that is lower triangular in an order, at the places of its rows.
+    """Return the factor of a covariance (n, n) that is lower triangular in an order, at the places of its rows.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is none; the message is a part of a sentence.
+    Raise StudyError, with a part of a sentence, if there is none.
     """
     factor = np.zeros_like(matrix, dtype=float)
     try:
@@ -274,15 +249,8 @@ def separated(factor: Array, order: tuple[int, ...], values: Array) -> Array:
 
 
 def decoded_copula(data: Any) -> Copula:
-    """Return the copula that ``encoded`` of one wrote.
+    """Return the copula from its ``encoded`` form; raise ValueError for other data.
 
-    Raises
-    ------
-    ValueError
-        If it is none.
-
-    Examples
-    --------
     >>> decoded_copula(["archimedean", "clayton", 2.0, 2]).inverse(np.array([[0.5], [0.5]])).round(6).ravel().tolist()
     [0.5, 0.546391]
     """

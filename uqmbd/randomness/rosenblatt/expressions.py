@@ -30,29 +30,16 @@ class NotUnderstood(Exception):
 
 @dataclass(frozen=True)
 class Column:
-    """The value of a member of the joint distribution.
+    """Value of a member of the joint distribution."""
 
-    Parameters
-    ----------
-    place : int
-        Its place in the joint distribution.
-    """
-
-    place: int
+    place: int  # index in the joint distribution
 
 
 @dataclass(frozen=True)
 class Operation:
-    """An operation on two expressions.
+    """Operation on two expressions."""
 
-    Parameters
-    ----------
-    kind : str
-        One of `OPERATIONS`.
-    left, right : Expression
-    """
-
-    kind: str
+    kind: str  # one of `OPERATIONS`
     left: Expression
     right: Expression
 
@@ -96,10 +83,8 @@ def encoded(expression: Expression) -> Any:
 
 
 def decoded(data: Any) -> Expression:
-    """Return the expression that :func:`encoded` wrote.
+    """Return the expression from its :func:`encoded` form.
 
-    Examples
-    --------
     >>> decoded(["product", 0.2, 0])
     Operation(kind='product', left=0.2, right=Column(place=0))
     """
@@ -114,18 +99,8 @@ def decoded(data: Any) -> Expression:
 def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Expression:
     """Return a parameter of a distribution of chaospy as an expression.
 
-    Parameters
-    ----------
-    value : float, array or chaospy.Distribution
-    places : mapping of (int, int) to int
-        The place of each member that comes before, by the identity of its distribution and its component there.
-    component : int
-        Which component, of a value that has several.
-
-    Raises
-    ------
-    NotUnderstood
-        If it is none.
+    `places` holds the index of each earlier member, keyed by the identity of its distribution and its component there;
+    `component` selects one of a value that has several. Raise NotUnderstood if the value is no expression.
     """
     import chaospy
 
@@ -152,15 +127,11 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
 
 
 def owners_of(distribution: Any) -> Mapping[int, tuple[int, Any]]:
-    """Return the distribution of each component of a ``chaospy.J``, and the place in it.
+    """Return the distribution of each component of a ``chaospy.J``, and the index in it.
 
-    chaospy loses components of vectors, and what comes after them.  Its arguments and the entries that are left still
-    hold the members, and which one comes where follows from what each component depends on, which chaospy keeps.
-
-    Raises
-    ------
-    NotUnderstood
-        If a member is lost.
+    chaospy loses components of vectors and of later members. Its arguments and the remaining entries still hold the
+    members; their order follows from the dependence of each component, which chaospy stores. Raise NotUnderstood if a
+    member is lost.
     """
     import chaospy
 

@@ -32,15 +32,11 @@ BLOCK = 1024
 
 
 def rewritten(distribution: Any) -> Any:
-    """Return a distribution of chaospy of the same variables that it evaluates correctly; itself where it does so.
+    """Return a distribution of chaospy of the same variables that chaospy evaluates correctly.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If whole numbers become others, or chaospy loses members; the message is a part of a sentence.
+    It is the argument if chaospy does so. Raise StudyError, with a part of a sentence, if whole numbers become others,
+    or if chaospy loses members.
 
-    Examples
-    --------
     >>> import chaospy
     >>> odd = rewritten(2 * chaospy.Binomial(2, 0.5) + 1)
     >>> odd, odd.inv(np.array([0.1, 0.5, 0.9])).round().tolist()

@@ -14,20 +14,10 @@ __all__ = ["conditional"]
 
 
 def conditional(distribution: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Conditional:
-    """Return a distribution of chaospy of one variable, or a component of independent ones.
+    """Return a chaospy distribution of one variable, or a component of independent ones, given earlier members.
 
-    Parameters
-    ----------
-    distribution : chaospy.Distribution
-    places : mapping of (int, int) to int
-        See :func:`uqmbd.randomness.rosenblatt.expressions.read`.
-    component : int
-        Which one, of several.
-
-    Raises
-    ------
-    NotUnderstood
-        If its structure is not known here.
+    See :func:`uqmbd.randomness.rosenblatt.expressions.read` for `places`. Raise NotUnderstood if its structure is
+    unknown.
     """
     import chaospy
 

@@ -44,21 +44,9 @@ MeanOf = Callable[[Any], float]
 def means_of(names: tuple[str, ...], transform: Transform, mean_of: MeanOf) -> Array:
     """Return the means of the components of a joint distribution, shape (n,).
 
-    Components without a mean have their value where all variables are at their medians.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of the components, for messages.
-    transform : Transform
-        Of the distribution.
-    mean_of : callable
-        Returns the mean of a distribution of chaospy of one variable with numbers as parameters.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a quadrature is less accurate than 0.1 % of the standard deviation.
+    Components without a mean get their value at the medians of all variables. `mean_of` returns the mean of a
+    distribution of chaospy of one variable with numbers as parameters. Raise StudyError if a quadrature is less
+    accurate than 0.1 % of the standard deviation.
     """
     known = _Means(transform.law, mean_of)
     for k in transform.law.order:

@@ -25,15 +25,9 @@ Places = Mapping[tuple[int, int], int]
 def joint_law(distribution: Any) -> JointLaw:
     """Return the map of a joint distribution of chaospy.
 
-    Raises
-    ------
-    NotUnderstood
-        If a part of it has a structure that is not known here.
-    uqmbd.StudyError
-        If a part of it is no distribution; the message is a part of a sentence.
+    Raise NotUnderstood if the structure of a part is unknown; StudyError, with a part of a sentence, if a part is no
+    distribution.
 
-    Examples
-    --------
     >>> import chaospy
     >>> a = chaospy.Uniform(1, 2)
     >>> law = joint_law(chaospy.J(chaospy.Normal(3 * a, 0.1), a))

@@ -27,19 +27,11 @@ Interval = tuple[float, float]
 
 
 def supports_of(law: JointLaw, outer: Array | None = None) -> Array:
-    """Return an interval for each component that holds all its values, shape (n, 2).
+    """Return an interval for each component that contains all its values, shape (n, 2).
 
-    It is wider than the support where that depends on other variables in a way that has no simple bounds, and infinite
-    where no bound is known.
+    It is wider than the support where that depends on other variables in a way without simple bounds, and infinite
+    where no bound is known. `outer` (m, 2) holds the intervals of the distribution of which this is a part.
 
-    Parameters
-    ----------
-    law : JointLaw
-    outer : array, shape (m, 2), optional
-        Those of the distribution that it is a part of.
-
-    Examples
-    --------
     >>> import chaospy
     >>> from uqmbd.randomness.rosenblatt.reading import joint_law
     >>> a = chaospy.Uniform(1, 2)

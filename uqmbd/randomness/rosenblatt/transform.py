@@ -77,28 +77,17 @@ class _Native:
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """The map of independent uniform variables to dependent ones, and back; points in rows.
-
-    Parameters
-    ----------
-    law : JointLaw
-    gaussian : bool
-        Whether it is a normal vector or a Gaussian copula, which chaospy evaluates.
-    """
+    """Map of independent uniform variables to dependent ones, and its inverse; points in rows."""
 
     law: JointLaw
-    gaussian: bool = False
+    gaussian: bool = False  # whether it is a normal vector or a Gaussian copula, which chaospy evaluates
 
     @classmethod
     def of(cls, distribution: Any) -> Transform:
         """Return the transform of a joint distribution of chaospy.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If a part of it is no distribution; the message is a part of a sentence.
-        NotUnderstood
-            If its structure is not known here, and what chaospy computes changes from call to call.
+        Raise StudyError, with a part of a sentence, if a part is no distribution; NotUnderstood if its structure is
+        unknown and chaospy's values change from call to call.
         """
         native = _Native(distribution)
         if _gaussian(distribution) and _repeatable(native):
@@ -152,16 +141,7 @@ class Transform:
 
     @cached_property
     def text(self) -> str:
-        """As text, from which :meth:`read` makes it; empty where it holds functions of a user.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> a = chaospy.Uniform(1, 2)
-        >>> known = Transform.of(chaospy.J(a, chaospy.Uniform(0, a)))
-        >>> Transform.read(known.text).inverse(np.array([[0.5, 0.5]])).tolist()
-        [[1.5, 0.75]]
-        """
+        """Text from which :meth:`read` makes the transform; empty where it holds functions of a user."""
         points = _verified_at(self.dimension)
         try:
             found = json.dumps(self.law.encoded())
@@ -172,13 +152,7 @@ class Transform:
 
     @classmethod
     def read(cls, text: str) -> Transform:
-        """Return the transform of a text.
-
-        Raises
-        ------
-        ValueError
-            If it describes none.
-        """
+        """Return the transform from its text; raise ValueError if the text describes none."""
         return cls(decoded_law(json.loads(text)))
 
     def flaw(self) -> str:
@@ -240,20 +214,9 @@ class Transform:
 
 
 def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike) -> Array:
-    """Map rows in blocks of one size: matrix products round by the shape and the place in it.
+    """Map rows (K, n) in blocks of one size, as rounding of matrix products depends on the shape and the place in it.
 
-    Parameters
-    ----------
-    function : callable
-        Maps arrays of shape ``(n, BLOCK)``, a point in each column.
-    rows : array, shape (K, n)
-        A point in each row.
-    filler : array_like, shape (n,) or ()
-        A point that fills the last block.
-
-    Returns
-    -------
-    array, shape (K, n)
+    `function` maps arrays ``(n, BLOCK)``, a point in each column; the point `filler`, (n,) or (), fills the last block.
     """
     values = np.empty_like(rows)
     for first in range(0, len(rows), BLOCK):

@@ -18,27 +18,13 @@ __all__ = ["Mixture", "Vector"]
 
 @dataclass(frozen=True, eq=False)
 class Vector:
-    """A normal vector, the exponential of one, or a vector of Student's distribution.
+    """Normal vector, the exponential of one, or a vector of Student's distribution."""
 
-    Parameters
-    ----------
-    centre : tuple of Expression
-        Of each component.
-    factor : array, shape (n, n)
-        Of the covariance (of Student's distribution: of the scale matrix), lower triangular in the order.
-    order : tuple of int
-        Components in the order of conditioning.
-    freedom : float
-        Degrees of freedom; infinite for a normal vector.
-    exponential : bool
-        Whether components are exponentials.
-    """
-
-    centre: tuple[Expression, ...]
-    factor: Array
-    order: tuple[int, ...]
-    freedom: float = np.inf
-    exponential: bool = False
+    centre: tuple[Expression, ...]  # of each component
+    factor: Array  # (n, n) of the covariance (Student: of the scale matrix), lower triangular in the order
+    order: tuple[int, ...]  # components in the order of conditioning
+    freedom: float = np.inf  # degrees of freedom; infinite for a normal vector
+    exponential: bool = False  # whether components are exponentials
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
@@ -87,23 +73,12 @@ class Vector:
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """A mixture of normal vectors.
+    """Mixture of normal vectors."""
 
-    Parameters
-    ----------
-    weights : array, shape (m,)
-        Of each, their sum one.
-    centres : array, shape (m, n)
-    factors : array, shape (m, n, n)
-        Of their covariances, lower triangular in the order.
-    order : tuple of int
-        Components in the order of conditioning.
-    """
-
-    weights: Array
-    centres: Array
-    factors: Array
-    order: tuple[int, ...]
+    weights: Array  # (m,), of sum one
+    centres: Array  # (m, n)
+    factors: Array  # (m, n, n) of their covariances, lower triangular in the order
+    order: tuple[int, ...]  # components in the order of conditioning
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:

@@ -92,31 +92,9 @@ def iso286(
 
 
 def deviations(where: str, size: float, tolerance_class: str) -> tuple[float, float]:
-    """Return the lower and the upper deviation of a size.
+    """Return the lower and the upper deviation, micrometres, of a size, mm, in a tolerance class such as ``"H7"``.
 
-    Parameters
-    ----------
-    where : str
-        Who asks, for messages.
-    size : float
-        mm.
-    tolerance_class : str
-        Such as ``"H7"``.
-
-    Returns
-    -------
-    tuple of float
-        Micrometres.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the standard gives none.
-
-    Examples
-    --------
-    >>> deviations("here", 30, "H7"), deviations("here", 30, "g6"), deviations("here", 30, "P9")
-    ((0, 21), (-20, -7), (-74, -22))
+    Raise StudyError if the standard gives none; `where` stands before messages.
     """
     letter, grade = _split(where, tolerance_class)
     if not SMALLEST < size <= SIZES[-1]:

@@ -99,11 +99,5 @@ HOLES_J: dict[str, tuple[int | None, ...]] = {
 
 
 def place(size: float, ends: tuple[int, ...]) -> int:
-    """Return the number of the range that a size, mm, belongs to.
-
-    Examples
-    --------
-    >>> place(30, SIZES), place(30.001, SIZES)
-    (4, 5)
-    """
+    """Return the index of the range that a size, mm, belongs to."""
     return next(k for k, end in enumerate(ends) if size <= end)

@@ -137,12 +137,9 @@ def tolerance(
 def made(
     where: str, nominal: float, upper: float, lower: float, cpk: float, inspected: bool, source: str, units: str = ""
 ) -> chaospy.Distribution:
-    """Return the distribution of a size from its deviations, which are signed.
+    """Return the distribution of a size from its signed deviations.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If `cpk` is not positive, or `inspected` is neither True nor False.
+    Raise StudyError if `cpk` is not positive, or `inspected` is neither True nor False.
     """
     cpk = require_number(where, "cpk", cpk)
     if cpk <= 0:
@@ -172,13 +169,7 @@ def stated_tolerance(distribution: Any) -> Toleranced | None:
 
 
 def require_number(where: str, name: str, value: Any) -> float:
-    """Return a finite number.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is none.
-    """
+    """Return a finite number as float; raise StudyError for anything else."""
     if not isinstance(value, (int, float, np.number)) or isinstance(value, bool) or not math.isfinite(value):
         raise StudyError(f"{where}: {name} is {value!r}; expected a finite number.")
     return float(value)
