@@ -66,10 +66,8 @@ SAME = 1e-12
 
 
 def affordable(inputs: int, planned: int) -> bool:
-    """Whether so many inputs are looked at where so many realisations are planned.
+    """Return whether the number of planned realisations justifies the search for unused inputs.
 
-    Examples
-    --------
     >>> affordable(7, 10), affordable(20, 400), affordable(20, 420)
     (True, False, True)
     """
@@ -77,22 +75,10 @@ def affordable(inputs: int, planned: int) -> bool:
 
 
 def idle_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> tuple[str, ...]:
-    """Name the inputs of which no output depends, without or over time, nor a requirement.
+    """Return the names of the inputs on which no output, with or without a time, and no requirement depends.
 
-    Each is changed alone, from one point; those that change nothing are changed at `POINTS` others, too.  Realisations
-    that fail are different from others, so that nothing is said where one cannot tell.
-
-    Parameters
-    ----------
-    model : Model
-    inputs : JointInput
-        With at least one variable.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance of the integration.
-    integrator : str
-        Its name.
+    Each is changed alone, from one point; those without effect are changed at `POINTS` others, too. Failed realisations
+    count as different: such an input is not reported.
     """
     size, everything = len(inputs), list(range(len(inputs)))
     packed = Packed.of(model)
@@ -161,21 +147,11 @@ NAMED = 4
 
 @dataclass(frozen=True)
 class Existence:
-    """Up to which order the moments of outputs exist.
+    """Orders up to which the moments of outputs exist."""
 
-    Attributes
-    ----------
-    orders : mapping of str to float
-        Output -> order below which its moments are finite, where that is not infinite.
-    causes : mapping of str to str
-        Output -> name of the input whose tail is the reason.
-    descriptions : mapping of str to str
-        Input -> its distribution as text.
-    """
-
-    orders: Mapping[str, float]
-    causes: Mapping[str, str]
-    descriptions: Mapping[str, str]
+    orders: Mapping[str, float]  # output -> order below which its moments are finite, where that is not infinite
+    causes: Mapping[str, str]  # output -> name of the input whose tail is the reason
+    descriptions: Mapping[str, str]  # input -> its distribution as text
 
     def without(self, names: Collection[str]) -> Existence:
         """Return what is known where inputs of these names have other distributions, whose moments all exist."""
@@ -183,13 +159,7 @@ class Existence:
         return Existence({x: self.orders[x] for x in kept}, {x: self.causes[x] for x in kept}, self.descriptions)
 
     def applied(self, statistics: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...]]:
-        """Return statistics in which moments that do not exist are NaN, and a sentence for each input that is to blame.
-
-        Parameters
-        ----------
-        statistics : xarray.Dataset
-            With the dimension ``output``.
-        """
+        """Return statistics in which moments that do not exist are NaN, and a sentence for each input at fault."""
         names = [str(name) for name in statistics["output"].values]
         orders = np.array([self.orders.get(name, np.inf) for name in names])
         if not np.isfinite(orders).any():
@@ -255,23 +225,7 @@ def existence_of(mechanism: Mechanism) -> Existence:
 
 
 def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
-    """Tell whether an expression may grow without bounds with a random variable, or with the motion.
-
-    Parameters
-    ----------
-    expression : expression
-        Of an output.
-    variable : RandomVariable, optional
-        None: the motion, whatever enters it.
-
-    Examples
-    --------
-    >>> import sympy, uqmbd
-    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
-    >>> wheel = mechanism.body("wheel", mass=1, inertia=1)
-    >>> grows(wheel.rotation[0, 0]), grows(wheel.point((1, 0))[0]), grows(sympy.sin(wheel.angle))
-    (False, True, False)
-    """
+    """Return whether an expression may grow without bounds with a random variable, or (None) with the motion."""
     value = as_symbolic(expression)
     if isinstance(value, BOUNDED) or not value.free_symbols or value == t:
         return False

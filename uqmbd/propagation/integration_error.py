@@ -38,10 +38,8 @@ LONG_NAME = "error of the time integration"
 
 
 def tighter(rtol: float) -> float | None:
-    """Return the tolerance of the second integration; None where there is none that is tighter by some digits.
+    """Return the tolerance of the second integration; None where none is tighter by some digits.
 
-    Examples
-    --------
     >>> tighter(1e-6), tighter(1e-13)
     (1e-08, None)
     """
@@ -50,17 +48,10 @@ def tighter(rtol: float) -> float | None:
 
 
 def deviation(first: Array, second: Array, turns: Array) -> Array:
-    """Return the absolute difference of responses (..., output, time), of angles up to whole turns.
+    """Return the absolute difference of responses (..., output, time), for angles up to whole turns.
 
-    Parameters
-    ----------
-    first, second : array, shape (..., output, time)
-        In the units of the outputs.
-    turns : array, shape (output,)
-        Length of a turn of each output, 0 for what is no angle.
+    `turns` (output,) is the length of a turn of each output, 0 for outputs that are no angles.
 
-    Examples
-    --------
     >>> deviation(np.array([[1.0]]), np.array([[361.5]]), np.array([360.0])).tolist()
     [[0.5]]
     """
@@ -71,14 +62,10 @@ def deviation(first: Array, second: Array, turns: Array) -> Array:
 
 
 def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
-    """Add the error of the time integration to the statistics of a method.
+    """Add ``statistics/integration_error`` (output, time), in the units of the outputs, to the node of a method.
 
-    Returns
-    -------
-    xarray.DataTree
-        With ``statistics/integration_error`` (output, time), in the units of the outputs: the largest absolute
-        difference over the realisations that were integrated again.  NaN where it is not known; its attribute
-        ``reason`` then says why.
+    It is the largest absolute difference over the realisations that were integrated again; NaN where it is unknown,
+    with the attribute ``reason``.
     """
     if "statistics" not in node.children or (problem.timeless and not problem.model.scalars.needs_motion):
         return node

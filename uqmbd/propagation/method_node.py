@@ -50,21 +50,9 @@ def method_node(
     attrs: Any,
     **about: Any,
 ) -> xr.DataTree:
-    """Make the node of a propagator; see `Problem.node`.
+    """Make the node of a method; see `Problem.node` and, for `about`, `uqmbd.results.propagator_node`.
 
-    Parameters
-    ----------
-    label : str
-    model : Model
-        Whose steps and doubts are told.
-    existence : Existence
-        Moments that do not exist are NaN, and told.
-    propagator : Propagator
-    statistics, samples : xarray.Dataset
-    attrs : mapping or None
-        Further attributes.
-    **about
-        As of `uqmbd.results.propagator_node`.
+    Moments that do not exist are NaN, with a warning; the attributes hold steps and ambiguities of the model.
     """
     options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
     statistics, sentences = existence.applied(statistics)

@@ -22,18 +22,7 @@ MOST_ALLOWED = 0.5
 
 @dataclass(frozen=True)
 class Amount:
-    """How much a run may compute.
-
-    Parameters
-    ----------
-    realisations, seconds : float
-        One of them is finite.
-
-    Examples
-    --------
-    >>> budget_of("10min").words, budget_of(5000).words
-    ('10 min 0 s', '5000 realisations')
-    """
+    """Budget of a run, of which one amount is finite."""
 
     realisations: float = math.inf
     seconds: float = math.inf
@@ -47,22 +36,10 @@ class Amount:
 
 
 def budget_of(given: object, name: str = "budget") -> Amount | None:
-    """Read a budget.
+    """Read a budget: a number of realisations, or a duration such as ``"30s"``, ``"10min"``, ``"2h"``.
 
-    Parameters
-    ----------
-    given : int or str, optional
-        A number of realisations, or a duration: ``"30s"``, ``"10min"``, ``"2h"``.
-    name : str
-        What messages call it.
+    Raise StudyError, which names the option `name`, for anything else.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is neither.
-
-    Examples
-    --------
     >>> budget_of("1.5h"), budget_of("1e4")
     (Amount(realisations=inf, seconds=5400.0), Amount(realisations=10000, seconds=inf))
     """
@@ -85,22 +62,8 @@ def budget_of(given: object, name: str = "budget") -> Amount | None:
 
 
 def accuracy_of(given: object, name: str = "accuracy") -> float | None:
-    """Read an accuracy.
+    """Read an accuracy: a share between 0 and 1, such as 0.01 or ``"1%"``; raise StudyError for anything else.
 
-    Parameters
-    ----------
-    given : float or str, optional
-        A share, as 0.01, or ``"1%"``.
-    name : str
-        What messages call it.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is no share between 0 and 1.
-
-    Examples
-    --------
     >>> accuracy_of("1%"), accuracy_of("0.5 %"), accuracy_of(0.02)
     (0.01, 0.005, 0.02)
     """
@@ -116,22 +79,11 @@ def accuracy_of(given: object, name: str = "accuracy") -> float | None:
 
 
 def allowed_of(given: object, name: str = "allowed") -> float | None:
-    """Read with which probability a requirement may be violated.
+    """Read the probability with which a requirement may be violated, such as 0.01 or ``"1%"``.
 
-    Parameters
-    ----------
-    given : float or str, optional
-        A probability, as 0.01, or ``"1%"``.
-    name : str
-        What messages call it.
+    Raise StudyError if it is no probability, and for one half and more, such as ``"99%"``: that is the probability of
+    meeting the requirement.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is no probability; also of half and more, as ``"99%"``: that is how probably it is to hold.
-
-    Examples
-    --------
     >>> allowed_of("1%"), allowed_of(0.02), allowed_of("0")
     (0.01, 0.02, 0.0)
     """

@@ -17,19 +17,7 @@ class BudgetTooSmallError(StudyError):
 
 
 def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSmallError]:
-    """Return an error for each method whose smallest size is too large, beside those that take less.
-
-    Parameters
-    ----------
-    methods : sequence of Sized
-    left : float
-        Realisations that they share.
-
-    Returns
-    -------
-    dict of str to BudgetTooSmallError
-        By label.
-    """
+    """Return errors by label of methods whose smallest size exceeds what less costly ones leave of the budget."""
     if math.isinf(left):
         return {}
     least: dict[str, int] = {}

@@ -38,23 +38,12 @@ RECORD = "budget.json"
 
 @dataclass(frozen=True)
 class Terms:
-    """What a run is held to.
-
-    Parameters
-    ----------
-    budget : Amount, optional
-    accuracy : float, optional
-        See `uqmbd.results.stated_accuracy`.
-    say : callable, optional
-        Is given sentences on the sizes that are chosen.
-    clock : callable
-        Seconds.
-    """
+    """Budget and accuracy of a run."""
 
     budget: Amount | None = None
-    accuracy: float | None = None
-    say: Callable[[str], object] | None = None
-    clock: Callable[[], float] = time.monotonic
+    accuracy: float | None = None  # see `uqmbd.results.stated_accuracy`
+    say: Callable[[str], object] | None = None  # receives sentences on the chosen sizes
+    clock: Callable[[], float] = time.monotonic  # s
 
     @classmethod
     def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> Terms | None:
@@ -83,24 +72,14 @@ class Terms:
 
 @dataclass
 class Within:
-    """The methods of a study within a budget.
-
-    Parameters
-    ----------
-    study : Study
-    terms : Terms
-    crew, progress, folder
-        As of a run.
-    resume : bool
-        Whether the sizes that an interrupted run has chosen are taken again.
-    """
+    """Methods of a study that share a budget."""
 
     study: Studied
     terms: Terms
     crew: Crew
     progress: Progress
     folder: Path | None = None
-    resume: bool = False
+    resume: bool = False  # whether the sizes that an interrupted run has chosen are used again
     nodes: dict[str, xr.DataTree] = field(default_factory=dict)
     errors: dict[str, BaseException] = field(default_factory=dict)
     about: dict[str, dict[str, Any]] = field(default_factory=dict)

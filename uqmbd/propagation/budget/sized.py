@@ -65,81 +65,36 @@ class Left:
 
 @dataclass(frozen=True)
 class Stage:
-    """One size that was run.
-
-    Attributes
-    ----------
-    size : int
-    cost : int
-        Realisations that it takes by itself.
-    fresh : int
-        Those of them that no earlier size had computed.
-    seconds : float
-    computing : float
-        Seconds of them that the realisations took.
-    accuracy : float
-        That it states; infinite where it states none.
-    quantity : str
-        The quantity that decides.
-    kind : str
-        What that is: ``mean``, ``std`` or ``probability``.
-    usual : float
-        The same before it is widened for few samples, so that it falls with the root of their number; NaN: not known.
-    usual_kind : str
-        What has that.
-    """
+    """A size of a method that was run."""
 
     size: int
-    cost: int
-    fresh: int
+    cost: int  # realisations of this size alone
+    fresh: int  # realisations of it that no earlier size had computed
     seconds: float
-    computing: float
-    accuracy: float
-    quantity: str
-    kind: str = ""
+    computing: float  # of these seconds, those of the realisations
+    accuracy: float  # stated accuracy; infinite where none is stated
+    quantity: str  # that determines the accuracy
+    kind: str = ""  # of the quantity: ``mean``, ``std`` or ``probability``
     usual: float = math.nan
-    usual_kind: str = ""
+    """Accuracy before it is widened for few samples, so that it falls with the root of their number; NaN: unknown."""
+    usual_kind: str = ""  # the statistic that has the usual accuracy
 
 
 @dataclass
 class Sized:
-    """A method at several sizes.
+    """A method at several sizes."""
 
-    Attributes
-    ----------
-    propagator : Propagator
-        As the study gives it.
-    sizing : Sizing
-    study : Study
-        Of which a size tells what it takes.
-    accuracy : float or None
-        That is asked for.
-    chunk : callable
-        From a number of realisations to how many of them are computed together.
-    joins : bool
-        Whether smaller chunks make up larger ones.
-    held : float
-        Realisations that are kept from one size to the next, at most.
-    stages : list of Stage
-        In the order in which they were run.
-    node : xarray.DataTree or None
-        Of the size that is taken.
-    taken : Stage or None
-    problem : str
-        What keeps it from a larger size; or empty.
-    """
-
-    propagator: Propagator
+    propagator: Propagator  # as the study has it
     sizing: Sizing
-    study: Any
-    accuracy: float | None
-    chunk: Callable[[int], int] = lambda count: 1
-    joins: bool = False
-    held: float = math.inf
-    stages: list[Stage] = field(default_factory=list)
-    node: xr.DataTree | None = None
+    study: Any  # determines the cost of a size
+    accuracy: float | None  # as requested
+    chunk: Callable[[int], int] = lambda count: 1  # maps a number of realisations to the size of a chunk
+    joins: bool = False  # whether smaller chunks make up larger ones
+    held: float = math.inf  # most realisations that are stored between sizes
+    stages: list[Stage] = field(default_factory=list)  # in the order in which they were run
+    node: xr.DataTree | None = None  # of the chosen size
     taken: Stage | None = None
-    problem: str = ""
+    problem: str = ""  # reason against a larger size, or empty
     _costs: dict[int, int] = field(default_factory=dict)
 
     @property

@@ -29,18 +29,10 @@ DEAR = 30.0
 
 @dataclass(frozen=True)
 class Timing:
-    """What was measured.
+    """Measured computing time of realisations."""
 
-    Parameters
-    ----------
-    each : float
-        Seconds of a realisation, in one process.
-    count : int
-        How many were timed together.
-    """
-
-    each: float
-    count: int
+    each: float  # seconds of a realisation, in one process
+    count: int  # realisations that were timed together
 
     def seconds(self, propagator: Propagator, study: Studied, limit: float = 0.5) -> float:
         """Return the seconds that a method is going to take; NaN where that is not known.
@@ -69,22 +61,10 @@ class Timing:
 def timing_of(
     study: Any, propagator: Propagator, limit: float = 0.3, clock: Callable[[], float] | None = None
 ) -> Timing | None:
-    """Time realisations of a study: one at the means to compile what is compiled, then more and more.
+    """Time realisations of a study: one at the means for compilation, then growing numbers.
 
-    Parameters
-    ----------
-    study : Study
-    propagator : Propagator
-        One of its methods, whose realisations are meant.
-    limit : float
-        Seconds that may be spent, roughly; less where one realisation takes longer.
-    clock : callable, optional
-        Seconds; default `time.perf_counter`.
-
-    Returns
-    -------
-    Timing or None
-        None where no realisation can be computed.
+    Return None where no realisation can be computed. `propagator` is the method whose realisations are timed; `limit`
+    is the approximate time, s, that may be spent, less where a single realisation needs more.
     """
     found, clock = None, clock or time.perf_counter
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():

@@ -51,60 +51,21 @@ def converge(
     folder: Path | None = None,
     **levels: Any,
 ) -> xr.Dataset:
-    r"""Run methods at several orders, or numbers of samples, and compare their errors with what they cost.
+    """Run methods at several levels of an option, and compare their errors with their costs; see `Study.converge`.
 
-    Parameters
-    ----------
-    study : Studied
-    propagators : Propagator, class of one, or sequence of these
-        Each takes the first of `levels` that is an option of it; a class its default options otherwise. Several of one
-        class with different options need labels of their own.
-    reference : xarray.DataTree, xarray.Dataset or Propagator, optional
-        A node; a method that is run; or a dataset of what is known, as in closed form: `mean` and `std`
-        ``(output, time)``, exact. Default: of the results the one that states the least error itself (where none does,
-        the last level of the first method), whose errors are NaN.
-    workers : int or concurrent.futures.Executor
-    progress : Progress or bool, optional
-    folder : Path, optional
-        Where finished chunks are kept while it runs, as of `Study.run`.
-    **levels : sequence, or mapping of str to sequence
-        Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``: for all methods that have it, or
-        for those of some labels, which then take no other: ``order={"plain": [2, 4, 6]}, elements={"split": [4, 16]}``.
+    A dataset as reference holds exact `mean` and `std` (output, time). By default the reference is the result with the
+    least stated error (where none states an error, the last level of the first method); its own errors are NaN.
+    `folder` stores finished chunks during the run.
 
-    Returns
-    -------
-    xarray.Dataset
-        With the dimensions ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, the norms over
-        time of the differences to the reference, relative to the norm of its mean, or standard deviation;
-        ``mean_error_max`` and ``std_error_max``, the largest ones, relative to its largest standard deviation;
-        ``stated_error``, what the result states itself of its standard deviation. ``value``, ``realisations``,
-        ``wall_time`` (s), ``level_name`` and ``problem`` (empty, or why a level failed, whose numbers are NaN)
-        ``(method, level)``.
-        ``reference_mean_error`` and ``reference_std_error`` ``(output)``: own errors of the reference, in the measure
-        of ``..._error_l2``; NaN where it states none.
-
-        ``mean_rate`` and ``std_rate`` ``(method, output)`` are the fitted orders of convergence p, of errors above
-        those of the reference: for ``order`` the decades by which the error falls with each order,
-        :math:`e \sim 10^{-p\,\mathrm{order}}`, for other options :math:`e \sim \mathrm{value}^{-p}` (1/2 for plain
-        Monte Carlo); NaN for fewer than two such errors. The coordinate ``option (method)`` says which option changes.
-
-    Raises
-    ------
-    StudyError
-        If there are no levels, a method has none of the options, or no level of any method succeeded.
-
-    Examples
-    --------
-    >>> import chaospy, numpy as np, uqmbd
-    >>> from uqmbd_collocation import Collocation
-    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
-    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
-    >>> stone = mechanism.body("stone", mass=1, velocity=(0, speed))
-    >>> mechanism.output("square", stone.position[1] ** 2, units="m^2")
-    >>> study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
-    >>> found = study.converge(Collocation(verify=0), order=[1, 2], reference=Collocation(order=3))
-    >>> found["std_error_l2"].values[0, :, 0] < 1e-6
-    array([False,  True])
+    The result has the dimensions ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2`` are norms
+    over time of the differences to the reference, relative to the norm of its mean, or standard deviation;
+    ``..._error_max`` the largest ones, relative to its largest standard deviation; ``stated_error`` is that of the
+    standard deviation. ``problem`` holds the reason why a level failed, whose numbers are NaN, or is empty.
+    ``reference_mean_error`` and ``reference_std_error`` (output) are stated errors of the reference, NaN where it
+    states none. ``mean_rate`` and ``std_rate`` (method, output) are fitted orders of convergence p, of errors above
+    those of the reference: for ``order`` the decades by which the error falls with each order, for other options error
+    ~ value^-p (1/2 for plain Monte Carlo); NaN for fewer than two such errors. Raise StudyError if there are no levels,
+    a method has none of the options, or no level succeeded.
     """
     series, shown = _series(study, propagators, levels), told(progress)
     with nullcontext(workers) if isinstance(workers, Crew) else Crew(workers) as crew:

@@ -23,12 +23,10 @@ __all__ = ["check_convergence_of", "with_convergence"]
 
 
 def check_convergence_of(study: Studied, given: object) -> Mapping[str, Any] | None:
-    """Return the arguments of `Study.converge` that a study was given, or say what is wrong with them.
+    """Return the arguments of `Study.converge` that a study was given.
 
-    Raises
-    ------
-    StudyError
-        If it is no mapping, has no propagators, an unknown reference, or levels that do not fit the methods.
+    Raise StudyError if they are no mapping, have no propagators, an unknown reference, or levels that do not fit the
+    methods.
     """
     if given is None:
         return None

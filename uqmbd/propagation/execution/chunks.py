@@ -51,21 +51,12 @@ NUMBERS = 1 << 21
 
 
 def chunk_size(count: int, numbers: int) -> int:
-    """Return how many realisations make up a chunk: a power of two, 64 where there are few of them or they are large.
+    """Return the number of realisations in a chunk, a power of two: 64 where realisations are few or large.
 
-    What a chunk costs besides is shared by its realisations, and is Python's: threads wait for one another in it.
+    `count` is the number of all realisations, `numbers` that of states and outputs of one, over all times. The overhead
+    of a chunk is shared by its realisations; it is Python's, for which threads wait for one another. Sample indices
+    alone determine chunks, so that results do not depend on the workers or their number.
 
-    Chunks are fixed by sample index alone, so that results depend neither on workers nor on their number.
-
-    Parameters
-    ----------
-    count : int
-        All realisations.
-    numbers : int
-        States and outputs of one, over all times.
-
-    Examples
-    --------
     >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
     (64, 512, 64)
     """
@@ -79,33 +70,15 @@ Kind = Literal["outputs", "scalars", "requirements"]
 
 @dataclass(frozen=True)
 class Chunk:
-    """Results of one chunk.
+    """Results of one chunk."""
 
-    Attributes
-    ----------
-    response : array, shape (K, output, time)
-        NaN where a realisation failed.
-    status : array of int, shape (K,)
-        Of `Status`; 0: fine.
-    messages : tuple of str
-        Reasons.
-    counters : dict
-        Solver counters, and how many of them which type of machine has computed.
-    scalars : ScalarValues, optional
-        Outputs without a time, where the mechanism has some.
-    margins : MarginValues, optional
-        Of requirements, where it has some.
-    seconds : float
-        Wall time that the run spent on it, s.
-    """
-
-    response: Array
-    status: NDArray[np.int64]
-    messages: tuple[str, ...]
-    counters: dict[str, float]
-    scalars: ScalarValues | None = None
-    margins: MarginValues | None = None
-    seconds: float = 0.0
+    response: Array  # (K, output, time); NaN where a realisation failed
+    status: NDArray[np.int64]  # (K,) of `Status`; 0: successful
+    messages: tuple[str, ...]  # reasons of failure
+    counters: dict[str, float]  # of the solver, and realisations by type of machine
+    scalars: ScalarValues | None = None  # outputs without a time, if the mechanism has some
+    margins: MarginValues | None = None  # of requirements, if it has some
+    seconds: float = 0.0  # wall time of the chunk in the run
 
     def of(self, kind: Kind) -> Chunk | None:
         """Return the chunk whose response is of another kind, if that was computed.
@@ -137,17 +110,10 @@ class Chunk:
 
 
 def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
-    """Return the attribute that names who has integrated, most realisations first; nothing where nobody has.
+    """Return the attribute that names the integrators of realisations, most frequent first; empty for none.
 
-    Parameters
-    ----------
-    counters : mapping
-        Of some realisations.
-    asked : str
-        The integrator that was asked for.
+    `asked` is the requested integrator.
 
-    Examples
-    --------
     >>> integrated_by({"steps": 100, "by_dop853": 60, "by_ida": 4}, "auto")
     {'integrated_by': 'dop853, ida'}
     """
@@ -159,19 +125,8 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
 
 
 def not_finite_output(names: Sequence[str], times: Array, response: Array) -> str:
-    """Say which output of one realisation is not finite, and from when on.
+    """Return a message on the first output of a realisation (output, T) that is not finite, and its time.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the outputs.
-    times : array, shape (T,)
-        s.
-    response : array, shape (output, T)
-        At least one value is not finite.
-
-    Examples
-    --------
     >>> print(not_finite_output(["y"], np.array([0.0, 0.5]), np.array([[1.0, np.nan]])).partition(";")[0])
     an output is not finite: 'y' is nan at t = 0.5 s
     """
@@ -193,22 +148,9 @@ def needs_motion(model: Model, kind: Kind) -> bool:
 def compute_chunk(
     packed: Packed, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
 ) -> Chunk:
-    """Assemble, integrate and observe some realisations.
+    """Assemble, integrate and observe realisations at inputs (K, input).
 
-    Parameters
-    ----------
-    packed : Packed
-        The model.
-    values : array, shape (K, input)
-        Inputs.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    integrator : str
-        Name of the integrator.
-    kind : {"outputs", "scalars", "requirements"}
-        What is wanted.  Nothing is integrated unless it, or what is computed beside it, needs a motion.
+    Nothing is integrated unless the kind of outputs, or an output that is computed with them, needs a motion.
     """
     model: Model = packed.value()
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
@@ -237,20 +179,7 @@ def compute_chunk(
 
 
 def lost_chunk(model: Model, count: int, times: Array, reason: str, kind: Kind = "outputs") -> Chunk:
-    """Return the chunk of realisations that nobody could compute, for their workers have died.
-
-    Parameters
-    ----------
-    model : Model
-    count : int
-        Realisations.
-    times : array, shape (T,)
-        Output times, s.
-    reason : str
-        Why they are lost.
-    kind : {"outputs", "scalars", "requirements"}
-        What was wanted.
-    """
+    """Return the chunk of realisations that could not be computed because their workers died, with the reason."""
     status, messages = np.full(count, int(Status.WORKER_DIED)), (reason,) * count
     scalars, margins = model.scalars, model.margins
     chunk = Chunk(np.full((count, len(model.outputs.names), len(times)), np.nan), status, messages, {})

@@ -24,18 +24,9 @@ PURPOSES = ("verification", "error estimation")
 
 @dataclass
 class Clock:
-    """A clock that goes on, for work that is not done again, by the time that it once took.
+    """Clock that advances by the recorded computing time of stored work.
 
-    Differences of its readings are wall times as an undisturbed run would have them.
-
-    Examples
-    --------
-    >>> clock = Clock()
-    >>> begin = clock()
-    >>> clock.recover("a chunk", 3600.0)
-    >>> clock.recover("a chunk", 3600.0)  # read once more
-    >>> round((clock() - begin) / 3600)
-    1
+    Differences of its readings are the wall times of an uninterrupted run.
     """
 
     _recovered: float = 0.0
@@ -74,39 +65,20 @@ class Laps:
 
 @dataclass
 class Spending:
-    """What a method spends, in parts: one record for all that it does, whoever wrote it.
+    """Computing time of a method by part: a single record for all its work.
 
-    A part takes the time while it is open, less that of parts within it.  Realisations are recorded where they are
-    computed: as integration, unless a part that says what they are for is open.
-
-    Attributes
-    ----------
-    seconds : dict
-        By part, of the clock of the problem.
-
-    Examples
-    --------
-    >>> seconds = iter([0.0, 1.0, 6.0, 10.0])
-    >>> spending = Spending()
-    >>> with spending.part("fitting", lambda: next(seconds)), spending.part("verification", lambda: next(seconds)):
-    ...     pass
-    >>> spending.seconds["fitting"], spending.seconds["verification"]
-    (5.0, 5.0)
+    A part receives the time while it is open, less that of parts within it. Realisations are recorded where they are
+    computed: as integration, unless a part that states their purpose is open.
     """
 
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
+    """By part, of the clock of the problem."""
     _open: list[list[Any]] = field(default_factory=list)
     """Names of open parts, and the seconds of parts within them."""
 
     @contextmanager
     def part(self, name: str, clock: Callable[[], float]) -> Iterator[None]:
-        """Record what is spent within as a part.
-
-        Raises
-        ------
-        StudyError
-            If there is no such part.
-        """
+        """Record the time within the context as a part; raise StudyError for an unknown part."""
         if name not in PARTS:
             raise StudyError(f"There is no part {name!r} of what a method spends; expected one of {', '.join(PARTS)}.")
         begin = clock()
@@ -140,10 +112,8 @@ class Spending:
 
 
 def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, float]:
-    """Return ``wall_time``, s, and the parts that add up to it, which is what `whole` leaves of them the other one.
+    """Return ``wall_time``, s, and the parts that add up to it; the rest of `whole` is the part ``other``.
 
-    Examples
-    --------
     >>> spending_attributes({"integration": 2.0, "fitting": 1.0, "verification": 0.0, "error estimation": 0.5}, 4.0)
     {'wall_time_integration': 2.0, 'wall_time_fitting': 1.0, ..., 'wall_time_other': 0.5, 'wall_time': 4.0}
     """

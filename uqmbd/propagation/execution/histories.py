@@ -72,28 +72,12 @@ def event_histories(
     integrator: str = "auto",
     longer: float = 1.0,
 ) -> list[History]:
-    """Follow each row of inputs from event to event, on all workers.
+    """Integrate each row of inputs (K, input) from event to event, on all workers.
 
-    Parameters
-    ----------
-    run : callable
-        Does the work, as `uqmbd.extend.Problem.run`, on a mechanism with events.
-    values : array, shape (K, input)
-        Inputs.
-    times : tuple of float
-        First and last, s.
-    rtol : float
-        Relative tolerance.
-    points : int
-        Points of a segment.
-    least : int
-        Segments that each is to have, for which it is followed beyond the last output time (eight times as long at
-        most).
-    integrator : str
-        Who declares ``segments``.
-    longer : float
-        Where no further event ends a motion, its last segment lasts so much longer than the output times (eight times
-        at most).
+    `run` executes tasks like `uqmbd.extend.Problem.run`; `times` are first and last, s; `points` is the number in a
+    segment. Motions are continued beyond the last output time until they have `least` segments, and a last segment that
+    no event ends until `longer` times the range of the output times; both at most to eight times this range. The
+    integrator declares ``segments``.
     """
     tasks = [(row, times, rtol, points, least, integrator, longer) for row in np.ascontiguousarray(values, dtype=float)]
     found = []

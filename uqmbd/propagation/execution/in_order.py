@@ -57,33 +57,14 @@ def in_order(
     lost: Callable[[Piece, str], Result] | None = None,
     patience: float = 1.0,
 ) -> Generator[Result, None, None]:
-    """Yield the results of pieces of work, in their order.
+    """Yield the results of pieces of work, in their order; without an executor they are computed in this process.
 
-    A piece whose worker dies is tried once elsewhere.  One that takes much longer than others is given to a second
-    worker when there is nothing else to do, and the first answer counts: both have the same bits.
-
-    Parameters
-    ----------
-    pieces : sequence
-        What is to be done.
-    executor : concurrent.futures.Executor, optional
-        Who does it; None: this process.
-    known : callable
-        Gives a result that need not be computed.
-    work : callable
-        Gives the function to call, and its arguments, of which some may be a `Packed` object.
-    keep : callable
-        Is given each result with the seconds that it took; what it returns is yielded.
-    lost : callable, optional
-        Gives the result of a piece of which the second worker has died, too; it is told why, and may raise.  Default:
-        an error.
-    patience : float
-        Seconds for which a piece may take longer than others, at least.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If no worker has the versions of this process, or a piece is lost.
+    A piece whose worker dies is tried once elsewhere. One that takes much longer than others (by at least `patience`,
+    s) is given to a second worker when there is nothing else to do, and the first answer counts: both have the same
+    bits. `known` returns a result that need not be computed, `work` the function and its arguments (some may be
+    `Packed`), `keep` the value to yield from a result and its time, s. `lost` returns the result of a piece whose
+    second worker died, or raises, by default an error. Raise IntegrationError if no worker has the versions of this
+    process, or a piece is lost.
     """
     if executor is None:
         return _here(pieces, known, work, keep)
@@ -111,30 +92,14 @@ def _raise(piece: object, reason: str) -> Any:
 
 @dataclass
 class _Flight:
-    """A piece under way.
+    """A submitted piece of work."""
 
-    Attributes
-    ----------
-    futures : list of Future
-        One, or more where it is late.
-    whole : bool
-        Whether it is sent with packed arguments themselves.
-    sent : float
-        When, at last, s.
-    begun : float, optional
-        Since when it is certainly worked at, s: since one that was sent later has been answered.
-    deaths : int
-        Of workers that did it.
-    alone : bool
-        Whether nothing else may be under way.
-    """
-
-    futures: list[Future[Answer]] = field(default_factory=list)
-    whole: bool = False
-    sent: float = 0.0
-    begun: float | None = None
-    deaths: int = 0
-    alone: bool = False
+    futures: list[Future[Answer]] = field(default_factory=list)  # several where the piece is late
+    whole: bool = False  # whether packed arguments are sent entirely
+    sent: float = 0.0  # time of the last submission, s
+    begun: float | None = None  # time since which a worker certainly runs it, s: since a later piece was answered
+    deaths: int = 0  # of workers that ran it
+    alone: bool = False  # whether no other piece may run at the same time
 
 
 class _There(Generic[Piece, Result]):
@@ -341,10 +306,8 @@ class _There(Generic[Piece, Result]):
 
 
 def size_of(value: object) -> int:
-    """Return the bytes of the arrays in a result, some more for each object, roughly.
+    """Return the approximate number of bytes of a result: its arrays, and some for each object.
 
-    Examples
-    --------
     >>> size_of({"a": np.zeros(1000)}) // 1000
     8
     """

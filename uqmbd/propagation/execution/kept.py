@@ -29,16 +29,9 @@ __all__ = ["Checkpoint", "FOLDER", "Kept", "Known", "fingerprint"]
 
 
 def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:
-    """Hash equations and outputs as symbols, options, and the version.
+    """Return the hash of symbolic equations and outputs, options and version.
 
-    Parameters
-    ----------
-    model : Model
-    inputs : JointInput
-    asked : (float, str)
-        Relative tolerance and integrator.
-    times : tuple
-        Output times, and what is wanted at them.
+    `asked` holds relative tolerance and integrator; `times` are the output times, and what is requested at them.
     """
     options = (*asked, model.start_at, model.max_step, model.added_breaks)
     parts = (model.digest, inputs.names, *options, *times, __version__)
@@ -56,18 +49,10 @@ _ABOUT = "_about"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where the chunks of one propagator are kept while it runs.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the run.
-    label : str
-        Of the propagator.
-    """
+    """Store of the chunks of a method during a run, in the run's folder."""
 
     folder: Path
-    label: str
+    label: str  # of the method
 
     @property
     def place(self) -> Path:
@@ -122,12 +107,9 @@ class Checkpoint:
         return (arrays, about) if whole else None
 
     def save_arrays(self, name: str, arrays: Arrays, about: Mapping[str, Any]) -> None:
-        """Write arrays, and what is to be noted with them, as a whole or not at all.
+        """Write arrays and further data, entirely or not at all.
 
-        Raises
-        ------
-        StudyError
-            If they cannot be written: the file, the reason, and how to go on.
+        Raise StudyError if they cannot be written: the file, the reason, and how to continue.
         """
         path = self.place / name
         kinds = {key: [str(x.dtype), list(x.shape)] for key, x in arrays.items()}
@@ -148,39 +130,17 @@ Known = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
 
 @dataclass(frozen=True)
 class Kept:
-    """What is known of the chunks of one kind of outputs, and where others are kept.
+    """Known chunks of one kind of outputs, and the stores of others."""
 
-    Attributes
-    ----------
-    kind : {"outputs", "scalars", "requirements"}
-        Of the chunks.
-    partial : bool
-        Whether some of the outputs without a time are asked for only; others of them may be asked for next.
-    margins : bool
-        Whether margins of requirements that are computed beside are held.
-    fingerprint : bytes
-        What the numbers of a chunk depend on besides its inputs.
-    joins : bool
-        Whether a realisation is known not to depend on those beside it.
-    known : dict
-        Chunks that were computed beside others; it grows.
-    checkpoint : Checkpoint, optional
-        Where chunks are stored.
-    ledger : Ledger, optional
-        What a run with a budget has computed for other sizes of the method.
-    clock : Clock
-        Told of the time that stored chunks took.
-    """
-
-    kind: Kind
-    partial: bool
-    margins: bool
-    fingerprint: bytes
-    joins: bool
-    known: Known
+    kind: Kind  # of the chunks
+    partial: bool  # whether only some of the outputs without a time are requested; others may be requested next
+    margins: bool  # whether margins of requirements, which are computed with the chunks, are stored
+    fingerprint: bytes  # all that the numbers of a chunk depend on except its inputs
+    joins: bool  # whether a realisation is known to be independent of the others in its chunk
+    known: Known  # chunks of other kinds that were computed with others; it grows
     checkpoint: Checkpoint | None
-    ledger: Ledger | None
-    clock: Clock
+    ledger: Ledger | None  # chunks that a run with a budget has computed for other sizes of the method
+    clock: Clock  # advances by the computing time of stored chunks
 
     def key(self, part: Array) -> str:
         """Return the name under which the chunk of some inputs is stored."""

@@ -28,27 +28,8 @@ class BudgetSpent(BaseException):
 
 @dataclass
 class Ledger:
-    """Counts what one method computes at its several sizes, and ends it where it may not compute more.
+    """Count of what a method computes at its several sizes, with limits on realisations and time.
 
-    Attributes
-    ----------
-    most : float
-        Realisations that it may compute, all together.
-    until : float
-        Reading of the clock after which no work begins.
-    clock : callable
-        Seconds.
-    spent : int
-        Realisations that it has computed.
-    reused : int
-        Realisations that it needed, and had.
-    computing : float
-        Seconds that those took which it has computed.
-    done : int
-        Realisations that are finished, of those that were computed and those that it had.
-
-    Examples
-    --------
     >>> ledger = Ledger(most=100)
     >>> ledger.begin(64)
     >>> ledger.begin(64)
@@ -57,26 +38,20 @@ class Ledger:
     uqmbd.propagation.execution.ledger.BudgetSpent: 64 realisations are needed, and 36 are left
     """
 
-    most: float = float("inf")
-    until: float = float("inf")
-    clock: Callable[[], float] = time.monotonic
-    spent: int = 0
-    reused: int = 0
-    computing: float = 0.0
-    done: int = 0
+    most: float = float("inf")  # realisations that may be computed in total
+    until: float = float("inf")  # reading of the clock after which no work begins
+    clock: Callable[[], float] = time.monotonic  # s
+    spent: int = 0  # realisations that were computed
+    reused: int = 0  # realisations that were needed and known
+    computing: float = 0.0  # seconds of the computed realisations
+    done: int = 0  # finished realisations, computed or known
     _chunks: dict[str, Chunk] = field(default_factory=dict, repr=False)
     _held: int = 0
     _running: int = 0
     _last: float = 0.0
 
     def begin(self, count: int = 0) -> None:
-        """Count realisations that are about to be computed; 0: other work.
-
-        Raises
-        ------
-        BudgetSpent
-            If they may not be.
-        """
+        """Count realisations that are about to be computed (0: other work); raise BudgetSpent beyond the budget."""
         if self.spent + count > self.most:
             raise BudgetSpent(f"{count} realisations are needed, and {self.most - self.spent:g} are left")
         if self.clock() >= self.until:
@@ -87,16 +62,10 @@ class Ledger:
             self._running += 1
 
     def find(self, part: Array, key: Callable[[Array], str], *, join: bool) -> Chunk | None:
-        """Return a chunk that was computed for another size of the method.
+        """Return a chunk at inputs (K, input) that was computed for another size of the method.
 
-        Parameters
-        ----------
-        part : array, shape (K, input)
-            Inputs.
-        key : callable
-            From inputs to the name of their chunk.
-        join : bool
-            Whether a realisation does not depend on those beside it, so that smaller chunks make up a larger one.
+        `key` maps inputs to the name of their chunk. With `join`, where a realisation does not depend on the others in
+        its chunk, smaller chunks make up a larger one.
         """
         found, size = self._chunks.get(key(part)), CHUNK
         while found is None and join and self._chunks and size < len(part):

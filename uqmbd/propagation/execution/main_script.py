@@ -32,18 +32,10 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True)
 class Script:
-    """Where the main script of a process is.
+    """Location of the main script of a process."""
 
-    Attributes
-    ----------
-    module : str
-        Its name, if it was started as a module (``python -m``); else empty.
-    path : str
-        Its file, else.
-    """
-
-    module: str
-    path: str
+    module: str  # name, if it was started as a module (``python -m``); else empty
+    path: str  # file, if it was not started as a module
 
 
 class _ScriptEnds(SystemExit):
@@ -99,12 +91,9 @@ def adopt(script: Script | None) -> None:
 
 
 def refuse_workers_of_workers() -> None:
-    """End the import of the script where a worker meets the line that started it.
+    """End the import of the script where a worker reaches the line that started it.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If a worker meets such a line elsewhere.
+    Raise StudyError if a worker reaches such a line elsewhere.
     """
     frame = inspect.currentframe()
     while frame is not None:

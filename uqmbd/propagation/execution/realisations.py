@@ -241,32 +241,17 @@ AGAIN = 3
 
 @dataclass
 class Observed:
-    """A few of the successful realisations that a method has computed, and who has integrated all of them.
+    """Some of the successful realisations of a method, and counts of all of them."""
 
-    Attributes
-    ----------
-    values, responses : list of array
-        Inputs (input,), and responses (output, time).
-    counters : Counter
-        Of the solvers, summed.
-    missing : Counter of int
-        In how many realisations each output does not happen, by its number; those that always happen are not in it.
-    counted : int
-        The successful realisations, with those.
-    failed : int
-        The others.
-    extent : tuple of array, array and int, or None
-        Smallest and largest values (output, time) of the successful realisations that workers do not reduce, and their
-        number; None: there is none.
-    """
-
-    values: list[Array] = field(default_factory=list)
-    responses: list[Array] = field(default_factory=list)
-    counters: Counter[str] = field(default_factory=Counter)
+    values: list[Array] = field(default_factory=list)  # inputs (input,)
+    responses: list[Array] = field(default_factory=list)  # (output, time)
+    counters: Counter[str] = field(default_factory=Counter)  # of the solvers, summed
     missing: Counter[int] = field(default_factory=Counter)
-    counted: int = 0
-    failed: int = 0
+    """Realisations without the output, by its index; outputs that always occur are not in it."""
+    counted: int = 0  # successful realisations, those in `missing` included
+    failed: int = 0  # failed realisations
     extent: tuple[Array, Array, int] | None = None
+    """Smallest and largest values (output, time) and number of successful realisations that workers do not reduce."""
 
     def add(self, part: Realisations) -> None:
         """Count those of a chunk, and take some of it, evenly spread, until there are enough."""

@@ -49,22 +49,10 @@ def tell_resumed(
     resume: bool,
     stacklevel: int,
 ) -> None:
-    """Note what is asked for, and warn where what is kept in the folder is that of something else.
+    """Record study and options of a run, and warn if the stored data in the folder belong to others.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the run.
-    study : str
-        Its digest.
-    methods : mapping
-        Options of each method, by label.
-    extended : mapping
-        Names of options, by label, whose other values go on with what is there.
-    resume : bool
-        Whether something is to be gone on with.
-    stacklevel : int
-        As of `warnings.warn`.
+    `study` is its digest; `methods` holds options by label; `extended` the names of options, by label, whose other
+    values continue the stored data. `stacklevel` is that of `warnings.warn`.
     """
     asked = {label: {name: _text(value) for name, value in options.items()} for label, options in methods.items()}
     place = folder / FOLDER / RECORD

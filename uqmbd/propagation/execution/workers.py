@@ -29,20 +29,9 @@ Result = TypeVar("Result")
 
 
 class Staff(Executor):
-    """Threads and processes, of which each kind is started when there is work for it.
+    """Executor of `count` threads and `count` processes, of which each kind starts when there is work for it.
 
-    As an executor it gives work to processes; `executor_for` chooses.
-
-    Parameters
-    ----------
-    count : int
-        Of each kind.
-
-    Examples
-    --------
-    >>> with Staff(2) as staff:
-    ...     executor_for(staff, unlocked=True).submit(max, 2, 3).result(), staff.started
-    (3, False)
+    As an executor it submits to processes; `executor_for` chooses.
     """
 
     def __init__(self, count: int) -> None:
@@ -84,14 +73,9 @@ class Staff(Executor):
 
 
 def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
-    """Return who does some work: of our own workers threads, where it needs no Python, else processes.
+    """Return the executor for a call: the threads of a `Staff` if `unlocked`, else its processes; or the given one.
 
-    Parameters
-    ----------
-    given : concurrent.futures.Executor, optional
-        Those who are there; None: this process alone.
-    unlocked : bool
-        Whether the work is computed without the lock of the interpreter.
+    Unlocked calls compute without the interpreter lock.
     """
     if not isinstance(given, Staff):
         return given
@@ -99,36 +83,15 @@ def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
 
 
 def threads_of(given: Executor | None) -> Executor | None:
-    """Return those of our own workers who share the memory of this process; None: there are none.
-
-    Parameters
-    ----------
-    given : concurrent.futures.Executor, optional
-        Those who are there.
-    """
+    """Return the threads of a `Staff`, which share the memory of this process; None for other executors."""
     return given.threads if isinstance(given, Staff) else None
 
 
 class Crew:
-    """Who computes, for several pieces of work one after another: processes that died are replaced for the next one.
+    """Worker pool for consecutive pieces of work: processes that died are replaced for the next one.
 
-    A context: threads and processes that it started end with it.
-
-    Parameters
-    ----------
-    workers : int or concurrent.futures.Executor
-        Number of workers, which are threads or processes, or an executor, which is left open.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is neither.
-
-    Examples
-    --------
-    >>> with Crew(1) as crew, crew.at_work() as executor:
-    ...     print(executor)
-    None
+    `workers` is their number, or an executor, which stays open. As a context it ends its threads and processes. Raise
+    StudyError for anything else.
     """
 
     def __init__(self, workers: int | Executor) -> None:
@@ -146,14 +109,9 @@ class Crew:
 
     @contextmanager
     def at_work(self) -> Iterator[Executor | None]:
-        """Yield who does the work: nobody (this process), a `Staff`, or the executor that was given.
+        """Yield the executor: None (this process), a `Staff`, or the executor that was given.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If the processes cannot start.
-        uqmbd.IntegrationError
-            If a process dies, or the executor gives up.
+        Raise StudyError if the processes cannot start, IntegrationError if a process dies or the executor gives up.
         """
         if self._given is not None:
             with _patient(self._given):

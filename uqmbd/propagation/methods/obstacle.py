@@ -11,13 +11,7 @@ __all__ = ["obstacle_of"]
 
 
 def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
-    """Return why a method cannot do a study: what it would take is looked at before it is asked.
-
-    Returns
-    -------
-    str or None
-        One sentence; None: nothing is in the way.
-    """
+    """Return in one sentence why a method cannot do a study, or None; estimate its memory before asking it."""
     if not len(study.mechanism.inputs):
         return propagator.obstacle(study)
     try:

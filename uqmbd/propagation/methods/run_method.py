@@ -52,19 +52,15 @@ FEW = 2
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
     """Run a method on the outputs over time, on those without a time, and on the margins of requirements.
 
-    The same method, with the same options, is run on each kind.  Realisations that several need are computed once;
-    where all comes from statics, nothing is integrated for it.  A method that answers requirements itself
-    (`Propagator.requirements`) is asked for them in its first run.
+    The same method, with the same options, runs on each kind. Realisations that several kinds need are computed once;
+    where statics gives all outputs, nothing is integrated. A method that answers requirements itself
+    (`Propagator.requirements`) does so in its first run. Without `check` the integration error is not measured, and
+    requirements are answered only by such methods.
 
-    Without `check` neither the error of the integration is measured, nor requirements are answered beside outputs.
-
-    Returns
-    -------
-    xarray.DataTree
-        The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
-        requirements; variables that have one unit say it.  Its attribute ``wall_time``, s, is all that this took, from
-        the begin to the end, and ``wall_time_integration``, ``wall_time_fitting``, ``wall_time_verification``,
-        ``wall_time_error_estimation`` and ``wall_time_other`` add up to it, whatever the method says of itself.
+    The node has children ``scalars`` and ``requirements`` if there are such outputs; variables of one unit state it.
+    Its attribute ``wall_time``, s, is the time of the whole run, and the sum of ``wall_time_integration``,
+    ``wall_time_fitting``, ``wall_time_verification``, ``wall_time_error_estimation`` and ``wall_time_other``, for any
+    method.
     """
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
@@ -124,24 +120,12 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
 
 
 def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, problem: Problem) -> xr.DataTree:
-    """Run a method on outputs without a time.
+    """Run a method on the outputs without a time.
 
-    Parameters
-    ----------
-    run : callable
-        Runs it on a problem.
-    propagator : Propagator
-    problem : Problem
-        Of the outputs without a time.
-
-    Returns
-    -------
-    xarray.DataTree
-        Where some of them may not happen, ``statistics`` have ``censored`` (output,), the share of realisations in
-        which they do not (NaN for methods that do not sample the inputs), ``censored_bound`` (output,), how large that
-        share may be with 95 % confidence, and are those of the others.  Further
-        children are about the outputs that always happen, or, if there are none, about the first that a method could
-        give.  The attribute ``refused`` says which outputs have no statistics, and why.
+    Where some may not occur, ``statistics`` are those of the realisations in which they occur; ``censored`` (output,)
+    is the share of the others (NaN for methods that do not sample the inputs), ``censored_bound`` (output,) its upper
+    bound with 95 % confidence. Further children concern the outputs that always occur, or, without any, the first one
+    with results. The attribute ``refused`` names the outputs without statistics, and the reasons.
     """
     if not any(problem.model.scalars.reaching):
         return run(problem)
@@ -284,18 +268,11 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
 
 
 def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree:
-    """Return what a method gave, after a look at whether others can read it: its kind, its name, and its axes.
+    """Return the result of a method after validation of its type, name and axes.
 
-    Raises
-    ------
-    StudyError
-        If it is no node with mean and standard deviation of the outputs at the times of the problem, or a statistic has
-        a value that it cannot have, as a negative standard deviation, or a mean that is NaN without a reason.
-
-    Warns
-    -----
-    StudyWarning
-        If shape statistics or standard errors are NaN without a reason: they get the default one.
+    Raise StudyError if it is no node with mean and standard deviation of the outputs at the times of the problem, or if
+    a statistic has an impossible value, such as a negative standard deviation, or a mean that is NaN without a reason.
+    Warn if shape statistics or standard errors are NaN without a reason: they get the default one.
     """
     kind = type(propagator)
     who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"

@@ -97,94 +97,48 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Order:
-    """What a worker is to do with a chunk besides computing it.
+    """Instructions to a worker for the reduction of a chunk."""
 
-    Attributes
-    ----------
-    first : int
-        Index of its first realisation.
-    function : callable, and its further arguments
-        What is made of it.
-    chosen : tuple of str, optional
-        Which of the outputs without a time are asked for.
-    wanted : int
-        Of how many realisations the responses are handed over.
-    shelves : mapping
-        Where responses are stored, by kind.
-    margins : bool
-        Whether margins of requirements are wanted beside it.
-    stored : Chunk, optional
-        What is known of the one that is stored, but its response.
-    known : bool
-        Whether it is known what the function makes of the one that is stored.
-    """
-
-    first: int
-    function: Reduction
+    first: int  # index of its first realisation
+    function: Reduction  # that reduces the chunk, with `arguments`
     arguments: tuple[Any, ...]
-    chosen: tuple[str, ...] | None
-    wanted: int
-    shelves: Mapping[Kind, Shelf]
-    margins: bool
-    stored: Chunk | None = None
-    known: bool = False
+    chosen: tuple[str, ...] | None  # requested outputs without a time
+    wanted: int  # number of realisations whose responses are returned
+    shelves: Mapping[Kind, Shelf]  # stores of responses, by kind
+    margins: bool  # whether margins of requirements are requested in addition
+    stored: Chunk | None = None  # the stored chunk without its response, if there is one
+    known: bool = False  # whether the result of the function for the stored chunk is known
     here: bool = False
     """Whether the folder is certainly that of who does it."""
 
 
 @dataclass(frozen=True)
 class Handover:
-    """What a worker hands over of a chunk.
+    """Result of a worker for a chunk."""
 
-    Attributes
-    ----------
-    chunk : Chunk
-        Without its response.
-    response : array, shape (W, output, time)
-        Those that are wanted.
-    status, messages : array, tuple
-        Where an output that is asked for does not happen, the realisation is censored.
-    good : array of bool, shape (K,)
-    missing : array of int, shape (output,)
-        In how many realisations each output does not happen.
-    seen, responses : array
-        Indices of a few that succeeded, and their responses, from which the error of the integration is measured.
-    result : dict, optional
-        What the function gave.
-    computed : bool
-        Whether it was computed, and not read.
-    unread : bool
-        Whether it is stored where who was asked cannot read it: there is nothing else here.
-    beside : dict
-        Chunks of other kinds; without a response where it is stored.
-    files : dict
-        By kind, the checksum of the file of the responses, and its content where it could not be written.
-    """
-
-    chunk: Chunk
-    response: Array
+    chunk: Chunk  # without its response
+    response: Array  # (W, output, time), those that are wanted
     status: Index
-    messages: tuple[str, ...]
-    good: Mask
-    missing: Index
-    seen: Index
-    responses: Array
-    result: Arrays | None
-    computed: bool = False
-    unread: bool = False
+    messages: tuple[str, ...]  # where a requested output does not occur, the status of the realisation is censored
+    good: Mask  # (K,)
+    missing: Index  # (output,) number of realisations without the output
+    seen: Index  # indices of some successful realisations
+    responses: Array  # of `seen`, from which the integration error is measured
+    result: Arrays | None  # of the function
+    computed: bool = False  # whether the chunk was computed, not read
+    unread: bool = False  # whether the worker cannot read the stored chunk; then the other fields are empty
     beside: dict[Kind, Chunk] = field(default_factory=dict)
+    """Chunks of other kinds; without a response where it is stored."""
     files: dict[Kind, tuple[int, bytes | None]] = field(default_factory=dict)
+    """By kind, checksum of the file of the responses, and its content where it could not be written."""
 
 
 def compute_reduced(
     packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: Order
 ) -> Handover:
-    """Compute some realisations, or read them where they are stored, and reduce them; arguments as of `compute_chunk`.
+    """Compute realisations, or read them where they are stored, and reduce them.
 
-    Returns
-    -------
-    Handover
-        What is left of them.  Responses are written where that is asked for, once.
+    Arguments are those of `compute_chunk`. Responses are written once, where requested.
     """
     if order.stored is not None:
         if not (order.here or order.shelves[kind].shared):

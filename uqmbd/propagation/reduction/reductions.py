@@ -50,39 +50,21 @@ __all__ = ["Reductions", "Work", "store_name"]
 
 @dataclass(frozen=True)
 class Work:
-    """What is known of a problem whose realisations are reduced; names as of `uqmbd.extend.Problem`.
-
-    Attributes
-    ----------
-    method : str
-        Label of the method at work, `label` being that of this part of its work.
-    times : array, shape (T,)
-        Output times of the study, whatever the kind.
-    packed : Packed
-        The model, for workers.
-    fingerprint : bytes
-        What the numbers of all kinds depend on besides inputs.
-    unlocked : bool
-        Whether realisations are computed without the interpreter.
-    chunk_size : callable
-        From the number of realisations.
-    kept : Kept
-        What is known of the chunks already, and holds what is computed beside them.
-    """
+    """Data of a problem whose realisations are reduced; names are those of `uqmbd.extend.Problem`."""
 
     label: str
-    method: str
+    method: str  # label of the running method; `label` is that of this part of its work
     kind: Kind
     chosen: tuple[str, ...] | None
     model: Model
     inputs: JointInput
-    times: Array
+    times: Array  # (T,) output times of the study, for every kind
     rtol: float
     integrator: str
-    packed: Packed
-    fingerprint: bytes
+    packed: Packed  # the model, for workers
+    fingerprint: bytes  # all that the numbers of all kinds depend on except inputs
     answers_requirements: bool
-    unlocked: bool
+    unlocked: bool  # whether realisations are computed without the interpreter lock
     executor: Executor | None
     progress: Progress
     checkpoint: Checkpoint | None
@@ -90,15 +72,13 @@ class Work:
     spending: Spending
     ledger: Ledger | None
     observed: Observed
-    chunk_size: Callable[[int], int]
-    kept: Kept
+    chunk_size: Callable[[int], int]  # of a number of realisations
+    kept: Kept  # known chunks, and those that are computed with them
 
 
 def store_name(label: str) -> str:
-    """Return the name of the store of samples beside the results.
+    """Return the name of the store of samples next to the results.
 
-    Examples
-    --------
     >>> store_name("monte-carlo")
     'monte-carlo-samples.zarr'
     """

@@ -236,8 +236,6 @@ def _errors(
 def free_name(name: str, taken: set[str]) -> str:
     """Return a name that no output has.
 
-    Examples
-    --------
     >>> free_name("output", {"output"}), free_name("output", {"x"})
     ('output_', 'output')
     """

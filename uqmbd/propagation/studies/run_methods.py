@@ -28,18 +28,10 @@ UNTOLD = 1000
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the methods of a study.
+    """Results and errors of the methods of a study."""
 
-    Attributes
-    ----------
-    nodes : tuple of xarray.DataTree
-        Of the methods that succeeded.
-    errors : mapping of str to BaseException
-        What the others raised, by label.
-    """
-
-    nodes: tuple[xr.DataTree, ...]
-    errors: Mapping[str, BaseException]
+    nodes: tuple[xr.DataTree, ...]  # of the methods that succeeded
+    errors: Mapping[str, BaseException]  # of the others, by label
     attrs: Mapping[str, str] = field(default_factory=dict)
     """Further attributes of the root."""
 

@@ -18,18 +18,10 @@ __all__ = ["Answer", "Terms", "answer", "said_before", "terms"]
 
 @dataclass(frozen=True)
 class Terms:
-    """What goes with every call.
+    """Data that accompany every call to a worker."""
 
-    Attributes
-    ----------
-    versions : tuple of (str, str)
-        That the worker has to have.
-    listener : Listener, optional
-        To whom it says what its loggers say; None: nobody listens.
-    """
-
-    versions: Versions
-    listener: Listener | None
+    versions: Versions  # required of the worker
+    listener: Listener | None  # process that receives log records of the worker; None: no process
 
 
 def terms() -> Terms:
@@ -39,27 +31,14 @@ def terms() -> Terms:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a worker says to a call.
-
-    Attributes
-    ----------
-    worker : Worker
-        Who it is.
-    kind : {"done", "missing", "refused"}
-        Whether it has done it, does not have a packed object that it needs, or is of another version.
-    result : object
-        Where it is done.
-    seconds : float
-        Wall time that it took.
-    said : tuple of logging.LogRecord
-        By the loggers of its process, where that is another one.
-    """
+    """Answer of a worker to a call."""
 
     worker: Worker
     kind: Literal["done", "missing", "refused"]
-    result: Any = None
-    seconds: float = 0.0
-    said: tuple[logging.LogRecord, ...] = ()
+    """Of the answer: missing: a packed object is not there; refused: the worker has other versions."""
+    result: Any = None  # if the kind is "done"
+    seconds: float = 0.0  # wall time of the call
+    said: tuple[logging.LogRecord, ...] = ()  # log records, where the worker is another process
 
 
 def answer(asked: Terms, function: Callable[..., Any], *arguments: Any) -> Answer:

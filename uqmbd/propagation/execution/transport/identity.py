@@ -33,28 +33,14 @@ Versions = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Worker:
-    """Who has computed something.
+    """Identity of a worker."""
 
-    Attributes
-    ----------
-    host : str
-        Name of the machine.
-    process, thread : int
-        Numbers that the system gave them.
-    versions : tuple of (str, str)
-        Names and versions of all that has to be the same everywhere.
-    machine : str
-        Type of the machine, on which last bits depend.
-    address : str
-        Where a Dask cluster finds it; empty elsewhere.
-    """
-
-    host: str
-    process: int
+    host: str  # name of the machine
+    process: int  # number, as `thread`, that the system assigned
     thread: int
-    versions: Versions
-    machine: str
-    address: str = ""
+    versions: Versions  # names and versions of all software that must be the same everywhere
+    machine: str  # type of the machine, on which last bits depend
+    address: str = ""  # on a Dask cluster; else empty
 
     @property
     def key(self) -> tuple[str, int, int]:
@@ -97,13 +83,7 @@ def _sources() -> str:
 
 @cache
 def machine_type() -> str:
-    """Return the type of this machine: architecture, vector extensions, and the library of mathematics.
-
-    Examples
-    --------
-    >>> machine_type().split(" ")[0] == platform.machine()
-    True
-    """
+    """Return the type of this machine: architecture, vector extensions, and the mathematical library."""
     enabled = {name[1:] for name in host().features.split(",") if name.startswith("+")}
     extensions = [name for name in EXTENSIONS if name in enabled]
     library = "-".join(part for part in platform.libc_ver() if part) or platform.system().lower()

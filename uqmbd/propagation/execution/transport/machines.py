@@ -24,12 +24,10 @@ def solver_counters(counters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def machine_attribute(counters: Mapping[str, float]) -> dict[str, str]:
-    """Return the attribute that says how many realisations each type of machine has computed, as a JSON object.
+    """Return the attribute with the number of realisations by type of machine, as a JSON object.
 
-    Nothing, where all of them were computed on machines of the type of this one.
+    It is empty where all of them were computed on machines of the type of this one.
 
-    Examples
-    --------
     >>> machine_attribute({"steps": 12, "on aarch64 neon glibc-2.36": 64})
     {'machines': '{"aarch64 neon glibc-2.36": 64}'}
     >>> machine_attribute(machine_counter(64))

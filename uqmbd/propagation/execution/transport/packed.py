@@ -21,26 +21,10 @@ class Missing(LookupError):
 
 @dataclass(frozen=True)
 class Packed:
-    """A pickled object, or the hash of one that whoever gets it has already.
+    """Pickled object, or only its hash if the receiver has the object already."""
 
-    Attributes
-    ----------
-    digest : str
-        Of the bytes.
-    data : bytes, optional
-        The bytes.
-
-    Examples
-    --------
-    >>> whole = Packed.of({"mass": 2.0})
-    >>> whole.value()
-    {'mass': 2.0}
-    >>> whole.ticket.data is None, whole.ticket.value() is whole.value()
-    (True, True)
-    """
-
-    digest: str
-    data: bytes | None = field(default=None, repr=False, compare=False)
+    digest: str  # of the bytes
+    data: bytes | None = field(default=None, repr=False, compare=False)  # the bytes
 
     @classmethod
     def of(cls, value: object) -> Packed:
@@ -54,12 +38,9 @@ class Packed:
         return replace(self, data=None)
 
     def value(self) -> Any:
-        """Return the object; as long as it is one of the last few, always the same one.
+        """Return the object, the same one while it is among the last few.
 
-        Raises
-        ------
-        Missing
-            If there are no bytes, and it is none of those that are kept.
+        Raise Missing without bytes or stored object.
         """
         return _SHELF.value(self)
 

@@ -38,17 +38,11 @@ class WorkerDied(BrokenExecutor):
 
 
 class Processes(Executor):
-    """Processes that are started when there is work, and replaced when they die.
+    """Executor of at most `count` processes that start when there is work, and are replaced when they die.
 
-    The future of what a process was doing when it died raises `WorkerDied`.  To cancel a future whose work has begun
-    ends the process that does it, which is replaced.  Packed arguments travel to each process once.
-
-    Parameters
-    ----------
-    count : int
-        Most of them.
-    hire : callable
-        Makes a pool of one process, and a shared integer that becomes the number of that process when it has started.
+    The future of the call that a process was running when it died raises `WorkerDied`. Cancelling a running future ends
+    its process, which is replaced. Packed arguments are sent to each process once. `hire` makes a pool of one process,
+    and a shared integer that becomes the number of that process when it has started.
     """
 
     def __init__(self, count: int, hire: Hire) -> None:

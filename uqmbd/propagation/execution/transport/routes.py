@@ -165,10 +165,8 @@ def route_to(executor: Executor) -> Route:
 
 
 def death(error: BaseException) -> str:
-    """Say what an error tells of the death of a worker; empty if it tells something else.
+    """Return the reason in an error that reports the death of a worker; empty for other errors.
 
-    Examples
-    --------
     >>> death(BrokenExecutor("a process has ended")), death(ValueError("no"))
     ('a process has ended', '')
     """

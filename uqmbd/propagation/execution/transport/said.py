@@ -21,28 +21,16 @@ _PLAIN = (str, int, float, bool, type(None))
 
 @dataclass(frozen=True)
 class Listener:
-    """Who listens to the loggers below `uqmbd`, and to what.
+    """Process that receives log records below `uqmbd`, and their levels."""
 
-    Attributes
-    ----------
-    host : str
-        Name of its machine.
-    process : int
-        Number that the system gave it.
-    levels : tuple of (str, int)
-        Names of the loggers that have levels of their own, and these.
-    """
-
-    host: str
-    process: int
-    levels: tuple[tuple[str, int], ...]
+    host: str  # name of its machine
+    process: int  # number that the system assigned
+    levels: tuple[tuple[str, int], ...]  # names of the loggers that have separate levels, and these
 
 
 def listener() -> Listener | None:
-    """Return this process as the one that listens; None where it has no handlers that would show or keep anything.
+    """Return this process as the listener; None where it has no handlers that would show or store a record.
 
-    Examples
-    --------
     >>> listener() is None or dict(listener().levels)["uqmbd"] >= logging.NOTSET
     True
     """

@@ -81,13 +81,7 @@ class Seen:
             self._refusers.popitem(last=False)
 
     def complain(self) -> None:
-        """Raise where nobody seems to accept.
-
-        Raises
-        ------
-        uqmbd.IntegrationError
-            With the names of all that have refused, and their versions.
-        """
+        """Raise IntegrationError, with refusals and versions of the workers, if no worker seems to accept calls."""
         if self.refused < PATIENCE:
             return
         reasons: dict[str, list[str]] = {}
