@@ -26,10 +26,10 @@ REPETITION = "repetition"
 
 def read_dataset(path: Path) -> xr.Dataset:
     """Read a netCDF file into memory; times are numbers, whatever their units resemble."""
-    from uqmbd.results import load
+    from uqmbd.results import read_root
 
     try:
-        return load(path).to_dataset()
+        return read_root(path)
     except uqmbd.StudyError as error:
         reason = " ".join(str(error.__cause__ or error).split())
         raise uqmbd.StudyError(f"{path}: this is no netCDF file that can be read: {reason[:300]}") from error

@@ -19,7 +19,7 @@ from uqmbd.results.storage.manifest import (
     stores_of,
 )
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
-from uqmbd.results.storage.storage import errors_of_files, load, not_verified, save
+from uqmbd.results.storage.storage import errors_of_files, load, not_verified, read_root, save
 from uqmbd.results.storage.unfinished import (
     FOLDER,
     WITHIN,
@@ -60,6 +60,7 @@ __all__ = [
     "move_aside",
     "not_verified",
     "open",
+    "read_root",
     "record",
     "save",
     "start_manifest",

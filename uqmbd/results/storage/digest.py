@@ -19,13 +19,16 @@ from typing import Any, BinaryIO
 from uqmbd.errors import StudyError
 from uqmbd.files import no_link
 
-__all__ = ["CHECKSUM", "Span", "add_digest", "check_digest"]
+__all__ = ["CHECKSUM", "MARK", "Span", "add_digest", "check_digest"]
 
 Span = tuple[int, int]
 """Where some bytes of a file begin, and how many there are."""
 
 CHECKSUM = 4
 """Bytes of HDF5's checksum, with which a chunk ends."""
+
+MARK = "uqmbd_digest_follows"
+"""Attribute of the root of a file that has a digest: where that is damaged beyond recognition, the file is still ours."""
 
 _FORM = "uqmbd digest 1"
 _END = b"\x89uqmbd digest\r\n\x1a\n"
@@ -85,13 +88,14 @@ def check_digest(file: BinaryIO, *, whole: bool) -> bool:
     Raises
     ------
     StudyError
-        If the content is another one, or something else is where the digest of uqmbd should be.
+        If the content is another one, or something else is where the digest of uqmbd should be.  Other programs may
+        write what they like after the end of the data.
     """
     end = file.seek(0, os.SEEK_END)
     file.seek(max(end - _FOOT, 0))
     foot = file.read(_FOOT)
     if len(foot) < _FOOT or not foot.endswith(_END):
-        if (data := _end_of_data(file)) is not None and end > data:
+        if (data := _end_of_data(file)) is not None and end > data and _has_mark(file):
             raise _damaged(file, f"{end - data} bytes after the end of its data are no digest")
         return False
     length, digest = int.from_bytes(foot[:8], "little"), foot[8 : 8 + _SHA]
@@ -136,6 +140,18 @@ def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
     while count > 0 and (part := file.read(min(count, _AT_ONCE))):
         yield part
         count -= len(part)
+
+
+def _has_mark(file: BinaryIO) -> bool:
+    """Whether a file, or what is left of it, was written with a digest."""
+    marks = (MARK.encode(), _FORM.encode())
+    file.seek(0)
+    last = b""
+    for part in iter(lambda: file.read(_AT_ONCE), b""):
+        last = last[-len(MARK) :] + part
+        if any(mark in last for mark in marks):
+            return True
+    return False
 
 
 def _end_of_data(file: BinaryIO) -> int | None:

@@ -71,8 +71,10 @@ def check_text(letters: int, path: Path) -> None:
     check_memory(4 * letters, path)
 
 
-def opened_netcdf(path: Path) -> xr.DataTree:
+def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
     """Open a netCDF file, of which nothing but attributes is read; it is open until `close` of the tree.
+
+    Without groups below the root, these are not looked at.
 
     Raises
     ------
@@ -93,11 +95,11 @@ def opened_netcdf(path: Path) -> xr.DataTree:
             raise
         return found
     # it opens the file again in another process
-    manager = CachingFileManager(_opened, str(path.resolve()), mode="r")
+    manager = CachingFileManager(_opened, str(path.resolve()), mode="r", kwargs={"below": below})
     try:
         sets = {
             name: xr.open_dataset(H5NetCDFStore(manager, group=name, mode="r"), cache=False, **PLAIN)
-            for name in _groups(manager.acquire(), "/")
+            for name in (_groups(manager.acquire(), "/") if below else ["/"])
         }
         found = xr.DataTree.from_dict(sets)
     except BaseException:
@@ -107,7 +109,7 @@ def opened_netcdf(path: Path) -> xr.DataTree:
     return found
 
 
-def _opened(path: str, mode: str) -> Any:
+def _opened(path: str, mode: str, *, below: bool) -> Any:
     """Open a netCDF file of HDF5, by h5netcdf; closing it closes HDF5's file."""
     import h5netcdf
 
@@ -118,7 +120,7 @@ def _opened(path: str, mode: str) -> Any:
 
     inner = remembering()(path, mode)
     try:
-        _check(inner, Path(path))
+        _check(inner, Path(path), below=below)
         # what h5netcdf reads first: where that fails, it leaves an object that prints a traceback at its end
         dict(inner.attrs)
         return Reader(inner, mode, decode_vlen_strings=True, phony_dims="access")
@@ -133,8 +135,8 @@ def _groups(group: Any, name: str) -> Iterator[str]:
         yield from _groups(below, f"{name.rstrip('/')}/{child}")
 
 
-def _check(file: Any, path: Path) -> None:
-    """Refuse what is no variable of a result, and more than a file can hold."""
+def _check(file: Any, path: Path, *, below: bool) -> None:
+    """Refuse what is no variable, and more than a file can hold."""
     import h5py
 
     size, declared, seen = path.stat().st_size, 0, set()
@@ -151,7 +153,8 @@ def _check(file: Any, path: Path) -> None:
                 if address in seen:
                     raise _refused(path, f"the group {one.name!r} holds itself")
                 seen.add(address)
-                look(one)
+                if below:
+                    look(one)
             elif isinstance(one, h5py.Dataset):
                 declared += _bytes_of(one, path, size)
                 check_declared(declared, size, path)
@@ -196,4 +199,4 @@ def _check_texts(texts: Any, path: Path, size: int, at_once: int) -> None:
 
 
 def _refused(path: Path, found: str) -> StudyError:
-    return StudyError(f"{str(path)!r} is not read: {found}, which no result has.")
+    return StudyError(f"{str(path)!r} is not read: {found}, which uqmbd does not read.")

@@ -22,19 +22,20 @@ from uqmbd.files import regular, replacing
 from uqmbd.logs import results
 from uqmbd.results.schema import SCHEMA_VERSION, check_version, validate
 from uqmbd.results.storage.chunks import chunks_of
-from uqmbd.results.storage.digest import CHECKSUM, add_digest, check_digest
+from uqmbd.results.storage.digest import CHECKSUM, MARK, add_digest, check_digest
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.manifest import has_manifest, in_manifest, is_ours, record
 from uqmbd.results.storage.reading import PLAIN, check_memory, check_text, opened_netcdf
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_folder
 
-__all__ = ["errors_of_files", "load", "load_with", "not_verified", "save"]
+__all__ = ["errors_of_files", "load", "load_with", "not_verified", "read_root", "save"]
 
 _JSON_ATTRIBUTES = "uqmbd_json_attributes"
 _CHILDREN = "uqmbd_children"
 _VERSION = "schema_version"
 _VERSION_ADDED = "uqmbd_schema_version_added"
+_NETCDF = (".nc", ".nc4")
 _INT64 = np.iinfo(np.int64)
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
@@ -132,37 +133,98 @@ def _read(tree: xr.DataTree, source: Path) -> xr.DataTree:
         return tree.load()
 
 
+def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read the variables in the root of a netCDF file of any program, such as measurements, into memory.
+
+    It is read as :func:`load` reads results, but need not be one: groups, and versions of schemas, are left alone.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF file (``.nc``, ``.nc4``).
+
+    Returns
+    -------
+    xarray.Dataset
+        Times are numbers, whatever their units resemble.  Its ``encoding["digest"]`` is as that of :func:`load`.
+
+    Raises
+    ------
+    StudyError
+        If it does not exist, is no regular file, is damaged, or declares more numbers than it can hold or the memory
+        can.
+
+    Examples
+    --------
+    >>> import tempfile, xarray
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     data = xarray.Dataset({"x": ("sample", [1.0, 2.0])})
+    ...     _ = data.to_netcdf(folder + "/measured.nc", engine="h5netcdf")
+    ...     read_root(folder + "/measured.nc").equals(data)
+    True
+    """
+    source = Path(path)
+    if source.suffix.lower() not in _NETCDF:
+        raise StudyError(f"Variables are read from .nc or .nc4 (netCDF); {str(source)!r} ends in neither.")
+
+    def variables(tree: xr.DataTree) -> xr.DataTree:
+        found = _read(tree, source).to_dataset()
+        _drop_own(found.attrs)
+        found.attrs.pop(_CHILDREN, None)
+        return xr.DataTree(_decode(found, source))
+
+    return _gated(source, variables, "netCDF file", whole=True, below=False).to_dataset()
+
+
 def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) -> xr.DataTree:
     """Open a result, of which nothing is executed, and read it by a function of what is opened.
 
     The function `_read` reads all; with another one the large chunks are not compared with their digests.
     """
     suffix = source.suffix.lower()
-    if suffix not in (".nc", ".nc4", ".zarr"):
+    if suffix not in (*_NETCDF, ".zarr"):
         raise StudyError(f"A result is read from .nc (netCDF) or .zarr (Zarr); {str(source)!r} ends in neither.")
-    if not source.exists():
-        raise StudyError(f"There is no result at {str(source)!r}.")
     if (source / "response" / ".zarray").is_file():
         raise StudyError(
             f"{str(source)!r} holds samples of a method, and is no result: uqmbd.results.open reads the result beside "
             "it (results.nc), with all samples, and uqmbd.results.SampleStore.open the samples alone."
         )
+
+    def result(tree: xr.DataTree) -> xr.DataTree:
+        tree = read(tree, source)
+        check_version(tree.attrs, str(source))
+        _drop_own(tree.attrs)
+        return _decode_tree(tree, source, ordered=suffix != ".zarr")
+
+    return _gated(source, result, "result", whole=read is _read)
+
+
+def _drop_own(attrs: dict[Any, Any]) -> None:
+    """Remove what `save` added to the attributes of the root."""
+    if attrs.pop(_VERSION_ADDED, None) and attrs.get(_VERSION) == SCHEMA_VERSION:
+        # of an earlier version it stays, and says what the result need not have
+        del attrs[_VERSION]
+    attrs.pop(MARK, None)
+
+
+def _gated(
+    source: Path, decode: Callable[[xr.DataTree], xr.DataTree], what: str, *, whole: bool, below: bool = True
+) -> xr.DataTree:
+    """Open a file or a folder through the gate, with or without groups below the root, and make of it what is asked."""
+    if not source.exists():
+        raise StudyError(f"There is no {what} at {str(source)!r}.")
     tree, verified = None, False
     try:
-        if suffix == ".zarr":
+        if source.suffix.lower() == ".zarr":
             check_folder(source)
             # the specification of format 3 has no consolidated metadata
             old = (source / ".zmetadata").is_file() and not (source / "zarr.json").is_file()
             tree = xr.open_datatree(source, engine="zarr", consolidated=old, chunks=None, cache=False, **PLAIN)
         else:
-            verified = _verified(source, whole=read is _read)
-            tree = opened_netcdf(source)
-        tree = read(tree, source)
-        check_version(tree.attrs, str(source))
-        if tree.attrs.pop(_VERSION_ADDED, None) and tree.attrs[_VERSION] == SCHEMA_VERSION:
-            # of an earlier version it stays, and says what the result need not have
-            del tree.attrs[_VERSION]
-        found = _decode_tree(tree, source, ordered=suffix != ".zarr")
+            verified = _verified(source, whole=whole)
+            tree = opened_netcdf(source, below=below)
+        close = tree.close
+        found = decode(tree)
     # whatever the packages that read it raise of what somebody else wrote
     except Exception as error:
         if tree is not None:
@@ -170,8 +232,8 @@ def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) ->
         if isinstance(error, StudyError):
             raise
         reason = " ".join(str(error).split())[:300] or type(error).__name__
-        raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {reason}") from error
-    found.set_close(tree.close)
+        raise StudyError(f"{str(source)!r} cannot be read as a {what}; it is damaged or no {what}: {reason}") from error
+    found.set_close(close)
     found.encoding = {"source": str(source), "digest": "verified" if verified else "not verified"}
     if not verified:
         results.info("%s is not verified: it has no digest of uqmbd", source)
@@ -289,8 +351,8 @@ def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
         order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
         datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
     root = datasets["."]
-    if _VERSION not in root.attrs:
-        datasets["."] = root.assign_attrs({_VERSION: SCHEMA_VERSION, _VERSION_ADDED: 1})
+    version = {} if _VERSION in root.attrs else {_VERSION: SCHEMA_VERSION, _VERSION_ADDED: 1}
+    datasets["."] = root.assign_attrs({**version, MARK: 1})
     return xr.DataTree.from_dict(datasets, name=tree.name)
 
 
