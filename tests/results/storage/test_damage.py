@@ -150,13 +150,35 @@ def test_a_file_that_another_program_changed_is_read_and_marked(tmp_path: Path) 
     assert load(save(found, path)).encoding["digest"] == "verified"
 
 
-@pytest.mark.parametrize("rest", [b"\0", bytes(1000), b"uqmbd"])
-def test_what_follows_the_data_is_the_digest_or_refused(tmp_path: Path, rest: bytes) -> None:
+@pytest.mark.parametrize("rest", [b"\0", bytes(1000), b"uqmbd", b'{"form": "padded by another program"}'])
+def test_what_another_program_puts_after_its_data_is_left_alone(tmp_path: Path, rest: bytes) -> None:
     path = tmp_path / "a.nc"
     _plain(small()).to_netcdf(path, engine="h5netcdf")
+    expected = load(path)
     path.write_bytes(path.read_bytes() + rest)
-    with pytest.raises(StudyError, match=f"{len(rest)} bytes after the end"):
+    found = load(path)
+    assert found.identical(expected) and found.encoding["digest"] == "not verified"
+
+
+def test_what_is_left_of_a_digest_is_refused(tmp_path: Path) -> None:
+    """Wherever a file is cut within its digest, whatever is there instead, and where zeros take its place."""
+    path = save(small(), tmp_path / "a.nc")
+    content = path.read_bytes()
+    end = content.index(b'{"form": "uqmbd digest')
+    rng = random.Random(0)
+    for cut in [end + 1, end + 9, len(content) - 1, *(rng.randrange(end + 1, len(content)) for _ in range(20))]:
+        for rest in (b"", bytes(len(content) - cut), bytes(5000), rng.randbytes(100)):
+            path.unlink()
+            path.write_bytes(content[:cut] + rest)
+            with pytest.raises(StudyError, match="is damaged"):
+                load(path)
+    path.unlink()
+    path.write_bytes(content[:end] + bytes(len(content) - end))
+    with pytest.raises(StudyError, match="after the end of its data are no digest"):
         load(path)
+    path.unlink()
+    path.write_bytes(content[:end])  # as a program leaves it that changes the file
+    assert load(path).encoding["digest"] == "not verified"
 
 
 def test_other_programs_read_what_is_saved(tmp_path: Path) -> None:
