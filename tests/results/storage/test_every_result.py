@@ -131,8 +131,8 @@ ROWS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "sensitivity": {"samples": 64, "sobol_indices": True},
         "samples apart": {"samples": 60, "keep": 20, "seed": 2},
         "sensitivity, samples apart": {"samples": 64, "keep": 20, "sobol_indices": True},
-        "control": {"samples": 40, "control": Collocation(order=2, verify=2)},
-        "low-fidelity": {"samples": 40, "control": LowFidelity},
+        "control": {"samples": 60, "control": Collocation(order=2, verify=2)},
+        "low-fidelity": {"samples": 60, "control": LowFidelity},
     },
     "collocation": {
         "projection": {"order": 3, "verify": 4},
