@@ -290,7 +290,7 @@ def _corners(instance: Instance) -> bool:
     return any(s.name[:2] in moving or s in named for x in corners for s in x.free_symbols)
 
 
-def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
+def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, quiet: bool = False) -> Model:
     """Make the complete model of a mechanism, or take it from the cache where one of the same parts is stored.
 
     Parameters
@@ -301,6 +301,8 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         Initial time, s.
     fuse : bool, optional
         Compile residual and Jacobian as one kernel each; by default up to `FUSED_LIMIT` unknowns.
+    quiet : bool
+        Leave warnings of redundant equations, which are among the findings of the model, to the caller.
 
     Returns
     -------
@@ -319,7 +321,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     key = model_key(mechanism, time, fuse, rows=looked_at(mechanism))
     make = partial(_built, mechanism, time, fuse)
     model: Model = make() if key is None else cached(("model", key), make)
-    for finding in model.findings:
+    for finding in () if quiet else model.findings:
         if finding.category is RedundantConstraintWarning:
             warnings.warn(f"{finding.text}.", RedundantConstraintWarning, stacklevel=3)
     prepare(model)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from uqmbd.errors import Finding, RedundantConstraintWarning, StudyError
+from uqmbd.errors import Finding, StudyError
 from uqmbd.mechanism import as_symbolic
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
@@ -29,6 +29,8 @@ __all__ = [
     "step_attributes",
     "stepped",
     "warn_of",
+    "warn_once",
+    "warned_elsewhere",
 ]
 
 
@@ -44,10 +46,8 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
             "e.g. mechanism.require('clearance', body.position[0] <= 0.47)."
         )
     means = mechanism.inputs.means
-    with warnings.catch_warnings():
-        # they are among the findings, of which each run warns
-        warnings.simplefilter("ignore", RedundantConstraintWarning)
-        model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
+    # what is redundant is among the findings, of which the caller warns
+    model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time, quiet=True), means))
     if start != "drawn":
         posed = [name for name, condition in mechanism.conditions.items() if not condition.of_velocities]
         if posed:
@@ -67,6 +67,20 @@ def warn_of(model: Model, stacklevel: int) -> None:
     for finding in model.findings:
         if finding.warned:
             warnings.warn(f"{finding.text}.", finding.category, stacklevel=stacklevel + 1)
+
+
+def warn_once(mechanism: Mechanism, model: Model, stacklevel: int) -> None:
+    """Give these warnings unless they were given, or listed, since the mechanism was last changed."""
+    mechanism.remembered(_said(model.time), lambda: warn_of(model, stacklevel + 3))
+
+
+def warned_elsewhere(mechanism: Mechanism, time: float) -> None:
+    """Note that what was found in the model of a mechanism is listed, or warned of, by the caller."""
+    mechanism.remembered(_said(time), lambda: None)
+
+
+def _said(time: float) -> tuple[str, float]:
+    return ("findings of the model are known", time)
 
 
 def stepped(model: Model, max_step: float, breaks: tuple[float, ...]) -> Model:

@@ -183,7 +183,7 @@ def method(name: str, words: str, of: Callable[..., uqmbd.Study]) -> uqmbd.Propa
     given = dict(ROWS[name][words])
     if given.get("control") is LowFidelity:
         given["control"] = LowFidelity(of(required=False), cost=0.1)
-    made: uqmbd.Propagator = plugins.propagator(name)(**given, label=words)
+    made: uqmbd.Propagator = plugins.propagator(name)(**given, label=f"by {words}")
     return made
 
 
@@ -229,7 +229,7 @@ def test_every_method_and_feature(tmp_path: Path, name: str) -> None:
         study = make(required=required).with_propagators([*methods, MonteCarlo(samples=20, seed=1, label="other")])
         failed = failed_methods(run_and_check(study, tmp_path / f"{of}-{required}"))
         for words in could:
-            could[words] += words not in failed
+            could[words] += f"by {words}" not in failed
     assert all(could.values()), could
 
 

@@ -19,7 +19,17 @@ from uqmbd.cli.terminal import plain_progress, shown_derivation
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
-from uqmbd.propagation import Estimate, Propagator, Timing, findings, load_study, obstacle_of, readable, timing_of
+from uqmbd.propagation import (
+    Estimate,
+    Propagator,
+    Timing,
+    findings,
+    load_study,
+    obstacle_of,
+    readable,
+    timing_of,
+    warned_elsewhere,
+)
 from uqmbd.wording import format_count, format_duration, format_integer, typeset_units
 
 if TYPE_CHECKING:
@@ -58,6 +68,8 @@ def _show_check(script: Path, figure: Path | None) -> None:
         study = load_study(script)
     if figure is not None:
         draw_figure(study, figure)
+    if isinstance(study.mechanism, Mechanism):
+        warned_elsewhere(study.mechanism, float(study.times[0]))  # its findings are listed below
     found: Any = uqmbd.check(study.mechanism)
     _require_integrator(study)
     screen = console()

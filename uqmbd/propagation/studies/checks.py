@@ -17,6 +17,7 @@ from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked
 from uqmbd.propagation.inputs import POINTS, affordable, existence_of, idle_inputs
 from uqmbd.propagation.methods import Studied
+from uqmbd.propagation.observed_model import warned_elsewhere
 from uqmbd.propagation.studies.run_methods import planned
 
 __all__ = ["findings", "ranges", "warning_of"]
@@ -61,6 +62,7 @@ def findings(study: Studied) -> list[Finding]:
     mechanism: Any = study.mechanism
     if not isinstance(mechanism, Mechanism):
         return []  # a study of another make
+    warned_elsewhere(mechanism, float(study.times[0]))
     found = [finding for kind in _built_in().values() for finding in kind().find(study)]
     for name, kind in plugins.checks().items():
         mine: list[Any] = []

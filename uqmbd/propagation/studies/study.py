@@ -32,6 +32,8 @@ from uqmbd.propagation.observed_model import (
     refuse_jumps,
     step_attributes,
     stepped,
+    warn_once,
+    warned_elsewhere,
 )
 from uqmbd.propagation.options import (
     check_breaks,
@@ -285,6 +287,11 @@ class Study:
         Problem
             Of the outputs over time, where there are some.
 
+        Warns
+        -----
+        uqmbd.StudyWarning, uqmbd.RedundantConstraintWarning
+            Of what was found in the mechanism, such as redundant equations: once, and not where a run warned of it.
+
         Examples
         --------
         >>> import chaospy
@@ -303,6 +310,7 @@ class Study:
         from uqmbd.propagation.execution import Checkpoint
         from uqmbd.propagation.problem import Problem
 
+        warn_once(self.mechanism, self.model, stacklevel=2)
         return Problem(
             study=self.name,
             mechanism=self.mechanism.name,
@@ -329,10 +337,7 @@ class Study:
             mechanism = copy.copy(self.mechanism)
             for name, expression in wanted.items():
                 mechanism.output(name, expression)
-            with warnings.catch_warnings():
-                # what is to be said of the mechanism is said of the model of the study
-                warnings.simplefilter("ignore")
-                model = observed_model(mechanism, float(self.times[0]), self.start)
+            model = observed_model(mechanism, float(self.times[0]), self.start)
             return stepped(model, self.max_step, self.breaks)
 
         key = ("watched", float(self.times[0]), self.start, self.max_step, self.breaks, *wanted)
@@ -373,6 +378,7 @@ class Study:
         [[0.0, 0.2, 0.4]]
         """
         self._checked([propagator])
+        warned_elsewhere(self.mechanism, float(self.times[0]))
         with pool(workers) as executor:
             found = run_method(propagator, self.problem(propagator, executor, progress))
         self._warned((propagator,))

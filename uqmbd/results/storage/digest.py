@@ -28,7 +28,7 @@ CHECKSUM = 4
 """Bytes of HDF5's checksum, with which a chunk ends."""
 
 MARK = "uqmbd_digest_follows"
-"""Attribute of the root of a file that has a digest: where that is damaged beyond recognition, the file is still ours."""
+"""Attribute of the root of a file that has a digest, which tells whose it is where nothing is left of that."""
 
 _FORM = "uqmbd digest 1"
 _END = b"\x89uqmbd digest\r\n\x1a\n"
