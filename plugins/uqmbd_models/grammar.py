@@ -44,6 +44,9 @@ ELEMENTS = {
 }
 """Elements inside of them; none inside the others."""
 
+TURNED = 1e6
+"""Angles, rad, beyond which the digits of a number say little of a direction."""
+
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -76,6 +79,8 @@ def vector(where: str, element: Element | None, key: str, default: tuple[float, 
     found = np.array([float(x) if NUMBER.fullmatch(x) else np.nan for x in parts])
     if found.shape != (3,) or not np.isfinite(found).all():
         raise uqmbd.StudyError(f"{where}: {key} is {_shown(given)}; expected three finite numbers, such as '0 0 0.5'.")
+    if key == "rpy" and np.abs(found).max() > TURNED:
+        raise uqmbd.StudyError(f"{where}: rpy is {_shown(given)}; expected three angles in rad, up to {TURNED:g}.")
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import uqmbd
@@ -62,10 +63,19 @@ def require_sizes(path: str, root: Element) -> None:
     uqmbd.StudyError
         With file, line and element.
     """
-    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, [0.0])
+    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _Looked())
 
 
-def _look(path: str, root: Element, seen: frozenset[str], copies: float, bodies: list[float]) -> None:
+@dataclass
+class _Looked:
+    """What was found so far."""
+
+    bodies: float = 0.0
+    files: dict[str, tuple[Element, float, float]] = field(default_factory=dict)
+    """Of each file that is included: its root, the most copies that were looked at, and bodies of each copy."""
+
+
+def _look(path: str, root: Element, seen: frozenset[str], copies: float, found: _Looked) -> None:
     """Look at all elements, each with the number of its copies."""
     waiting = [(root, copies)]
     while waiting:
@@ -78,8 +88,8 @@ def _look(path: str, root: Element, seen: frozenset[str], copies: float, bodies:
             times *= max(1.0, _product(element, COUNTS[element.tag]))
             _require(where, "bodies", times, COPIES)
         elif element.tag == "body":
-            bodies[0] += times
-            _require(where, "bodies so far", bodies[0], COPIES)
+            found.bodies += times
+            _require(where, "bodies so far", found.bodies, COPIES)
         elif element.tag in ARRAYS:
             _require(where, "entries", times * _product(element, ARRAYS[element.tag]), ENTRIES)
         elif element.tag == SIZE:
@@ -88,18 +98,31 @@ def _look(path: str, root: Element, seen: frozenset[str], copies: float, bodies:
                 most = EACH if key.startswith("nuser_") or key == "nkey" else most
                 _require(f"{where}: {key}", what, _product(element, (key,)), most)
         if element.tag in INCLUDES:
-            _included(path, element, seen, times, bodies)
+            _included(path, element, seen, times, found)
         waiting.extend((inner, times) for inner in element)
 
 
-def _included(path: str, element: Element, seen: frozenset[str], copies: float, bodies: list[float]) -> None:
-    """Look at a file of the model; one that is not found is left to MuJoCo, which names it."""
+def _included(path: str, element: Element, seen: frozenset[str], copies: float, found: _Looked) -> None:
+    """Look at a file of the model; one that is not found is left to MuJoCo, which names it.
+
+    What a file asks for grows with its copies: one that was looked at with as many is not looked at again, else files
+    that include each other twice would take twice as long with each level.
+    """
     file = Path(path).parent / element.get(INCLUDES[element.tag])
     name = str(file.resolve())
     if not element.get(INCLUDES[element.tag]) or name in seen or not file.is_file():
         return
-    root = parse(f"from_mjcf: {file}, which {path} includes", str(file), "mjcf").root
-    _look(str(file), root, seen | {name}, copies, bodies)
+    if name in found.files:
+        root, most, each = found.files[name]
+        if copies <= most:
+            found.bodies += copies * each
+            _require(f"{path}: line {element.line}: <{element.tag}>", "bodies so far", found.bodies, COPIES)
+            return
+    else:
+        root = parse(f"from_mjcf: {file}, which {path} includes", str(file), "mjcf").root
+    before = found.bodies
+    _look(str(file), root, seen | {name}, copies, found)
+    found.files[name] = root, copies, (found.bodies - before) / copies
 
 
 def _require(where: str, what: str, found: float, most: float) -> None:

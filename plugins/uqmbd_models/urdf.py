@@ -211,6 +211,7 @@ def _tree(
     number_of: dict[str, int] = {}
     names = Names(robot.joints)
     carrying = set(robot.parents.values())
+    freed: list[str] = []
     for name in order:
         if name == WORLD and name in robot.roots:
             number_of[name] = 0
@@ -227,7 +228,9 @@ def _tree(
         links.append(Link(name, parent, position, turn, inertials[name], line=robot.links[name].line))
         if floating and not parent and not stated and (inertials[name].mass or name in carrying):
             stated = [_free(names.take(f"{name}_free"), k, np.concatenate([position, turn]))]
+            freed += [robot.above[name]] if name in robot.above else []
         joints.extend(stated)
+    robot.note("fixed joints to the world", freed, "floating=True: the links that they hold move freely")
     return links, joints
 
 

@@ -20,6 +20,7 @@ from uqmbd.cli.report import rewrite_report
 from uqmbd.cli.run.run import run_study
 from uqmbd.errors import StudyError
 from uqmbd.new import new_plugin, new_study
+from uqmbd.propagation import writable
 from uqmbd.results import load, save
 from uqmbd_calibration import Calibration
 from uqmbd_calibration.command import Calibrate, running
@@ -156,7 +157,28 @@ def test_names_that_are_none_of_results_are_refused(names: object, tmp_path: Pat
         pass
 
 
-@pytest.mark.parametrize("folder", [None, 3, "a\0b", "file", "file/below"])
+@pytest.mark.parametrize("names", [None, 3, b"a.nc", iter(["a.nc"]), {"a.nc": 1, 2: 3}, [None]])
+def test_what_is_no_list_of_names_is_refused_before_a_folder_is_made(names: object, tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="output_folder: names"), uqmbd.output_folder(tmp_path / "out", names):
+        pass
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_on_whose_way_nothing_may_be_searched_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a user who is not root meets it."""
+
+    def denied(path: object, *_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("os.stat", denied)
+    monkeypatch.setattr("os.mkdir", denied)
+    with pytest.raises(StudyError, match=r"cannot be written \(Permission denied\)"):
+        writable(tmp_path / "locked" / "out")
+
+
+@pytest.mark.parametrize("folder", [None, 3, "a\0b", "file", "file/below", "x" * 300, "x" * 300 + "/y", b"out"])
 def test_a_folder_that_there_cannot_be_is_refused(
     folder: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -83,3 +83,57 @@ def test_random_replicates_are_counted_as_by_recursion(tmp_path):
         with pytest.raises(uqmbd.StudyError, match="asks for"):
             require_sizes(str(path), root)
     assert 20 < refused < 280
+
+
+def test_files_that_include_each_other_twice_are_looked_at_once(tmp_path, monkeypatch):
+    """24 levels, of which each would double the time: 16 million files."""
+    read = []
+    monkeypatch.setattr(
+        "uqmbd_models.sizes.parse", lambda what, path, kind: read.append(path) or parse(what, path, kind)
+    )
+    levels = 24
+    for k in range(levels):
+        twice = f'<include file="{k + 1}.xml"/>' * 2
+        (tmp_path / f"{k}.xml").write_text(f'<mujoco>{twice}<replicate count="1">{twice}</replicate></mujoco>')
+    (tmp_path / f"{levels}.xml").write_text("<mujoco/>")
+    path = str(tmp_path / "0.xml")
+    require_sizes(path, parse("test", path, "mjcf").root)
+    assert len(read) == levels
+    (tmp_path / f"{levels}.xml").write_text("<mujoco><worldbody><body/></worldbody></mujoco>")
+    with pytest.raises(uqmbd.StudyError, match="bodies so far"):
+        require_sizes(path, parse("test", path, "mjcf").root)
+
+
+def test_random_includes_are_counted_as_by_recursion(tmp_path):
+    refused = 0
+    for seed in range(60):
+        rng, levels = random.Random(seed), 4
+        files, includes = {"00": rng.randrange(3)}, {}  # bodies of each, and what it includes, how many times
+        for level in range(levels):
+            for name in [name for name in files if name[0] == str(level)]:
+                under = [f"{level + 1}{rng.randrange(2)}" for _ in range(rng.randrange(4))]
+                includes[name] = [(one, rng.choice((1, 3, 9, 30))) for one in under]
+                files |= {one: rng.randrange(3) for one in under if one not in files}
+
+        def count(name, copies, files=files, includes=includes):
+            found, most = copies * files[name], copies
+            for one, times in includes.get(name, ()):
+                inner, deepest = count(one, copies * times)
+                found, most = found + inner, max(most, deepest)
+            return found, most
+
+        for name, bodies in files.items():
+            text = "<body/>" * bodies + "".join(
+                f'<replicate count="{times}"><include file="{one}.xml"/></replicate>'
+                for one, times in includes.get(name, ())
+            )
+            (tmp_path / f"{name}.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+        path = str(tmp_path / "00.xml")
+        root = parse("test", path, "mjcf").root
+        if max(count("00", 1)) <= COPIES:
+            require_sizes(path, root)
+            continue
+        refused += 1
+        with pytest.raises(uqmbd.StudyError, match="asks for"):
+            require_sizes(path, root)
+    assert 5 < refused < 55

@@ -511,3 +511,29 @@ def test_a_merged_link_whose_inertia_no_body_has_is_listed(file):
     assert rows(uqmbd.from_urdf(file(f'<robot name="r">{text}</robot>')))[
         "inertia that no body has, of merged links"
     ] == ("b",)
+
+
+FIXED = (
+    f'<link name="world"/><link name="base">{INERTIAL(0.1)}</link><joint name="bolt" type="fixed"><parent link="world"/>'
+    f'<child link="base"/></joint><link name="arm">{INERTIAL(0.1)}</link><joint name="j" type="continuous"><parent link="base"/>'
+    '<child link="arm"/><axis xyz="0 1 0"/></joint>'
+)
+
+
+def test_a_fixed_joint_to_the_world_that_floating_replaces_is_listed(file):
+    path = file(f'<robot name="r">{FIXED}</robot>')
+    told = {one.what: one.names for one in uqmbd.from_urdf(path, floating=True).not_taken}
+    assert told["fixed joints to the world"] == ("bolt",)
+    assert "fixed joints to the world" not in {one.what for one in uqmbd.from_urdf(path).not_taken}
+
+
+@pytest.mark.parametrize("angle", ["1e300", "-1e300", "2e6", "1e308"])
+@pytest.mark.parametrize("place", ["joint", "inertial"])
+def test_angles_that_say_nothing_of_a_direction_are_refused(file, place, angle):
+    origin = f'<origin rpy="0 {angle} 0"/>'
+    text = f'<robot name="r">{FIXED}</robot>'
+    tag = '<joint name="j" type="continuous">' if place == "joint" else "<inertial>"
+    with pytest.raises(
+        uqmbd.StudyError, match=rf"rpy is '0 {re.escape(angle)} 0'; expected three angles in rad, up to 1e\+06"
+    ):
+        uqmbd.from_urdf(file(text.replace(tag, tag + origin, 1)))

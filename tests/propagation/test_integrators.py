@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
 from uqmbd import plugins
+from uqmbd.dynamics.integrators import capabilities_of, integrate
 from uqmbd.testing.propagators.executors import Recorder
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
@@ -216,3 +219,29 @@ def test_results_say_what_auto_did(mechanism, integrator, by):
 def test_what_returns_the_wrong_kind_is_named():
     with pytest.raises(uqmbd.StudyError, match=r"the integrator 'strange': its method integrate returned a ndarray"):
         uqmbd.simulate(spring(), TIMES, integrator="strange")
+
+
+@pytest.mark.parametrize("former", ["events", "projected", "paced", "delegates", "linear_solvers"])
+def test_capabilities_that_are_declared_twice_are_refused(former):
+    """Class attributes of before 0.1 next to `capabilities` had no effect, and nobody was told."""
+    value = ("dense",) if former == "linear_solvers" else True
+    both = type("Both", (), {"name": "both", "capabilities": uqmbd.Capabilities(), former: value})
+    with pytest.raises(
+        uqmbd.StudyError, match=f"integrator 'both': it has the class attribute `capabilities`, and {former}"
+    ):
+        capabilities_of(both)
+    alone = type("Alone", (), {"name": "alone", "capabilities": uqmbd.Capabilities(events=True), former: False})
+    if former != "linear_solvers":
+        assert capabilities_of(alone).events
+
+
+def test_an_integrator_that_declares_nonsense_does_not_hide_those_that_can(monkeypatch):
+    """Another one is asked for; that its class is wrong is said where it is chosen."""
+    broken = type("Broken", (), {"name": "broken", "capabilities": 3, "integrate": None})
+    module = sys.modules[integrate.__module__]
+    known = module.integrators()
+    monkeypatch.setattr(module, "integrators", lambda: {"broken": broken, **known})
+    with pytest.raises(
+        uqmbd.StudyError, match="study 's': the integrator 'ida' cannot .*Use integrator='auto', or 'dop853'"
+    ):
+        module.require("ida", "events", "study 's'")

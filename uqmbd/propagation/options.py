@@ -59,7 +59,9 @@ def _real(value: Any) -> float:
 
 def _some(times: Any, where: str) -> None:
     """Refuse arrays that are huge, and those with masked entries, whose values nobody means."""
-    size = times.size if isinstance(times, np.ndarray) else len(times) if isinstance(times, Sized) else 0
+    size = 0
+    if getattr(times, "ndim", None) != 0:  # an array of no dimension has no length, also where its class has one
+        size = times.size if isinstance(times, np.ndarray) else len(times) if isinstance(times, Sized) else 0
     if size > MOST:
         raise StudyError(f"{where} are {size}; expected at most {MOST}.")
     if np.ma.is_masked(times):
@@ -157,12 +159,13 @@ def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
     """Return the times at which the integration starts anew, sorted, or say what is wrong with them."""
     wanted = "expected times in s at which the integration starts anew, e.g. breaks=[0.2, 0.21]"
     breaks = without_quantities(f"{where}: breaks", breaks, "s")
-    single = isinstance(breaks, np.ndarray) and breaks.ndim == 0
+    single = getattr(breaks, "ndim", None) == 0
     if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)) or single:
         raise StudyError(f"{where}: breaks are {breaks!r}; {wanted}.")
     _some(breaks, f"{where}: breaks")
     found = []
-    for time in breaks:
+    for given in breaks:
+        time = given.item() if getattr(given, "ndim", None) == 0 and hasattr(given, "item") else given
         if not np.isfinite(_real(time)):
             raise StudyError(f"{where}: breaks hold {time!r}; {wanted}, each a finite number.")
         found.append(float(time))

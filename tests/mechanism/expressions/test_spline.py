@@ -180,3 +180,40 @@ def test_options_that_mean_nothing(options, message):
 def test_an_argument_that_is_none():
     with pytest.raises(uqmbd.StudyError, match="spline: its argument is the text 'angle'; expected a number"):
         uqmbd.spline([0, 1], [0, 1])("angle")
+
+
+MANY = 20_000
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        np.asarray,
+        list,
+        pytest.param(lambda x: np.array(x, dtype=object), marks=pytest.mark.thorough),
+        pytest.param(lambda x: [*x[:-1], sympy.Float(x[-1])], marks=pytest.mark.thorough),
+    ],
+)
+def test_tables_of_many_knots(of):
+    """Tables of a logger: they are no expressions, of which there may be 10,000 terms."""
+    knots = np.arange(MANY) / 100
+    values = np.round(np.sin(knots), 6)
+    found, exact = uqmbd.spline(of(knots), of(values)), CubicSpline(knots, values)
+    for x in (0.005, 57.3, 199.98):
+        assert float(found.subs(t, x)) == pytest.approx(float(exact(x)), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.arange(MANY), "the first value of the period is 0 and the last 19999"),
+        (np.array(["a"] * MANY), "the text 'a'"),
+        (np.ones(MANY, dtype=bool), "True in it"),
+        (np.ones((MANY, 1)), "which is nested"),
+        (np.array([None] * MANY), "None"),
+        (np.ones(MANY + 1), "there are 20000 knots and 20001 values"),
+    ],
+)
+def test_mistakes_in_tables_of_many_knots_are_named_as_in_small_ones(values, words):
+    with pytest.raises(uqmbd.StudyError, match=f"(?s)spline: .*{words}"):
+        uqmbd.spline(np.arange(MANY), values, periodic=True)

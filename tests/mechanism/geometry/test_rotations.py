@@ -180,3 +180,32 @@ def test_small_turns_of_bodies_are_measured():
         before, after = (np.array([0, 0, 0, *pose.as_quat(scalar_first=True)]) for pose in poses)
         (move,) = moves(model, before, -after if turn == 1.0 else after)
         assert move.turn == pytest.approx(turn, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [[1, 0], [0, 1, 0], [0, 0, 1, 0]],
+        [[1, 0, 0], [0, 1, 0], [0, 0, [1]]],
+        [[1, 0, 0], [0, 1, 0], [0, 0]],
+        [[1, 0, 0], [0, 1, 0], 0, 0, 1],
+        [1, 0, 0, 0, 1, 0, 0, 0, 1],
+        [[[1, 0, 0]], [[0, 1, 0]], [[0, 0, 1]]],
+        [[1, 0, 0, 0, 1, 0, 0, 0, 1]],
+        np.array([[1, 0], [0, 1, 0], [0, 0, 1, 0]], dtype=object),
+        [[1, 0, 0], [0, 1, 0], [0, 0, np.array([1.0])]],
+        [[1e200, 0, 0], [0, 1, 0], [0, 0, 1]],
+        sympy.eye(4),
+        np.ones(9),
+    ],
+    ids=repr,
+)
+def test_what_is_no_matrix_of_three_rows_is_refused(given):
+    with pytest.raises(uqmbd.StudyError, match="rotation"):
+        quaternion_of_matrix(given)
+
+
+def test_rows_of_any_kind_are_a_matrix():
+    rows = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], ((1, 0, 0), [0, 1, 0], np.array([0, 0, 1])), np.eye(3), sympy.eye(3))
+    for given in rows:
+        assert [float(x) for x in quaternion_of_matrix(given)] == [1, 0, 0, 0]

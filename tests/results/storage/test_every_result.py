@@ -9,6 +9,7 @@ import itertools
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,11 @@ ROWS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "reliability": {
         "auto": {"max_realisations": 500, "target_cov": 0.2},
         "form": {"method": "form", "max_realisations": 500, "target_cov": 0.2},
-        "subset": {"method": "subset", "max_realisations": 500, "target_cov": 0.5},
+        **(
+            {"subset": {"method": "subset", "max_realisations": 500, "target_cov": 0.5}}
+            if find_spec("openturns")
+            else {}
+        ),
         "surrogate": {"surrogate": Collocation(order=2, verify=2), "max_realisations": 500, "target_cov": 0.2},
     },
 }

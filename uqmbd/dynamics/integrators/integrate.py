@@ -93,7 +93,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     """
     if getattr(capabilities_of(integrator_class(name)), needed):
         return
-    able = [repr(other) for other, cls in integrators().items() if getattr(capabilities_of(cls), needed)]
+    able = [repr(other) for other, cls in integrators().items() if _has(cls, needed)]
     undeclared = "" if name in built_in_names() else f": its class does not declare {needed}=True in its capabilities"
     about = f" ({why})" if why else ""
     more = f", or {', '.join(able[1:])}" if len(able) > 1 else ""
@@ -101,6 +101,14 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
         f"{where}: the integrator {name!r} cannot {WORDS[needed]}{about}{undeclared}. "
         f"{remedy or 'Use'} integrator={able[0]}{more}."
     )
+
+
+def _has(cls: type, needed: Capability) -> bool:
+    """Tell whether an integrator may be proposed; one whose class declares something else may not."""
+    try:
+        return bool(getattr(capabilities_of(cls), needed))
+    except StudyError:
+        return False
 
 
 def require_for(model: Model, name: str, where: str) -> None:

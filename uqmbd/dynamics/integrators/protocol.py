@@ -186,11 +186,16 @@ def capabilities_of(cls: type) -> Capabilities:
     Raises
     ------
     uqmbd.StudyError
-        If its attribute is no `Capabilities`.
+        If its attribute is no `Capabilities`, or there are class attributes of before 0.1 next to it.
     """
     found = getattr(cls, "capabilities", None)
     if found is None:
         found = _declared_before(cls)
+    elif former := _stated_before(cls):
+        raise StudyError(
+            f"integrator {getattr(cls, 'name', cls.__name__)!r}: it has the class attribute `capabilities`, and "
+            f"{', '.join(former)}, without effect; expected all of it in uqmbd.Capabilities(...)."
+        )
     if not isinstance(found, Capabilities):
         name = getattr(cls, "name", cls.__name__)
         raise StudyError(
@@ -199,10 +204,16 @@ def capabilities_of(cls: type) -> Capabilities:
     return found
 
 
+def _stated_before(cls: type) -> list[str]:
+    """Name the class attributes that declared something before 0.1."""
+    former = [old for old in FORMER if getattr(cls, old, False) is True]
+    return former + (["linear_solvers"] if getattr(cls, "linear_solvers", ()) else [])
+
+
 @cache
 def _declared_before(cls: type) -> Capabilities:
     """Read the class attributes of before 0.1."""
-    own = {new: True for old, new in FORMER.items() if getattr(cls, old, False) is True}
+    own = {FORMER[old]: True for old in _stated_before(cls) if old in FORMER}
     named = getattr(cls, "linear_solvers", ())
     solvers = (named,) if isinstance(named, str) else tuple(named)
     if "projected" not in own:  # options of a method that it does not have

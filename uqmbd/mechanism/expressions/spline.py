@@ -16,7 +16,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import OwnFunction
 from uqmbd.mechanism.expressions.spline_table import SplineTable, table_of
 from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, shown
+from uqmbd.mechanism.expressions.user_values import LARGEST, numbers, shown
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
@@ -223,7 +223,7 @@ def spline(
     if periodic:
         gap = np.abs(table[-1] - table[0])
         if (gap > CLOSED * np.abs(table).max(axis=0, initial=0.0)).any():
-            first, last = flatten(values)[0], flatten(values)[-1]
+            first, *_, last = np.asarray(values, dtype=object).tolist()
             raise StudyError(
                 f"spline: the first value of the period is {shown(first)} and the last {shown(last)}; expected the "
                 "same value at both ends of a period."
@@ -298,7 +298,8 @@ def _plain_numbers(what: str, given: Any) -> tuple[Array, list[tuple[int, sympy.
         if np.abs(array).max(initial=0) > LARGEST:
             raise StudyError(f"spline: {what} reach {np.abs(array).max():g}; expected numbers up to {LARGEST:g}.")
         return array.astype(float), []
-    entries = flatten(given)
-    parts = numbers("spline", what, given, len(entries))
+    # of an array `numbers` takes few only: it is to become an expression, and a table is not
+    entries = given if isinstance(given, (list, tuple)) else array.tolist()
+    parts = numbers("spline", what, entries, len(entries))
     found = np.array([float(e) if e.is_number else 0.0 for e in parts])
     return found, [(k, e) for k, e in enumerate(parts) if not e.is_number]

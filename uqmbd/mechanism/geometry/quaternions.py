@@ -148,6 +148,23 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     return first, a.cross(first)
 
 
+def _row_lengths(matrix: Any) -> list[int]:
+    """Return how many entries the rows of a matrix have; -1 for a row that is none, or holds more than entries."""
+    if isinstance(matrix, sympy.MatrixBase):
+        return [matrix.cols] * matrix.rows
+    found = []
+    for row in matrix:
+        parts = list(row) if hasattr(row, "__iter__") else None
+        found.append(-1 if parts is None or any(hasattr(part, "__iter__") for part in parts) else len(parts))
+    return found
+
+
+def _rows_in_words(lengths: list[int]) -> str:
+    if -1 in lengths:
+        return f"{len(lengths)} entries, not all of them rows of numbers"
+    return f"{len(lengths)} row{'s' * (len(lengths) != 1)}, of {', '.join(map(str, lengths))}"
+
+
 def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
     """Quaternion of a 3 x 3 rotation matrix (the largest component is computed first, at the nominal values).
 
@@ -157,15 +174,12 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
         If the matrix is no proper rotation.
     """
     entries = _entries(matrix, "the rotation matrix", (9,))
-    try:
-        shape = sympy.Matrix(matrix).shape
-    except (TypeError, ValueError):  # nested in another way
-        shape = ()
-    if shape != (3, 3):
-        raise StudyError(f"a rotation matrix has 3 rows and 3 columns; this one has shape {shape or 'of none'}.")
+    if (lengths := _row_lengths(matrix)) != [3, 3, 3]:
+        raise StudyError(f"a rotation matrix has 3 rows of 3 numbers; this one has {_rows_in_words(lengths)}.")
     r = sympy.Matrix(3, 3, entries)
     numbers = np.array([[nominal(x) for x in r.row(i)] for i in range(3)])
-    if not np.allclose(numbers @ numbers.T, np.eye(3), atol=1e-8) or np.linalg.det(numbers) < 0:
+    within = bool((np.abs(numbers) <= 2).all())  # squares of larger ones may overflow
+    if not within or not np.allclose(numbers @ numbers.T, np.eye(3), atol=1e-8) or np.linalg.det(numbers) < 0:
         raise StudyError(
             f"the matrix {numbers.tolist()} is no rotation: its columns must be perpendicular unit vectors "
             "that form a right-handed set."

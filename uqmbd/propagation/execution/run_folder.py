@@ -297,13 +297,13 @@ def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Ite
     ...     print(path.name, path.exists())
     fit.nc True
     """
-    place = writable(folder)
-    wrong = [name for name in names if not isinstance(name, str) or not _WRITTEN.fullmatch(name)]
-    if isinstance(names, str) or wrong:
+    several = isinstance(names, Collection) and not isinstance(names, (str, bytes))
+    if not several or not all(isinstance(name, str) and _WRITTEN.fullmatch(name) for name in names):
         raise StudyError(
             f"output_folder: names is {names!r}; expected a list of files of results (.nc), 'report.html' and "
             "'figures'."
         )
+    place = writable(folder)
     with claimed(place):
         previous = set_aside(place, names)
         if previous is not None:
@@ -323,7 +323,8 @@ def writable(folder: str | os.PathLike[str]) -> Path:
         place = Path(folder)
     except TypeError:
         raise StudyError(f"output_folder: the folder is {folder!r}; expected a path.") from None
-    if place.exists() and not place.is_dir():
+    # pathlib raises where a folder on the way may not be searched; os.path takes it for nothing that is there
+    if os.path.exists(place) and not os.path.isdir(place):
         raise StudyError(f"--out {place} is a file; a folder is expected, which is made if it does not exist.")
     try:
         place.mkdir(parents=True, exist_ok=True)

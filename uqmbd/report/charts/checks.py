@@ -74,11 +74,30 @@ def checked(
             )
             for band in curve.bands
         )
-        made.append(replace(curve, values=fitting(f"curve {curve.name!r}", curve.values), bands=bands))
+        values = fitting(f"curve {curve.name!r}", curve.values)
+        if curve.places is not None:
+            fitting(f"places of {curve.name!r}", curve.places)
+        _check_columns(f"{where}: curve {curve.name!r}", curve, len(moments))
+        made.append(replace(curve, values=values, bands=bands))
     names = [curve.name for curve in made]
     if len(set(names)) < len(names):
         raise StudyError(f"{where}: its curves are named {names}; expected a name of its own for each.")
     return moments, made
+
+
+def _check_columns(where: str, curve: Curve, count: int) -> None:
+    """Refuse columns of the table that have not one entry for each place, and marks that are nowhere."""
+    for column in curve.columns:
+        values = column.values
+        given = () if isinstance(values, (str, bytes)) else np.shape(np.asarray(values, dtype=object))
+        if given != (count,):
+            raise StudyError(
+                f"{where}: column {column.name!r} has the shape {given}; expected an entry for each of {count} places."
+            )
+    for mark in curve.marks:
+        pair = mark if isinstance(mark, (Sequence, np.ndarray)) and not isinstance(mark, (str, bytes)) else ()
+        if len(pair) != 2 or not all(map(_finite, pair)):
+            raise StudyError(f"{where}: marks hold {mark!r}; expected a place and a value, both finite numbers.")
 
 
 def _numbers(what: str, values: ArrayLike) -> Array:
@@ -104,8 +123,9 @@ def checked_chart(chart: Chart) -> Chart:
     places = np.arange(1.0, len(names) + 1) if names else chart.places
     axis = chart.across or ("category" if names else "")
     moments, found = checked(chart.name, places, chart.curves, axis, categories=bool(names))
-    if not isinstance(chart.limits, Mapping) or not all(map(_finite, chart.limits.values())):
-        raise StudyError(f"{where}: limits is {chart.limits!r}; expected finite numbers by their names.")
+    for key, levels in (("limits", chart.limits), ("references", chart.references)):
+        if not isinstance(levels, Mapping) or not all(map(_finite, levels.values())):
+            raise StudyError(f"{where}: {key} is {levels!r}; expected finite numbers by their names.")
     ends = chart.ends
     if ends is not None and not (len(ends) == 2 and all(map(_finite, ends)) and ends[0] < ends[1]):
         raise StudyError(f"{where}: ends is {ends!r}; expected two finite numbers that increase.")

@@ -19,7 +19,7 @@ from uqmbd.errors import StudyError
 from uqmbd.files import regular
 from uqmbd.results.storage.hdf5 import remembering
 
-__all__ = ["NUMBERS", "PLAIN", "check_declared", "check_memory", "check_text", "opened_netcdf"]
+__all__ = ["NUMBERS", "PLAIN", "check_declared", "check_memory", "check_text", "largest", "opened_netcdf"]
 
 PLAIN: Mapping[str, Any] = {"decode_times": False, "decode_timedelta": False}
 """Options of xarray's opening: times are numbers, whatever their units resemble."""
@@ -37,14 +37,14 @@ _TEXTS = "SU"
 _PLACEHOLDER = b"This is a netCDF dimension but not a netCDF variable"
 
 
-def _largest(size: int) -> int:
+def largest(size: int) -> int:
     """Return how many bytes a file of a size may hold, uncompressed: more are not in it, but made up."""
     return max(_AT_LEAST, _RATIO * size)
 
 
 def check_declared(declared: int, size: int, path: Path) -> None:
     """Refuse what declares more bytes than can be in a file, or a folder, of a size."""
-    if declared > _largest(size):
+    if declared > largest(size):
         raise StudyError(
             f"{str(path)!r} is not read: its variables declare {declared / 1e9:.3g} GB or more, which {size} bytes "
             "cannot hold; it is damaged, or made to fill the memory."
@@ -181,7 +181,7 @@ def _bytes_of(variable: Any, path: Path, size: int) -> int:
     if text is not None and text.length is None:
         check_declared(count * kind.itemsize, size, path)
         # each may be the longest that fits into the file, which may be there once: some are read at once
-        at_once = max(_largest(size) // (4 * size), 1)
+        at_once = max(largest(size) // (4 * size), 1)
         if count > at_once:
             _check_texts(variable, path, size, at_once)
     letter = 4 if kind.kind == "S" else 1  # bytes, in memory

@@ -11,6 +11,7 @@ import json
 import math
 import os
 import re
+from collections import defaultdict
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.results.storage.reading import check_declared
+from uqmbd.results.storage.reading import check_declared, largest
+from uqmbd.results.storage.zarr_chunks import CHUNK, FIRST, LAST, Encoded, decoded_bytes
 
 __all__ = ["check_folder"]
 
@@ -54,7 +56,8 @@ _KNOWN = {
 def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     """Refuse a Zarr folder, of format 2 or 3, with a codec, a filter or a type that results were not written with.
 
-    So are files that are no regular ones, and arrays that are larger than what is in the folder.
+    So are files that are no regular ones, arrays that are larger than what is in the folder, and chunks that are larger
+    than their arrays say.
 
     Parameters
     ----------
@@ -72,6 +75,8 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     """
     size = 0
     declared: dict[str, int] = {}  # also an array that consolidated metadata repeat counts once
+    chunks: list[str] = []
+    encoded: dict[str, set[Encoded]] = defaultdict(set)
     for entry in _entries(folder):
         path, place = Path(entry.path), os.path.relpath(entry.path, folder)
         if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
@@ -81,20 +86,43 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
         size += entry.stat().st_size
         name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
         if name not in _METADATA:
+            chunks += [place] if entry.is_file() else []
             continue
         node, about = str(path.parent.relative_to(folder)), json.loads(path.read_bytes())
         if name == "zarr.json":
             arrays = list(_arrays_3(folder, node, about))
         elif name == ".zarray":
-            arrays = [(node, _bytes_of(folder, node, about))]
+            arrays = [(node, *_bytes_of(folder, node, about))]
         else:
             own = {str(key): content for key, content in about["metadata"].items()}
             found = {key.rpartition("/")[0]: own[key] for key in own if key.rpartition("/")[2] == ".zarray"}
-            arrays = [(key, _bytes_of(folder, key, content)) for key, content in found.items()]
-        for key, count in arrays:
+            arrays = [(key, *_bytes_of(folder, key, content)) for key, content in found.items()]
+        for key, count, how in arrays:
             if key not in unread:
                 declared[os.path.normpath(key)] = max(count, declared.get(os.path.normpath(key), 0))
+                encoded[os.path.normpath(key)].add(how)
     check_declared(sum(declared.values()), size, folder)
+    texts = 0
+    for place in chunks:
+        for how in encoded.get(_array_of(place, encoded), ()):
+            try:
+                found_there = decoded_bytes(folder / place, how, largest(size) if how.size is None else how.size)
+            except ValueError as error:
+                raise StudyError(
+                    f"{str(folder)!r} is not read: the chunk {place} is damaged, or made to fill the memory: {error}."
+                ) from None
+            texts += found_there if how.size is None else 0
+    check_declared(texts, size, folder)
+
+
+def _array_of(place: str, arrays: Collection[str]) -> str:
+    """Return the array to which a file belongs, by the names of folders on its way; empty: to none."""
+    parts = place.split(os.sep)
+    for count in range(len(parts) - 1, -1, -1):
+        array = os.path.join(*parts[:count]) if count else "."
+        if array in arrays:
+            return array if CHUNK.fullmatch("/".join(parts[count:])) else ""
+    return ""
 
 
 def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
@@ -105,8 +133,8 @@ def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
                 yield from _entries(entry.path)
 
 
-def _bytes_of(folder: Path, array: str, about: Any) -> int:
-    """Return the bytes of an array of format 2, or of one of its chunks, where that has more."""
+def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
+    """Return the bytes of an array of format 2, or of one of its chunks, where that has more; and how it is encoded."""
     compressor, filters, kind = about["compressor"], about["filters"], about["dtype"]
     if compressor is not None and compressor["id"] not in _COMPRESSORS:
         raise _refused(folder, f"{array!r} uses the codec {compressor['id']!r}")
@@ -116,15 +144,22 @@ def _bytes_of(folder: Path, array: str, about: Any) -> int:
             raise _refused(folder, f"{array!r} uses the codec {name!r}")
     text = kind == "|O" and names[:1] == [_TEXT]  # the last to decode: its objects are texts
     plain = _TYPE.fullmatch(kind) if isinstance(kind, str) else None
+    if plain and _TEXT in names:
+        raise _refused(folder, f"{array!r} has the type {kind!r} and uses the codec {_TEXT!r}")
     if not text and not plain:
         raise _refused(folder, f"{array!r} has the type {kind!r}")
-    return _size(folder, array, about["shape"], about["chunks"]) * (np.dtype(kind).itemsize if plain else _OF_TEXT)
+    each = np.dtype(kind).itemsize if plain else _OF_TEXT
+    count = _size(folder, array, about["shape"], about["chunks"]) * each
+    outer = (compressor["id"],) if compressor is not None else ()
+    if outer == ("crc32",):
+        outer = (LAST if compressor.get("location") == "end" else FIRST,)
+    return count, Encoded((*outer, *reversed(names)), math.prod(about["chunks"]) * each if plain else None)
 
 
-def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int]]:
+def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int, Encoded]]:
     """Look at a group or an array of format 3 and what it holds of those below it; return arrays and their bytes."""
     if about["node_type"] == "array":
-        yield node, _bytes_of_3(folder, node, about)
+        yield node, *_bytes_of_3(folder, node, about)
     elif about["node_type"] != "group":
         raise _refused(folder, f"{node!r} is a {about['node_type']!r}")
     consolidated = about.get("consolidated_metadata") or {}
@@ -132,7 +167,7 @@ def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int]]:
         yield from _arrays_3(folder, f"{node}/{key}", content)
 
 
-def _bytes_of_3(folder: Path, array: str, about: Any) -> int:
+def _bytes_of_3(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
     for codec in about["codecs"]:
         if _name(codec) not in _CODECS:
             raise _refused(folder, f"{array!r} uses the codec {_name(codec)!r}")
@@ -146,7 +181,11 @@ def _bytes_of_3(folder: Path, array: str, about: Any) -> int:
         if _name(about[key]) not in known:
             raise _refused(folder, f"{array!r} has {_name(about[key])!r} as its {key}")
     chunk = about["chunk_grid"]["configuration"]["chunk_shape"]
-    return _size(folder, array, about["shape"], chunk) * (int(found[1]) // 8 if found[1] else _OF_TEXT)
+    text, each = kind == "string", int(found[1]) // 8 if found[1] else _OF_TEXT
+    codecs = tuple(LAST if _name(codec) == "crc32c" else _name(codec) for codec in reversed(about["codecs"]))
+    return _size(folder, array, about["shape"], chunk) * each, Encoded(
+        codecs, None if text else math.prod(chunk) * each
+    )
 
 
 def _size(folder: Path, array: str, shape: Any, chunk: Any) -> int:
