@@ -12,7 +12,8 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import load, read_root, save
+from uqmbd.extend import read_root
+from uqmbd.results import load, save
 from uqmbd_calibration import Record
 
 

@@ -159,7 +159,7 @@ def test_names_that_are_none_of_results_are_refused(names: object, tmp_path: Pat
 
 @pytest.mark.parametrize("names", [None, 3, b"a.nc", iter(["a.nc"]), {"a.nc": 1, 2: 3}, [None]])
 def test_what_is_no_list_of_names_is_refused_before_a_folder_is_made(names: object, tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="output_folder: names"), uqmbd.output_folder(tmp_path / "out", names):
+    with pytest.raises(StudyError, match="output_folder: names"), uqmbd.extend.output_folder(tmp_path / "out", names):
         pass
     assert not (tmp_path / "out").exists()
 

@@ -225,12 +225,12 @@ def test_what_returns_the_wrong_kind_is_named():
 def test_capabilities_that_are_declared_twice_are_refused(former):
     """Class attributes of before 0.1 next to `capabilities` had no effect, and nobody was told."""
     value = ("dense",) if former == "linear_solvers" else True
-    both = type("Both", (), {"name": "both", "capabilities": uqmbd.Capabilities(), former: value})
+    both = type("Both", (), {"name": "both", "capabilities": uqmbd.extend.Capabilities(), former: value})
     with pytest.raises(
         uqmbd.StudyError, match=f"integrator 'both': it has the class attribute `capabilities`, and {former}"
     ):
         capabilities_of(both)
-    alone = type("Alone", (), {"name": "alone", "capabilities": uqmbd.Capabilities(events=True), former: False})
+    alone = type("Alone", (), {"name": "alone", "capabilities": uqmbd.extend.Capabilities(events=True), former: False})
     if former != "linear_solvers":
         assert capabilities_of(alone).events
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from uqmbd.results import save
-from uqmbd.results.storage import storage
+from uqmbd.results.storage.encoding import encode_tree
 
 __all__ = ["stored", "stored_as_zarr"]
 
@@ -22,7 +22,7 @@ def stored(tree: xr.DataTree, path: Path) -> Path:
 def stored_as_zarr(tree: xr.DataTree, path: Path, zarr_format: Literal[2, 3] = 2) -> Path:
     """Write a result to a Zarr folder, with what netCDF does not know as JSON, and the order of the methods."""
     pytest.importorskip("zarr")
-    encoded = storage._encode_tree(tree)
+    encoded = encode_tree(tree)
     # the specification of format 3 has no text of fixed width and no consolidated metadata
     texts = {
         node.path: {

@@ -90,6 +90,7 @@ from .results import labels as labels
 from .results import least_squares as least_squares
 from .results import project as project
 from .results import quantiles_of_chunks as quantiles_of_chunks
+from .results import read_root as read_root
 from .results import regress_on_nodes as regress_on_nodes
 from .results import replicate_errors as replicate_errors
 from .results import requirements_dataset as requirements_dataset

@@ -25,3 +25,4 @@ from uqmbd.results.statistics import Moments as Moments
 from uqmbd.results.statistics import quantiles_of_chunks as quantiles_of_chunks
 from uqmbd.results.statistics import replicate_errors as replicate_errors
 from uqmbd.results.statistics import statistics_of_samples as statistics_of_samples
+from uqmbd.results.storage import read_root as read_root

@@ -26,7 +26,7 @@ REPETITION = "repetition"
 
 def read_dataset(path: Path) -> xr.Dataset:
     """Read a netCDF file into memory; times are numbers, whatever their units resemble."""
-    from uqmbd.results import read_root
+    from uqmbd.extend import read_root
 
     try:
         return read_root(path)

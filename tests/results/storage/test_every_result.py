@@ -183,12 +183,12 @@ def test_every_method_has_a_row() -> None:
     assert built_in == set(ROWS)
 
 
-def method(name: str, words: str, of: Callable[..., uqmbd.Study]) -> uqmbd.Propagator:
+def method(name: str, words: str, of: Callable[..., uqmbd.Study]) -> uqmbd.extend.Propagator:
     """Return a method of the table, whose low-fidelity model is the study itself without its requirements."""
     given = dict(ROWS[name][words])
     if given.get("control") is LowFidelity:
         given["control"] = LowFidelity(of(required=False), cost=0.1)
-    made: uqmbd.Propagator = plugins.propagator(name)(**given, label=f"by {words}")
+    made: uqmbd.extend.Propagator = plugins.propagator(name)(**given, label=f"by {words}")
     return made
 
 

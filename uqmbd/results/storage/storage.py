@@ -5,38 +5,32 @@ Every variable has HDF5's checksum, where HDF5 has one, and every file a digest.
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from xarray.backends import H5NetCDFStore
 
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.files import regular, replacing
 from uqmbd.logs import results
-from uqmbd.results.schema import SCHEMA_VERSION, check_version, validate
+from uqmbd.results.schema import check_version, validate
 from uqmbd.results.storage.chunks import chunks_of
-from uqmbd.results.storage.digest import CHECKSUM, MARK, add_digest, check_digest
+from uqmbd.results.storage.digest import CHECKSUM, add_digest, check_digest
+from uqmbd.results.storage.encoding import decode, decode_tree, drop_own, encode_tree
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.manifest import has_manifest, in_manifest, is_ours, record
-from uqmbd.results.storage.reading import PLAIN, check_memory, check_text, opened_netcdf
+from uqmbd.results.storage.reading import PLAIN, check_memory, opened_netcdf
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_folder
 
 __all__ = ["errors_of_files", "load", "load_with", "not_verified", "read_root", "save"]
 
-_JSON_ATTRIBUTES = "uqmbd_json_attributes"
-_CHILDREN = "uqmbd_children"
-_VERSION = "schema_version"
-_VERSION_ADDED = "uqmbd_schema_version_added"
 _NETCDF = (".nc", ".nc4")
-_INT64 = np.iinfo(np.int64)
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
 
@@ -76,7 +70,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     if target.suffix != ".nc":
         zarr = f" For Zarr use xarray: tree.to_zarr({str(target)!r})." if target.suffix == ".zarr" else ""
         raise StudyError(f"A result is stored as netCDF, in a file that ends in .nc; {str(target)!r} does not.{zarr}")
-    encoded = _encode_tree(tree)
+    encoded = encode_tree(tree)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as written:
@@ -169,9 +163,8 @@ def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
 
     def variables(tree: xr.DataTree) -> xr.DataTree:
         found = _read(tree, source).to_dataset()
-        _drop_own(found.attrs)
-        found.attrs.pop(_CHILDREN, None)
-        return xr.DataTree(_decode(found, source))
+        drop_own(found.attrs)
+        return xr.DataTree(decode(found, source))
 
     return _gated(source, variables, "netCDF file", whole=True, below=False).to_dataset()
 
@@ -193,18 +186,10 @@ def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) ->
     def result(tree: xr.DataTree) -> xr.DataTree:
         tree = read(tree, source)
         check_version(tree.attrs, str(source))
-        _drop_own(tree.attrs)
-        return _decode_tree(tree, source, ordered=suffix != ".zarr")
+        drop_own(tree.attrs)
+        return decode_tree(tree, source, ordered=suffix != ".zarr")
 
     return _gated(source, result, "result", whole=read is _read)
-
-
-def _drop_own(attrs: dict[Any, Any]) -> None:
-    """Remove what `save` added to the attributes of the root."""
-    if attrs.pop(_VERSION_ADDED, None) and attrs.get(_VERSION) == SCHEMA_VERSION:
-        # of an earlier version it stays, and says what the result need not have
-        del attrs[_VERSION]
-    attrs.pop(MARK, None)
 
 
 def _gated(
@@ -341,123 +326,3 @@ def _characters(variable: xr.Variable) -> tuple[xr.Variable, dict[str, int]]:
     width = 1 << max(3, (values.dtype.itemsize - 1).bit_length())
     attrs = {**variable.attrs, "_Encoding": "utf-8"}
     return xr.Variable(variable.dims, values.astype(f"S{width}"), attrs), {f"_uqmbd_characters_{width}": width}
-
-
-def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
-    datasets = {}
-    for node in tree.subtree:
-        dataset = _encode(node.to_dataset(inherit=False))
-        # Zarr lists its groups by the alphabet; methods are shown in the order of the study.
-        order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
-        datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
-    root = datasets["."]
-    version = {} if _VERSION in root.attrs else {_VERSION: SCHEMA_VERSION, _VERSION_ADDED: 1}
-    datasets["."] = root.assign_attrs({**version, MARK: 1})
-    return xr.DataTree.from_dict(datasets, name=tree.name)
-
-
-def _decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTree:
-    """Return a tree as it was; where groups come in no order (`ordered`), those whose order is not stored by name."""
-    dataset = tree.to_dataset(inherit=False)
-    order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
-    names = tree.children if ordered else sorted(tree.children)
-    names = sorted(names, key=lambda name: order.index(name) if name in order else len(order))
-    children = {name: _decode_tree(tree.children[name], source, ordered=ordered) for name in names}
-    return xr.DataTree(_decode(dataset, source), children=children)
-
-
-def _encode(dataset: xr.Dataset) -> xr.Dataset:
-    """Turn text to fixed width, and attributes that netCDF does not know to JSON."""
-    variables = {}
-    for name, variable in dataset.variables.items():
-        data = variable
-        if variable.dtype.kind in "mM":
-            raise StudyError(f"Variable {name!r} holds dates or durations; only numbers and text can be stored.")
-        if variable.dtype.kind in "OT":
-            values = variable.values
-            if not all(isinstance(v, str) for v in values.ravel()):
-                raise StudyError(f"Variable {name!r} holds Python objects; only numbers and text can be stored.")
-            data = variable.copy(data=_text(values))
-        variables[name] = xr.Variable(data.dims, data.data, _encode_attributes(variable.attrs, str(name)))
-    coords = {name: variables.pop(name) for name in dataset.coords}
-    return xr.Dataset(variables, coords=coords, attrs=_encode_attributes(dataset.attrs, "the dataset"))
-
-
-def _encode_attributes(attrs: Mapping[Any, Any], owner: str) -> dict[str, Any]:
-    encoded: dict[str, Any] = {}
-    packed = []
-    for name, value in attrs.items():
-        plain = value.item() if isinstance(value, np.generic) else value
-        if _is_native(plain):
-            encoded[str(name)] = plain
-            continue
-        try:
-            encoded[str(name)] = json.dumps(plain.tolist() if isinstance(plain, np.ndarray) else plain)
-        except TypeError as error:
-            kind = type(value).__name__
-            raise StudyError(f"Attribute {name!r} of {owner} is a {kind}; only numbers, text and JSON fit.") from error
-        packed.append(str(name))
-    if packed:
-        encoded[_JSON_ATTRIBUTES] = json.dumps(packed)
-    return encoded
-
-
-def _is_native(value: object) -> bool:
-    if isinstance(value, bool):
-        return False
-    if isinstance(value, int):
-        return bool(_INT64.min <= value <= _INT64.max)
-    if isinstance(value, np.ndarray):
-        # Zarr writes arrays as lists, and a list of one comes back from netCDF as a number: JSON keeps both.
-        return value.ndim == 1 and value.size > 1 and value.dtype.kind in "if"
-    return isinstance(value, (str, float))
-
-
-def _decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
-    variables = {}
-    for name, variable in dataset.variables.items():
-        # An empty or optimised text type of the reader becomes the fixed width that was written.
-        values = _fixed(variable.values, str(name), source) if variable.dtype.kind in "OTU" else variable.data
-        variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
-    coords = {name: variables.pop(name) for name in dataset.coords}
-    return xr.Dataset(variables, coords=coords, attrs=_decode_attributes(dataset.attrs))
-
-
-def _fixed(values: NDArray[Any], name: str, source: Path) -> NDArray[np.str_]:
-    """Return text that was read as text of fixed width, of which each letter takes four bytes."""
-    if values.dtype.kind == "U":
-        return values
-    texts = values.ravel().tolist()
-    if not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"variable {name!r} holds objects; expected numbers or text")
-    check_text(len(texts) * max(map(len, texts), default=0), source)
-    return _text(values)
-
-
-def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
-    packed = json.loads(attrs.get(_JSON_ATTRIBUTES, "[]"))
-    decoded: dict[str, Any] = {}
-    for name, value in attrs.items():
-        if name == _JSON_ATTRIBUTES:
-            continue
-        if name in packed:
-            decoded[name] = json.loads(value)
-        elif isinstance(value, np.generic):
-            decoded[name] = value.item()
-        else:
-            decoded[name] = _array(value) if isinstance(value, list) else value
-    return decoded
-
-
-def _array(values: list[Any]) -> Any:
-    """Return the array that Zarr wrote as a list, which is of numbers; other lists are what was given to xarray."""
-    try:
-        found = np.array(values)
-    except ValueError:  # ragged
-        return values
-    return found if found.dtype.kind in "iuf" else values
-
-
-def _text(values: NDArray[Any]) -> NDArray[np.str_]:
-    """Return text as text of fixed width; NumPy turns its own text of any width to it by way of objects only."""
-    return values.astype(object).astype(np.str_)
