@@ -23,27 +23,13 @@ REALISATIONS = 3
 
 @dataclass(frozen=True)
 class Bench:
-    """A component with everything that is evaluated for it, for some realisations of its parameters.
+    """Fixture of a component: its equations, for some realisations of its parameters."""
 
-    Attributes
-    ----------
-    title : str
-        For messages.
-    case : Case
-        The mechanism.
-    instance : Instance
-        The component as a block.
-    parameters : ParameterMap
-        From inputs to the parameters of the block.
-    inputs : array, shape (K, input)
-        Random.
-    """
-
-    title: str
-    case: Case
-    instance: Instance
-    parameters: ParameterMap
-    inputs: Array
+    title: str  # in messages
+    case: Case  # the mechanism
+    instance: Instance  # the component as a block
+    parameters: ParameterMap  # map from inputs to the parameters of the block
+    inputs: Array  # (K, input) random
 
     @classmethod
     def of(cls, title: str, case: Case, rng: np.random.Generator) -> Bench:

@@ -18,24 +18,12 @@ __all__ = ["Case", "cases", "moving_case", "name_of"]
 
 @dataclass(frozen=True)
 class Case:
-    """A component in a mechanism.
+    """Component in a mechanism."""
 
-    Attributes
-    ----------
-    title : str
-        What is special about it, for messages.
-    mechanism : Mechanism
-        Without gravity.
-    component : Component
-        Added to it; the random variable of a parameter has the parameter's name.
-    free : bool
-        Whether it is attached to bodies only.
-    """
-
-    title: str
-    mechanism: Mechanism
-    component: Component
-    free: bool
+    title: str  # special feature, in messages
+    mechanism: Mechanism  # without gravity
+    component: Component  # in the mechanism; random variables have the names of their parameters
+    free: bool  # whether it is attached to bodies only
 
 
 def cases(
@@ -43,16 +31,7 @@ def cases(
 ) -> Iterator[Case]:
     """Yield a component between bodies, at the ground, with all and with the fewest parameters, and with each option.
 
-    Parameters
-    ----------
-    component : type
-        What to try.
-    space : type
-        Where.
-    given : mapping
-        Values to use as they are, by parameter.
-    rng : numpy.random.Generator
-        For poses and values.
+    `given` holds fixed values by parameter; `rng` draws poses and other values.
     """
     declared, chosen = _declared(component, space), set(given)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
@@ -73,15 +52,10 @@ def cases(
 def moving_case(
     component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
 ) -> Case:
-    """Return a component at the ground, under gravity, with little that is random: for whole studies.
+    """Return a component at the ground, under gravity, with few random parameters, for whole studies; see `cases`.
 
-    Its first two numbers vary by 1 %; where it has none, the mass of its last body does.  It need not be possible to
-    assemble the mechanism: poses are random.
-
-    Parameters
-    ----------
-    component, space, given, rng
-        As for `cases`.
+    Its first two numbers vary by 1 %; where it has none, the mass of its last body does. As poses are random, the
+    mechanism may be impossible to assemble.
     """
     declared = _declared(component, space)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)

@@ -222,24 +222,12 @@ def _numeric(component: Component, given: set[str]) -> set[str]:
 
 @dataclass(frozen=True)
 class Loads:
-    """What a component exerts on its bodies, at one state.
+    """Forces and constraints of a component at one state."""
 
-    Attributes
-    ----------
-    force : array, shape (n,)
-        Generalised force of potentials and virtual work on the coordinates of its bodies.
-    gradient : array, shape (m, n)
-        ``d psi / d v`` of its constraints: reactions are combinations of its rows.
-    violation : array, shape (m,)
-        Constraints of positions; zero for those between velocities alone.
-    rate : array, shape (m,)
-        Their rates, and constraints between velocities.
-    """
-
-    force: Array
-    gradient: Array
-    violation: Array
-    rate: Array
+    force: Array  # (n,) generalised force of potentials and virtual work on the coordinates of its bodies
+    gradient: Array  # (m, n) ``d psi / d v`` of its constraints: reactions are combinations of its rows
+    violation: Array  # (m,) constraints of positions; zero for those between velocities alone
+    rate: Array  # (m,) their rates, and constraints between velocities
 
 
 def _loads_kernel(instance: Instance) -> Kernel:

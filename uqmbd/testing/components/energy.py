@@ -38,24 +38,13 @@ def is_timeless(derived: Derived) -> bool:
 
 
 def check_energy(bench: Bench, rng: np.random.Generator) -> None:
-    """Compare the power of a component's forces with the change of its potential, at a random state.
+    """Compare the power of a component's forces with the change of its potential at a random state.
 
-    A step along the motion, from the coordinates and auxiliary states as they change, tells how the potential V and
-    the constraints phi change.  The generalised force of a potential must have the power ``-dV/dt``; the power of a
-    reaction, ``lambda (dpsi/dv) v``, must vanish with ``dphi/dt``.  Both hold by derivation, unless an auxiliary state
-    in them has a rate that is not linear in the velocities.  What depends on time (`is_timeless`) is left alone.
-
-    Parameters
-    ----------
-    bench : Bench
-        A component with its parameters.
-    rng : numpy.random.Generator
-        For the state.
-
-    Raises
-    ------
-    AssertionError
-        With the power that is found, and that which is expected.
+    A step along the motion, with the rates of coordinates and auxiliary states, gives the change of the potential V and
+    the constraints phi. The generalised force of a potential must have the power ``-dV/dt``; the power of a reaction,
+    ``lambda (dpsi/dv) v``, must vanish with ``dphi/dt``. Both hold by derivation, unless an auxiliary state in them has
+    a rate that is not linear in the velocities. Components that depend on time (`is_timeless`) are not checked. Raise
+    AssertionError with the actual and the expected power.
     """
     derived = derive(bench.instance.type)
     if not derived.s or not is_timeless(derived):

@@ -16,22 +16,10 @@ STEP = 1e-5
 
 
 def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> None:
-    """Check the events of a component at random states.
+    """Check the events of a component at random states; raise AssertionError if a speed is not the rate of its gap.
 
-    Parameters
-    ----------
-    bench : Bench
-        A component with its parameters.
-    rng : numpy.random.Generator
-        For the states.
-    between : bool
-        Whether the component acts between its bodies alone.
-
-    Raises
-    ------
-    AssertionError
-        If a speed is not the rate of its gap; and, between bodies: if gaps, speeds or the size of the sliding velocity
-        change when everything is moved and turned as a whole, or impulses do not cancel.
+    For components that act `between` bodies alone, gaps, speeds and the size of the sliding velocity must not change
+    when the whole is displaced and turned, and impulses must cancel.
     """
     block, space = bench.instance.type, bench.case.mechanism.space
     if not any(e.directions for e in block.events):

@@ -30,10 +30,8 @@ RTOL = 1e-7
 
 
 def cheap(propagator: str | Propagator) -> Propagator:
-    """Return a propagator with settings that cost little; an object as it is.
+    """Return a propagator with low-cost settings; a propagator object unchanged.
 
-    Examples
-    --------
     >>> cheap("collocation").order, cheap("monte-carlo").samples
     (1, 20)
     """
@@ -55,24 +53,12 @@ def check_studies(
     *,
     conservative: bool = True,
 ) -> None:
-    """Run a study of a small mechanism that holds the component, with each propagator.
+    """Run a study of a small mechanism with the component by each propagator, by default all that are installed.
 
     One body hangs on the component, which is attached to the ground, and moves under gravity for a tenth of a second.
-    Where the component has potentials and constraints only, and time is not in them, the energy must stay.
-
-    Parameters
-    ----------
-    component, space, given, rng
-        As for `uqmbd.testing.components.cases.cases`.
-    propagators : sequence of str or Propagator, optional
-        Names or objects; default all that are installed.
-    conservative : bool
-        Whether to check the energy.
-
-    Raises
-    ------
-    AssertionError
-        If a method fails, keeps not to the schema, or differs from another.
+    Where the component has potentials and constraints only, independent of time, the energy must be constant
+    (`conservative`). Other arguments are those of `cases`. Raise AssertionError if a method fails, violates the schema,
+    or differs from another.
     """
     chosen = [cheap(p) for p in (sorted(plugins.propagators()) if propagators is None else propagators)]
     title = f"{name_of(component, space)}, in a study"

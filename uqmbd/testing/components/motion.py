@@ -18,10 +18,8 @@ def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 
 
 def random_turn(space: Space, rng: np.random.Generator) -> Array:
-    """Return the quaternion of a random rotation; a half-angle pair in the plane; nothing where nothing turns.
+    """Return the quaternion of a random rotation, a half-angle pair in the plane, or nothing where bodies do not turn.
 
-    Examples
-    --------
     >>> import uqmbd
     >>> random_turn(uqmbd.Planar(), np.random.default_rng(0)).shape
     (2,)
@@ -30,23 +28,11 @@ def random_turn(space: Space, rng: np.random.Generator) -> Array:
 
 
 def displaced(space: Space, turn: Array, values: Array, shift: Array | None = None) -> Array:
-    """Turn coordinates, their rates or generalised forces of all bodies about the world's origin, and shift them.
+    """Turn coordinates, rates or forces (bodies * size,) about the world's origin by a unit quaternion, and shift.
 
-    The map of the coordinates is orthogonal, so that generalised forces transform as rates do.
+    The map of the coordinates is orthogonal, so that generalised forces transform like rates. Only coordinates are
+    shifted (dimension,).
 
-    Parameters
-    ----------
-    space : Space
-        What the bodies move in.
-    turn : array
-        A unit quaternion.
-    values : array, shape (bodies * size,)
-        Coordinates, rates or forces.
-    shift : array, shape (dimension,), optional
-        Translation of coordinates; rates and forces have none.
-
-    Examples
-    --------
     >>> import uqmbd
     >>> half_turn = np.array([0.0, 1.0])
     >>> displaced(uqmbd.Planar(), half_turn, np.array([1.0, 0.0, 1.0, 0.0]), shift=np.array([0.0, 2.0]))
@@ -64,19 +50,10 @@ def displaced(space: Space, turn: Array, values: Array, shift: Array | None = No
 
 
 def virtual_motions(space: Space, q: Array) -> Array:
-    """Return the rates of the coordinates when all bodies move as one: a row for each way to do so.
+    """Return the rates of coordinates (bodies * size,) in the rigid motions of all bodies: a row for each.
 
-    Translations along the axes; where bodies turn, also rotations about the axes through the world's origin.
+    These are translations along the axes; where bodies turn, also rotations about the axes through the world's origin.
 
-    Parameters
-    ----------
-    space : Space
-        What the bodies move in.
-    q : array, shape (bodies * size,)
-        Coordinates.
-
-    Examples
-    --------
     >>> import uqmbd
     >>> virtual_motions(uqmbd.Planar(), np.array([1.0, 0.0, 1.0, 0.0]))[2]
     array([0. , 1. , 0. , 0.5])

@@ -30,24 +30,10 @@ class Told(NamedTuple):
 
 
 def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Array, rng: np.random.Generator) -> None:
-    """Check that rates are those of angles and displacements, and that neither depends on where the whole is.
+    """Check that stated rates are those of angles and displacements, independent of the pose of the whole mechanism.
 
-    Parameters
-    ----------
-    bench : Bench
-    row : int
-        Number of the realisation.
-    q, v : array
-        A state of the component's bodies at which its constraints hold.
-    gradient : array, shape (m, n)
-        Of the constraints.
-    rng : numpy.random.Generator
-        For the displacement.
-
-    Raises
-    ------
-    AssertionError
-        If something is wrong.
+    q and v are a state of realisation `row` at which the constraints hold; `gradient` is theirs, (m, n). Raise
+    AssertionError otherwise.
     """
     if not told_by(bench.case.component):
         return

@@ -35,24 +35,11 @@ class _Stated(sympy.Dummy):
 
 
 def check_units(title: str, component: Component, space: Space) -> None:
-    """Compare the units of terms with what they have to be.
+    """Check the units of terms of a component in a mechanism with this space.
 
-    Left out are terms in which no parameter has other units than m (a stiffness of one is not written), powers whose
-    exponent is a parameter (the units of their factor depend on it), and components that are given a law of the user.
-
-    Parameters
-    ----------
-    title : str
-        For messages.
-    component : Component
-        A part of a mechanism.
-    space : Space
-        Of that mechanism.
-
-    Raises
-    ------
-    AssertionError
-        If a dimension does not fit.
+    Raise AssertionError if a dimension is wrong. Left out are terms in which no parameter has other units than m (a
+    stiffness of one is not written), powers whose exponent is a parameter (the units of their factor depend on it), and
+    components with a law of the user.
     """
     declared = component.parameters()
     options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]

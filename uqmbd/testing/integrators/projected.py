@@ -28,15 +28,9 @@ NODES = 3
 def check_projected(integrator: type[Integrator], tolerance: float) -> None:
     """Check an integrator that declares ``projected``.
 
-    With as many terms as nodes the coefficients are those of the motions at the nodes; with fewer terms they are for
-    the stone, which is linear in its random number.
-
-    Parameters
-    ----------
-    integrator : type
-        With the method ``integrate_projected``.
-    tolerance : float
-        Errors that are allowed, over ``rtol`` and the size of an output.
+    `tolerance` is the allowed error over ``rtol`` and the size of an output. With as many terms as nodes the
+    coefficients are those of the motions at the nodes; with fewer terms this holds for the stone, whose motion is
+    linear in its random number.
     """
     cases = ((closed_forms.oscillator(), NODES), (closed_forms.pendulum(), NODES), (closed_forms.stone(), 2))
     for form, terms in cases:

@@ -11,20 +11,7 @@ __all__ = ["Interruption", "Interrupter", "Recorder"]
 
 
 class Recorder(Executor):
-    """Computes in this process, on copies as another process would have them, and keeps count.
-
-    Attributes
-    ----------
-    chunks, realisations : int
-        Computed so far.
-    reasons : list of str
-        Of realisations that failed.
-
-    Examples
-    --------
-    >>> Recorder().submit(abs, -3).result()
-    3
-    """
+    """Executor in this process that computes on pickled copies, as another process would, and counts."""
 
     def __init__(self) -> None:
         self.chunks = self.realisations = 0
@@ -59,13 +46,7 @@ class Interrupter:
         """Let it begin."""
 
     def advance(self, label: str, count: int = 1) -> None:
-        """End it.
-
-        Raises
-        ------
-        Interruption
-            Always.
-        """
+        """Raise Interruption."""
         raise Interruption
 
     def finish(self, label: str) -> None:

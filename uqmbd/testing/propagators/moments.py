@@ -30,19 +30,7 @@ SILENT = 0.5
 
 
 def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: str) -> None:
-    """Check a node: the schema, and that it says what was asked of whom.
-
-    Parameters
-    ----------
-    node : xarray.DataTree
-        To check.
-    propagator : Propagator
-        Who made it.
-    study : Study
-        Of what.
-    what : str
-        How messages begin.
-    """
+    """Check that a node meets the schema and states propagator and study; `what` is the begin of messages."""
     assert isinstance(node, xr.DataTree), (
         f"{what}: schema: propagate returned {type(node).__name__}, no xarray.DataTree."
     )
@@ -109,18 +97,10 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
 
 
 def check_moments(node: xr.DataTree, known: Known, tolerance: float, what: str) -> None:
-    """Compare mean, standard deviation and, where they are given, first-order Sobol' indices with what is known.
+    """Compare mean, standard deviation and, where given, first-order Sobol' indices with known ones.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        With the schema.
-    known : Known
-        What is to be found.
-    tolerance : float
-        Error that is allowed beside the stated ones, relative to the largest standard deviation of an output over time.
-    what : str
-        How messages begin.
+    `tolerance` is the allowed error in addition to the stated ones, relative to the largest standard deviation of an
+    output over time. `what` is the begin of messages.
     """
     statistics = node.children["statistics"].to_dataset()
     scale = known.std.max(axis=1, keepdims=True)
@@ -174,14 +154,9 @@ def _where(statistics: xr.Dataset, index: tuple[Any, ...]) -> str:
 
 
 def difference(one: xr.DataTree, two: xr.DataTree) -> str:
-    """Say where two nodes differ in a bit of their data; empty if nowhere. Attributes and times of work do not count.
+    """Return where two nodes differ in a bit of their data, or an empty text.
 
-    Examples
-    --------
-    >>> import xarray
-    >>> one, two = (xarray.DataTree(xarray.Dataset({"x": ("k", [1.0, x])})) for x in (2.0, 2.5))
-    >>> difference(one, one), difference(one, two)
-    ('', "'x' is 2 and 2.5 at k 1, the largest of 1 differences")
+    Attributes and computing times are not compared.
     """
     first, second = ({p.path[len(n.path) :].strip("/"): p for p in n.subtree} for n in (one, two))
     if first.keys() != second.keys():

@@ -78,10 +78,8 @@ class Subject:
 
 
 def described(propagator: Propagator) -> str:
-    """Return the class of a propagator and its options, without those that are the defaults.
+    """Return the class of a propagator and its options that differ from the defaults, as text.
 
-    Examples
-    --------
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> described(MonteCarlo(samples=100, seed=0))
     'MonteCarlo(samples=100)'

@@ -30,27 +30,13 @@ SAMPLES, GAIN = 7.0, 2.0
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """A mechanism with one random number, and its motion.
+    """Mechanism with one random number, and its exact motion."""
 
-    Attributes
-    ----------
-    name : str
-        For messages.
-    model : Model
-        Compiled.
-    times : array, shape (T,)
-        s.
-    values : array, shape (K,)
-        Of the random number.
-    exact : callable
-        From values (K, 1) and times (T,) to outputs (K, output, T).
-    """
-
-    name: str
-    model: Model
-    times: Array
-    values: Array
-    exact: Callable[[Array, Array], Array]
+    name: str  # in messages
+    model: Model  # compiled
+    times: Array  # (T,) s
+    values: Array  # (K,) of the random number
+    exact: Callable[[Array, Array], Array]  # maps values (K, 1) and times (T,) to outputs (K, output, T)
 
     def ensemble(self, values: Array | None = None) -> Ensemble:
         """Return realisations, of other values or its own."""
@@ -74,10 +60,8 @@ def _form(mechanism: Mechanism, times: Any, values: Any, exact: Callable[[Array,
 
 @cache
 def stone() -> ClosedForm:
-    """Throw a stone, from 0.25 s on, while a force that depends on time pushes it to the side.
+    """Return a stone thrown at 0.25 s, which a time-dependent force pushes to the side.
 
-    Examples
-    --------
     >>> print(stone().expected()[:, 0, -1])
     [-2.2340625 -2.0465625 -1.6715625]
     """
@@ -115,12 +99,10 @@ def oscillator() -> ClosedForm:
 
 @cache
 def pendulum() -> ClosedForm:
-    """Let go a rod of random length, pinned at one end, from the horizontal: Jacobi's elliptic functions.
+    """Return a rod of random length, pinned at one end and released from the horizontal: Jacobi's elliptic functions.
 
     With ``k = sin(pi / 4)`` the angle from the vertical is ``2 arcsin(k cd(w t, k^2))``, ``w^2 = 3 g / (2 length)``.
 
-    Examples
-    --------
     >>> bool(np.allclose(pendulum().expected()[:, 0, 0], 0))
     True
     """
@@ -158,10 +140,8 @@ def fading() -> ClosedForm:
 
 @cache
 def ball() -> ClosedForm:
-    """Drop a ball on a floor, from which it bounces with 0.8 of its speed; from the largest height it never arrives.
+    """Return a ball that bounces on a floor with 0.8 of its speed; from the largest height it never reaches the floor.
 
-    Examples
-    --------
     >>> print(impacts(np.array([1.0]), 2.5)[0].round(6))
     [0.451524 1.173961 1.751912 2.214272]
     """

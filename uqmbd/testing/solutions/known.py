@@ -27,30 +27,18 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A study and the moments of its outputs.
+    """Study with known moments of its outputs."""
 
-    Attributes
-    ----------
-    study : Study
-        Without propagators.
-    mean, std : array, shape (output, time)
-        What is to be found.
-    sobol_first : array, shape (input, output, time), optional
-        First-order Sobol' indices; NaN where nothing varies.
-    """
-
-    study: Study
-    mean: Array
-    std: Array
-    sobol_first: Array | None = None
+    study: Study  # without propagators
+    mean: Array  # (output, time) exact
+    std: Array  # (output, time) exact
+    sobol_first: Array | None = None  # (input, output, time) first-order Sobol' indices; NaN where nothing varies
 
 
 @cache
 def stone() -> Known:
-    """Throw a stone upwards, speed and gravity random: ``z = v t - g t^2 / 2``, linear in both.
+    """Return a stone thrown upwards with random speed and gravity: ``z = v t - g t^2 / 2``, linear in both.
 
-    Examples
-    --------
     >>> print(stone().mean[0, -1].round(6), stone().std[0, -1].round(6))  # 3 - 9.81 / 2; sqrt(0.2^2 / 3 + 0.25^2 / 3)
     -1.905 0.184842
     """
@@ -76,10 +64,10 @@ def stone() -> Known:
 
 @cache
 def oscillator() -> Known:
-    """Let go 1 kg at 1 m on a spring of random stiffness k: ``x = cos(sqrt(k) t)``, integrated over ``sqrt(k)``.
+    """Return 1 kg released at 1 m on a spring of random stiffness k: ``x = cos(sqrt(k) t)``.
 
-    Examples
-    --------
+    The moments are closed-form integrals over ``sqrt(k)``.
+
     >>> print(f"{oscillator().mean[0, -1]:.12f} {oscillator().std[0, -1] ** 2:.12f}")  # at 1 s
     -0.711691650930 0.086589399409
     """
@@ -106,12 +94,10 @@ def oscillator() -> Known:
 
 @cache
 def pendulum() -> Known:
-    """Let go a rod of random length and spin, pinned at one end: ``angle'' = -3 g cos(angle) / (2 length)``.
+    """Return a rod of random length and spin, pinned at one end: ``angle'' = -3 g cos(angle) / (2 length)``.
 
     The moments are a Gauss quadrature (12 x 12 nodes) of this equation, integrated by SciPy.
 
-    Examples
-    --------
     >>> bool((pendulum().std[:, 1:] > 0.01).all())
     True
     """
