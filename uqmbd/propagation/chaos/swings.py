@@ -47,34 +47,16 @@ NEWTON = 8
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """One realisation.
+    """Oscillation of one realisation."""
 
-    Attributes
-    ----------
-    values : array, shape (T,)
-        Phase at its times, rad: a multiple of a turn at its highest extremes.
-    first : int
-        Phase of the first of the moments, quarter turns.
-    moments : array, shape (M,)
-        When phases are multiples of a quarter turn, one after the other: extremes, and middles between them, s.
-    begin, rest : float
-        First and last extreme, s.
-    rests : bool
-        It has come to rest after the last.
-    last : float
-        Phase of the last extreme before it comes to rest, or that is known, rad.
-    even : bool
-        Sizes of half-swings change slowly.
-    """
-
-    values: Array
-    first: int
-    moments: Array
-    begin: float
-    rest: float
-    rests: bool
-    last: float
-    even: bool
+    values: Array  # (T,) phase at its times, rad: a multiple of a turn at its highest extremes
+    first: int  # phase of the first of the moments, quarter turns
+    moments: Array  # (M,) s, consecutive multiples of a quarter turn in phase: extremes, and middles between them
+    begin: float  # first extreme, s
+    rest: float  # last extreme, s
+    rests: bool  # whether it has come to rest after the last
+    last: float  # phase of the last extreme before rest, or of the last known one, rad
+    even: bool  # whether sizes of half-swings change slowly
 
     @classmethod
     def of(cls, times: Array, values: Array, spline: BSpline) -> Swing | None:

@@ -31,12 +31,7 @@ class Random:
 
 
 class LatinHypercube:
-    """One point in each slice of each axis [1]_.
-
-    References
-    ----------
-    .. [1] M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21 (1979) 239-245.
-    """
+    """One point in each slice of each axis (McKay, Beckman and Conover, Technometrics 21 (1979) 239-245)."""
 
     name = "latin-hypercube"
 
@@ -48,12 +43,7 @@ class LatinHypercube:
 
 
 class Sobol:
-    """Owen-scrambled Sobol' points [1]_.
-
-    References
-    ----------
-    .. [1] A. B. Owen, SIAM Journal on Numerical Analysis 34 (1997) 1884-1910.
-    """
+    """Owen-scrambled Sobol' points (Owen, SIAM Journal on Numerical Analysis 34 (1997) 1884-1910)."""
 
     name = "sobol"
     extendable = True

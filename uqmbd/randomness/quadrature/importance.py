@@ -42,23 +42,13 @@ CELLS = 256
 class _Tilted:
     """Densities of a germ, over its own, that are proportional to squares of its polynomials.
 
-    They are constant in cells, so that points and weights belong together exactly.
-
-    Attributes
-    ----------
-    germ : Germ
-    edges : array, shape (C + 1,)
-        Ends of the cells, as probabilities.
-    limits : array, shape (C - 1,)
-        Inner ends, as values of the germ.
-    density : array, shape (C, D + 1)
-        In each cell, by the degree; 1 for degrees that the germ does not have.
+    They are constant in cells, so that points and weights match exactly.
     """
 
     germ: Germ
-    edges: Array
-    limits: Array
-    density: Array
+    edges: Array  # (C + 1,) ends of the cells, as probabilities
+    limits: Array  # (C - 1,) inner ends, as values of the germ
+    density: Array  # (C, D + 1) in each cell, by the degree; 1 for degrees that the germ does not have
 
     @classmethod
     def of(cls, germ: Germ) -> _Tilted:
@@ -91,32 +81,14 @@ class _Tilted:
 
 @dataclass(frozen=True, eq=False)
 class TailMixture:
-    """A distribution of the germs with heavier tails, of which a part is the germs' own.
+    """Mixture of the germs' distribution with one of heavier tails, for independent germs of any distributions.
 
-    Half of its points are spread like the germs.  The others are spread like the squares of orthonormal polynomials of
-    the total degrees 2 to 5, to the same parts: half of these of one germ alone, half of all products of the degree.
-    For normal germs the latter depends on the distance from the centre only, so that no direction is preferred.
-
-    Parameters
-    ----------
-    space : GermSpace
-        Independent germs of any distributions.
-
-    References
-    ----------
-    A. Narayan, Electronic Transactions on Numerical Analysis 50 (2018) 71-97 (induced distributions); A. Cohen and
-    G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203; A. Owen and Y. Zhou, Journal of the
-    American Statistical Association 95 (2000) 135-143 (a part that is nominal bounds the weights).
-
-    Examples
-    --------
-    >>> import chaospy, uqmbd
-    >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> mixture = TailMixture(GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(0, 1))])))
-    >>> germs = mixture.points(1024, seed=1)
-    >>> weights = mixture.weights(germs)
-    >>> bool(abs(weights.mean() - 1) < 1e-2), bool(abs(weights @ germs[:, 0] ** 6 / 1024 / 15 - 1) < 0.03)
-    (True, True)
+    Half of its points are distributed like the germs; this nominal part bounds the weights (Owen and Zhou, Journal of
+    the American Statistical Association 95 (2000) 135-143). The others are distributed like the squares of orthonormal
+    polynomials of the total degrees 2 to 5, in equal parts: half of these of a single germ, half of all products of the
+    degree (induced distributions: Narayan, Electronic Transactions on Numerical Analysis 50 (2018) 71-97; Cohen and
+    Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203). For normal germs the latter depends on the
+    distance from the centre only, so that no direction is preferred.
     """
 
     space: GermSpace

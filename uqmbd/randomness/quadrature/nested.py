@@ -13,8 +13,6 @@ __all__ = ["nested_count", "nested_exactness", "nested_rule"]
 def nested_count(germ: Germ, level: int) -> int:
     """Return the number of nodes of :func:`nested_rule`.
 
-    Examples
-    --------
     >>> [nested_count(Germ.classical("x", "legendre"), level) for level in range(4)]
     [1, 3, 5, 9]
     >>> [nested_count(Germ.classical("x", "hermite"), level) for level in range(4)]
@@ -28,8 +26,6 @@ def nested_count(germ: Germ, level: int) -> int:
 def nested_exactness(germ: Germ, level: int) -> int:
     """Return the highest degree that :func:`nested_rule` integrates exactly.
 
-    Examples
-    --------
     >>> nested_exactness(Germ.classical("x", "legendre"), 2), nested_exactness(Germ.classical("x", "hermite"), 2)
     (5, 0)
     """
@@ -37,12 +33,10 @@ def nested_exactness(germ: Germ, level: int) -> int:
 
 
 def nested_rule(germ: Germ, level: int) -> tuple[Array, Array]:
-    """Return nodes, ascending, and weights of the nested rule of a germ; see `uqmbd.extend.clenshaw_curtis`.
+    """Return ascending nodes, and weights, of the nested rule of a germ; see `uqmbd.extend.clenshaw_curtis`.
 
     Weights: Waldvogel, BIT Numer. Math. 46 (2006) 195, equations 2.2 and 2.4, as plain sums.
 
-    Examples
-    --------
     >>> nested_rule(Germ.classical("x", "legendre"), 1)[1].round(12).tolist()
     [0.166666666667, 0.666666666667, 0.166666666667]
     """

@@ -26,24 +26,11 @@ Copula = tuple[tuple[Marginal, ...], Array]
 
 
 def dependent_part(joint: Joint, columns: tuple[int, ...], transform: str) -> tuple[tuple[Germ, ...], Group]:
-    """Return germs and map of inputs that depend on each other.
+    """Return germs and map of inputs that depend on each other, at `columns` of all inputs; see `GermSpace.of`.
 
-    Parameters
-    ----------
-    joint : Joint
-        Their names, and their distribution.
-    columns : tuple of int
-        Where they stand among all inputs.
-    transform : {"rosenblatt", "nataf"}
-        See :meth:`uqmbd.randomness.GermSpace.of`.
+    Raise StudyError if moments are infinite, or if marginals or the correlation that Nataf's transform needs are
+    unavailable.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If moments are infinite, or marginals or the correlation that Nataf's transform needs are not available.
-
-    Examples
-    --------
     >>> import chaospy
     >>> joint = Joint(chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), ("a", "b"), ("m", "m"))
     >>> germs, group = dependent_part(joint, (0, 1), "rosenblatt")
@@ -81,21 +68,9 @@ def dependent_part(joint: Joint, columns: tuple[int, ...], transform: str) -> tu
 def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> float:
     """Solve Nataf's integral equation: the correlation of two standard normals whose images have `correlation`.
 
-    The double integral over the bivariate normal density is a power series in the unknown by Mehler's formula, with
-    the Hermite coefficients of the two maps from a Gauss-Hermite rule (Liu and Der Kiureghian, Probab. Eng. Mech. 1
-    (1986) 105; Xiao, Struct. Saf. 49 (2014) 33).
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If no Gaussian copula gives that correlation.
-
-    Examples
-    --------
-    >>> a = Marginal("exponential", sigma=0.5); b = Marginal("exponential", sigma=1.0)
-    >>> exact = np.log(1 + 0.3 * np.sqrt(np.expm1(0.25) * np.expm1(1.0))) / 0.5
-    >>> bool(abs(nataf_correlation(a, b, 0.3) - exact) < 1e-12)
-    True
+    The double integral over the bivariate normal density is a power series in the unknown by Mehler's formula, with the
+    Hermite coefficients of the two maps from a Gauss-Hermite rule (Liu and Der Kiureghian, Probab. Eng. Mech. 1 (1986)
+    105; Xiao, Struct. Saf. 49 (2014) 33). Raise StudyError if no Gaussian copula gives that correlation.
     """
     from scipy.optimize import brentq
 

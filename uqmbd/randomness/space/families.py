@@ -23,17 +23,7 @@ PROBE = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999])
 def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:
     """Return the germ of an input that depends on no other, and the map to it.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If the distribution has no finite moments, or cannot be evaluated.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> germ, marginal = independent_part("x", chaospy.Gamma(2, 3, shift=1))
-    >>> germ.family, germ.parameters, marginal.shift, marginal.scale
-    ('laguerre', (2.0,), 1.0, 3.0)
+    Raise StudyError if the distribution has no finite moments, or cannot be evaluated.
     """
     law = checked_law(name, distribution)
     if law.discrete:
@@ -50,14 +40,7 @@ def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:
 
 
 def normal_marginal(name: str, distribution: Any) -> Marginal:
-    """Return the map of a standard normal to an input: affine or exponential where it is so, else a table.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> normal_marginal("x", chaospy.LogNormal(0.5, 2)).kind
-    'exponential'
-    """
+    """Return the map of a standard normal to an input: affine or exponential where possible, else a table."""
     law = checked_law(name, distribution)
     if law.discrete:
         raise StudyError(f"Input {name!r} takes whole numbers only; they cannot depend on other inputs.")

@@ -14,22 +14,12 @@ __all__ = ["Marginal"]
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
-    """The increasing map of a standard variable ``z`` to an input ``x``, and its inverse.
+    """Increasing map of a standard variable ``z`` to an input ``x``, and its inverse.
 
-    Parameters
-    ----------
-    kind : {"affine", "exponential", "quantile"}
-        ``x = shift + scale * z``; ``x = shift + scale * exp(mu + sigma * z)`` (lognormal); or a table of quantiles over
-        the probit scale (``z`` is a standard normal), straight beyond its ends.
-    shift, scale, mu, sigma : float
-        As above; a negative scale turns the map round.
-    bounds : tuple of float
-        The support of the input, ascending.
-    table : array, shape (2, M), optional
-        Knots and quantiles.
+    Kinds: "affine", ``x = shift + scale * z``; "exponential", ``x = shift + scale * exp(mu + sigma * z)`` (lognormal);
+    "quantile", a table of quantiles over the probit scale (``z`` is a standard normal), straight beyond its ends. A
+    negative scale reverses the map.
 
-    Examples
-    --------
     >>> lognormal = Marginal("exponential", sigma=0.5, bounds=(0.0, np.inf))
     >>> x = lognormal.to_input(np.array([0.0, 2.0])); x.round(6).tolist()
     [1.0, 2.718282]
@@ -42,8 +32,8 @@ class Marginal:
     scale: float = 1.0
     mu: float = 0.0
     sigma: float = 1.0
-    bounds: tuple[float, float] = (-np.inf, np.inf)
-    table: Array | None = None
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # support of the input, ascending
+    table: Array | None = None  # (2, M) knots and quantiles
 
     def to_input(self, z: Array) -> Array:
         """Map the standard variable, of any shape, to the input."""
@@ -58,10 +48,8 @@ class Marginal:
         return values
 
     def slope(self, z: Array) -> Array:
-        """Return the derivative of the input with respect to the standard variable; 0 where it is held at a bound.
+        """Return the derivative of the input with respect to the standard variable; 0 where the input is at a bound.
 
-        Examples
-        --------
         >>> Marginal("exponential", sigma=0.5, bounds=(0.0, np.inf)).slope(np.array([0.0])).tolist()
         [0.5]
         """

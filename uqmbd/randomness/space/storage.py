@@ -93,12 +93,9 @@ def to_dataset(
 
 
 def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...], tuple[Group, ...]]:
-    """Return the inputs' names, the germs and the maps of a dataset that :func:`to_dataset` made.
+    """Return names of inputs, germs and maps from a dataset of :func:`to_dataset`.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it lacks something.
+    Raise StudyError if one is missing.
     """
     missing = [name for name in ("germ", "input", *REQUIRED) if name not in dataset.variables]
     if missing:

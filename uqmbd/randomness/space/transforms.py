@@ -27,25 +27,15 @@ class Coupled:
     """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
 
     With a lower triangular factor (up to the order of conditioning) of a correlation matrix and standard normal germs
-    this is a Gaussian copula, and at the same time its Rosenblatt transform.  One input alone has the factor 1 and any
+    this is a Gaussian copula, and at the same time its Rosenblatt transform. A single input has the factor 1 and any
     germ.
-
-    Parameters
-    ----------
-    columns : tuple of int
-        Columns of the inputs, and of the germs.
-    marginals : tuple of Marginal
-        One for each.
-    factor : array, shape (n, n)
-        Rows of norm one.
-    order : tuple of int
-        Positions in `columns`, in the order of conditioning: ``factor[order][:, order]`` is lower triangular.
     """
 
-    columns: tuple[int, ...]
-    marginals: tuple[Marginal, ...]
-    factor: Array
+    columns: tuple[int, ...]  # of the inputs, and of the germs
+    marginals: tuple[Marginal, ...]  # one for each
+    factor: Array  # (n, n) with rows of norm one
     order: tuple[int, ...]
+    """Positions in `columns`, in the order of conditioning: ``factor[order][:, order]`` is lower triangular."""
 
     @classmethod
     def single(cls, column: int, marginal: Marginal) -> Coupled:
@@ -108,24 +98,12 @@ class JointMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Rosenblatt:
-    """Rosenblatt's transform of a joint distribution: germs are functions of conditional probabilities.
+    """Rosenblatt's transform of a joint distribution: germs are functions of conditional probabilities."""
 
-    Parameters
-    ----------
-    columns : tuple of int
-        Columns of the inputs, and of the germs.
-    order : tuple of int
-        Positions in `columns`, in the order of conditioning.
-    normal : tuple of bool
-        Which germs are standard normal; the others are uniform on [-1, 1].
-    joint : JointMap, optional
-        None after reading from a file that does not hold it.
-    """
-
-    columns: tuple[int, ...]
-    order: tuple[int, ...]
-    normal: tuple[bool, ...]
-    joint: JointMap | None = None
+    columns: tuple[int, ...]  # of the inputs, and of the germs
+    order: tuple[int, ...]  # positions in `columns`, in the order of conditioning
+    normal: tuple[bool, ...]  # which germs are standard normal; the others are uniform on [-1, 1]
+    joint: JointMap | None = None  # None after reading from a file that does not hold it
 
     @property
     def independent(self) -> bool:
@@ -188,10 +166,8 @@ def _not_stored(direction: str) -> StudyError:
 
 
 def conditional_names(names: tuple[str, ...], order: tuple[int, ...], factor: Array | None = None) -> tuple[str, ...]:
-    """Name germs: ``"c | a, b"`` is what is left of c when a and b are given; order says which come first.
+    """Return names of germs: ``"c | a, b"`` is the germ of c when a and b are given; `order` is that of conditioning.
 
-    Examples
-    --------
     >>> conditional_names(("a", "b", "c"), (1, 0, 2))
     ('a | b', 'b', 'c | b, a')
     """
