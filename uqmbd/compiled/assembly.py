@@ -24,22 +24,12 @@ __all__ = ["Equations", "Gradients", "Turns"]
 
 
 class Gradients(NamedTuple):
-    """Entries of the gradients of equations.
+    """Nonzero entries of the gradients of equations, one array entry each; `values` are rows of the work array."""
 
-    Attributes
-    ----------
-    rows, columns : array of int, shape (entry,)
-        Equation, and unknown by which it is differentiated; -1: one that is not changed.
-    values : array of int, shape (entry,)
-        Rows of the work array.
-    factors : array, shape (entry,)
-        By which these are multiplied.
-    """
-
-    rows: Index
-    columns: Index
+    rows: Index  # equation
+    columns: Index  # unknown of the derivative; -1: an unknown that is not changed
     values: Index
-    factors: Array
+    factors: Array  # multipliers of the values
 
     def select(self, which: Mask) -> Gradients:
         """Take some entries."""
@@ -57,20 +47,10 @@ class Gradients(NamedTuple):
 
 @dataclass(frozen=True)
 class Turns:
-    """Coordinates that describe rotations.
+    """Coordinates of rotations; the first `dimension` coordinates give the size of the mechanism."""
 
-    Attributes
-    ----------
-    coordinates : array of int, shape (body, 2 or 4)
-        Of each body; (body, 0) without rotations.
-    free : array of int, shape (body,)
-        1 where they may be brought to length one, else 0.
-    dimension : int
-        So many first coordinates tell how large the mechanism is.
-    """
-
-    coordinates: Index
-    free: Index
+    coordinates: Index  # (body, 2 or 4); (body, 0) without rotations
+    free: Index  # (body,): 1 where the coordinates may be normalised to length one, else 0
     dimension: int
 
     def __getstate__(self) -> dict[str, Any]:
@@ -89,57 +69,26 @@ class Turns:
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations whose values and gradients a program yields.
+    """Equations whose values and gradients a program computes."""
 
-    Attributes
-    ----------
-    program : Program
-        The first of its arguments are the unknowns.
-    values : array of int, shape (equation,)
-        Row of the value of each equation; -1: zero.
-    gradients : Gradients
-        Their gradients.
-    solved : array of int
-        Which equations are solved for; the others are only looked at.
-    certain : int
-        So many of them are independent; the others may follow from these.
-    unknowns : int
-        Number of unknowns.
-    shortest : float
-        Length from which on a gradient is one.
-    """
-
-    program: Program
-    values: Index
+    program: Program  # its first arguments are the unknowns
+    values: Index  # (equation,): row of each value; -1: zero
     gradients: Gradients
-    solved: Index
-    certain: int
-    unknowns: int
-    shortest: float
+    solved: Index  # equations that are solved; the others are only evaluated
+    certain: int  # number of independent equations; the others may follow from these
+    unknowns: int  # number
+    shortest: float  # length from which a gradient is scaled to one
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
         return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     def close(self, turns: Turns, cosines: Index, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
-        """Solve by damped Gauss-Newton, from unknowns that are the first of the sources.
+        """Solve by damped Gauss-Newton; return unknowns (K, unknown) and a mask (K,) of the undecided poses.
 
-        Parameters
-        ----------
-        turns : Turns
-            What bounds a step.
-        cosines : array of int
-            Rows that are negative where a pose is a mirror image of the one that is meant.
-        *sources : array, shape (K, argument), or Columns
-            Arguments of the program.
-        count : int
-            K.
-
-        Returns
-        -------
-        unknowns : array, shape (K, unknown)
-        undecided : array of bool, shape (K,)
-            Where singular equations, a way that leads nowhere or a mirror image want a decision.
+        The sources hold the arguments of the program (K, argument), the unknowns first; `turns` bounds a step.  The
+        rows `cosines` are negative where a pose is a mirror image of the intended one.  A pose is undecided where the
+        equations are singular, the iteration stalls, or the pose is a mirror image.
         """
         first, *others = sources
         assert isinstance(first, np.ndarray)
@@ -240,14 +189,9 @@ def _neighbours(rows: Index, columns: Index, number: Index) -> list[set[int]]:
 
 
 def _eliminated(neighbours: list[set[int]], certain: int) -> tuple[Sequence[int], list[set[int]]]:
-    """Eliminate unknowns of a symmetric system by the least degree, the first so many before the others.
+    """Eliminate unknowns of a symmetric system by minimum degree, the first `certain` before the others.
 
-    Returns
-    -------
-    order : list of int
-        Unknowns, as they are eliminated.
-    below : list of set of int
-        Those that have an entry in the column of each of them then.
+    Return the order, and for each eliminated unknown the set of unknowns with an entry in its column at that point.
     """
     order, below = list[int](), list[set[int]]()
     for part in (range(certain), range(certain, len(neighbours))):

@@ -64,17 +64,11 @@ def _surroundings() -> bytes:
 
 
 def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
-    """Return what `make` returns, from the cache on disk if it is there.
+    """Return the result of `make` from the cache on disk, or call `make` and store its result.
 
-    What is damaged, or was not put there by this user, is made again; a folder that cannot be written costs only time.
-    Of several processes that want the same at once, as the workers on a machine do when they start, one makes it.
-
-    Parameters
-    ----------
-    key : object
-        Plain data; its ``repr`` is hashed together with all that kernels depend on besides.
-    make : callable
-        Makes the value; it must survive pickling.
+    The key is plain data: its ``repr`` is hashed with everything else that kernels depend on.  The result must survive
+    pickling.  An entry that is damaged, or was written by another user, is made again; a folder that cannot be written
+    costs only time.  If several processes need the same entry at once, as workers do when they start, one makes it.
     """
     name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
     store = Store(cache_folder())

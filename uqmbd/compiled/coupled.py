@@ -31,51 +31,28 @@ _OUTSIDE = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 @dataclass(frozen=True)
 class NodalSystems:
-    """Index-1 systems ``A x = b``, of as many nodes as a work array has lanes.
+    """Index-1 systems ``A x = b`` at as many nodes as a work array has lanes.
 
     The first rows of the work array are a state (q, s, v), the time, zero, and the parameters.
-
-    Attributes
-    ----------
-    width, coordinates, parameters : int
-        Length of a state, number of accelerations (the first unknowns) and of parameters.
-    values, drift : Part
-        From a state to the entries of ``A`` and ``b``, and to the residuals of the constraints.
-    factor, solve : Part
-        From the entries to factors, and from these and a right-hand side to the solution.
-    rows : int
-        Of the work array.
-    right, guess : int
-        First row of the right-hand side, and of a vector that ``A`` is multiplied with.
-    solution : array of int, shape (size,)
-        Rows.
-    starts, columns, entries : array of int
-        Of each row of ``A`` the first entry; of each entry the column, and the row of the work array.
-    motion : array of int, shape (size,)
-        Rows of ``b``; -1: zero.
-    constraints : array of int, shape (2, size)
-        The same of right-hand sides whose solutions are by what coordinates and velocities exceed the constraints.
-    rates : array of int, shape (auxiliary state,)
-        Rows of the rates of auxiliary states.
     """
 
-    width: int
-    coordinates: int
-    parameters: int
-    values: Part
-    drift: Part
-    factor: Part
-    solve: Part
-    rows: int
-    right: int
-    guess: int
-    solution: Index
-    starts: Index
-    columns: Index
-    entries: Index
-    motion: Index
-    constraints: Index
-    rates: Index
+    width: int  # length of a state
+    coordinates: int  # number of accelerations, which are the first unknowns
+    parameters: int  # number
+    values: Part  # from a state to the entries of A and b
+    drift: Part  # from a state to the residuals of the constraints
+    factor: Part  # from the entries to the factors
+    solve: Part  # from the factors and a right-hand side to the solution
+    rows: int  # of the work array
+    right: int  # first row of the right-hand side
+    guess: int  # first row of the vector that A is multiplied by
+    solution: Index  # (size,): rows
+    starts: Index  # first entry of each row of A
+    columns: Index  # column of each entry
+    entries: Index  # row of the work array of each entry
+    motion: Index  # (size,): rows of b; -1: zero
+    constraints: Index  # (2, size): rows of the right-hand sides of the corrections of coordinates and velocities
+    rates: Index  # (auxiliary state,): rows of the rates of auxiliary states
 
     @property
     def size(self) -> int:
@@ -84,21 +61,11 @@ class NodalSystems:
 
 
 class CoupledSystems:
-    """The projected system ``Psi^T W A_k Psi x = Psi^T W b_k``, with what its last solutions taught.
+    """The projected system ``Psi^T W A_k Psi x = Psi^T W b_k``, with a correction from its last solutions.
 
-    Parameters
-    ----------
-    systems : NodalSystems
-        Those at the nodes.
-    psi : array, shape (K, P)
-        Basis at the nodes.
-    adjoint : array, shape (P, K)
-        ``Psi^T W``.
-    parameters : array, shape (K, parameter)
-        Of the nodes.
-    outside : callable, optional
-        In place of the programs `factor` and `solve`: called with the work arrays, shape (K / 8, rows, 8), and whether
-        the systems are new (true), or to be solved.
+    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `parameters` of the nodes are
+    (K, parameter).  The callable `outside` replaces the programs `factor` and `solve`: its arguments are the work
+    arrays (K / 8, rows, 8) and whether the systems are new (True) or to be solved (False).
     """
 
     def __init__(
@@ -174,21 +141,10 @@ class CoupledSystems:
         self.structure.tolerance, self.structure.tolerance_drift = accelerations, excess
 
     def rate(self, time: float, state: Array) -> tuple[Array, Array]:
-        """Solve for the motion of coefficients.
+        """Return accelerations and multipliers (P, size) and rates of auxiliary states at a state (P, width).
 
-        Parameters
-        ----------
-        time : float
-            s.
-        state : array, shape (P, width)
-            Coefficients.
-
-        Returns
-        -------
-        found : array, shape (P, size)
-            Coefficients of accelerations and multipliers; NaN where the iteration does not converge.
-        rates : array, shape (P, auxiliary state)
-            Of those auxiliary states that have a rate.
+        The time is in s.  All are coefficients of the basis; they are NaN where the iteration does not converge.  The
+        second array has columns for the auxiliary states that have a rate.
         """
         self._take(time, state)
         found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
@@ -204,12 +160,7 @@ class CoupledSystems:
         return rows[:, : self.systems.size], rates
 
     def excess(self, time: float, state: Array) -> tuple[Array, Array]:
-        """Find by what coefficients (P, width) exceed the projected constraints.
-
-        Returns
-        -------
-        q, v : array, shape (P, coordinate)
-        """
+        """Return by what coefficients (P, width) exceed the projected constraints: q and v, each (P, coordinate)."""
         self._take(time, state)
         n = self.systems.coordinates
         found = aligned(2 * n * self.blocks)
@@ -221,14 +172,10 @@ class CoupledSystems:
 
     @contextmanager
     def in_phase(self, times: Array, paces: Array) -> Iterator[None]:
-        """Let the nodes have times of their own, and a phase as the independent variable, within a ``with`` statement.
+        """Use a phase as the independent variable within a ``with`` statement: `times` (K,), s, `paces` (K,), s/rad.
 
-        `rate` gives rates per phase, then, and the time that it is given does not count.
-
-        Parameters
-        ----------
-        times, paces : array, shape (K,)
-            Time of each node, s, and its time per phase, s/rad.
+        Each node has its own time and its own time per phase.  `rate` then returns rates per phase and ignores its
+        time.
         """
         self._times.ravel()[:], self._paces.ravel()[:] = times[self._lanes], paces[self._lanes]
         self.structure.times, self.structure.paces = address(self._times), address(self._paces)
@@ -238,18 +185,10 @@ class CoupledSystems:
             self.structure.times = self.structure.paces = 0
 
     def dynamics(self, velocities: int, rated: Index, moving: int, *, constrained: bool) -> Dynamics:
-        """Describe the equations of motion of all coefficients, as one problem.
+        """Return the equations of motion of all coefficients, as one problem.
 
-        Parameters
-        ----------
-        velocities : int
-            First velocity of a state.
-        rated : array of int
-            Which auxiliary states have a rate.
-        moving : int
-            Entries of a state that change.
-        constrained : bool
-            Whether there are constraints.
+        A state has its velocities from entry `velocities` on, and `moving` entries that change; `rated` are the
+        auxiliary states that have a rate.
         """
         systems, blocks = self.systems, self.blocks
         n, width = systems.coordinates, systems.width

@@ -56,20 +56,10 @@ _CONNECTIVE = {"And": "and", "Or": "or", "Xor": "xor"}
 def operations_text(
     name: str, operations: Sequence[Operation], reads: Sequence[int], writes: Sequence[int], first: int, native: int
 ) -> str:
-    """Write the function of an elimination's operations.
+    """Return the LLVM IR of a function that performs the operations of an elimination.
 
-    Parameters
-    ----------
-    name : str
-        Of the function.
-    operations : sequence of Operation
-        Each makes one new value.
-    reads, writes : sequence of int
-        Numbers of the values that are its arguments and its results, in order.
-    first : int
-        Number of the first new value.
-    native : int
-        Lanes that the processor computes at once.
+    Each operation makes one value, numbered from `first` on; `reads` and `writes` are the numbers of the arguments and
+    results in order, and `native` is the number of lanes that the processor computes at once.
     """
     w = Writer()
     values = {x: k for k, x in enumerate(reads)}
@@ -107,27 +97,10 @@ def expressions_text(
     native: int,
     tables: Tables,
 ) -> str:
-    """Write the function of expressions of SymEngine.
+    """Return the LLVM IR of a function that evaluates SymEngine expressions; raise NotCompiled if one has no code.
 
-    Parameters
-    ----------
-    name : str
-        Of the function.
-    arguments : sequence of symbols
-        Its arguments, in order.
-    replacements : sequence of (symbol, expression)
-        What further symbols stand for, in order, as `symengine.cse` returns them.
-    expressions : sequence
-        Its results, in order.
-    native : int
-        Lanes that the processor computes at once.
-    tables : mapping
-        Those that are looked up, as ``name(which number, argument, *terms)``.
-
-    Raises
-    ------
-    NotCompiled
-        Naming what cannot be computed.
+    The replacements (symbol, expression) are those of `symengine.cse`; `native` is the number of lanes that the
+    processor computes at once; a table is looked up as ``name(row, argument, *terms)``.
     """
     w = Writer()
     meaning = dict(replacements)

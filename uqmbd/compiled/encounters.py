@@ -33,46 +33,22 @@ class Touching(IntEnum):
 
 @dataclass(frozen=True)
 class Contacts:
-    """Events of a mechanism, as programs on the work array of its `Dynamics`; rows are rows of that.
+    """Events of a mechanism, as programs on the work array of its `Dynamics`; rows are rows of that array."""
 
-    Attributes
-    ----------
-    first : array of int, shape (event + 1,)
-        First direction of each event, then the end; an event without directions is a mark.
-    guards : Part
-        From a state to its guards.
-    guard : array of int, shape (event,)
-        Rows of the guards.
-    contact : Part
-        From a state to all that is known of its contacts, and its index-1 system.
-    gap, law : array of int, shape (event,) and (event, 2)
-        Rows of the gaps, of the coefficients of restitution and of friction.
-    speed, bias : array of int, shape (direction,)
-        Rows of relative velocities, and of their rates without accelerations.
-    slope : array of int, shape (direction, coordinate)
-        Rows of how velocities enter the speeds.
-    size : int
-        Unknowns of the index-1 system.
-    rows, columns, values : array of int, shape (entry,)
-        Where its entries are, and their rows of the work array.
-    right : array of int, shape (size,)
-        Rows of its right-hand side.
-    """
-
-    first: Index
-    guards: Part
-    guard: Index
-    contact: Part
-    gap: Index
-    law: Index
-    speed: Index
-    bias: Index
-    slope: Index
-    size: int
-    rows: Index
-    columns: Index
-    values: Index
-    right: Index
+    first: Index  # (event + 1,): first direction of each event, then the end; an event without directions is a marker
+    guards: Part  # from a state to its guards
+    guard: Index  # (event,): rows of the guards
+    contact: Part  # from a state to the quantities of its contacts and its index-1 system
+    gap: Index  # (event,): rows of the gaps
+    law: Index  # (event, 2): rows of the coefficients of restitution and of friction
+    speed: Index  # (direction,): rows of the relative velocities
+    bias: Index  # (direction,): rows of their rates at zero acceleration
+    slope: Index  # (direction, coordinate): rows of the derivatives of the relative velocities by velocities
+    size: int  # unknowns of the index-1 system
+    rows: Index  # (entry,): row of each entry of its matrix
+    columns: Index  # (entry,): column of each entry
+    values: Index  # (entry,): row of the work array of each entry
+    right: Index  # (size,): rows of its right-hand side
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
@@ -94,49 +70,28 @@ class Contacts:
 
 
 class Encounters:
-    """What happens to M realisations: rows of arrays, which the driver and whoever decides share.
+    """Contact states of M realisations: arrays that the driver and the event handling in Python share.
 
-    Parameters
-    ----------
-    contacts : Contacts
-        What may happen.
-    count : int
-        M.
-    watched : bool
-        Whether guards are looked at; else contacts stay as they are.
-
-    Attributes
-    ----------
-    mode : array of int, shape (M, event)
-        What each contact does, see `Touching`.
-    heading : array, shape (M, direction)
-        In which direction a contact slides that slips.
-    internal : array, shape (M, direction)
-        Forces of redundant contacts that last, beside the least ones: they move nothing, and enter the guards.
-    resting : array of int, shape (M, 2 event)
-        Guards that are zero, and have to rise before they can fall: of each event that of its gap (or of the normal
-        force, while it lasts), then that of its friction.
-    rise : array, shape (M, 2 event)
-        Their rates, where they are known.
-    length, slow : array, shape (M,)
-        Size of the mechanism, and a speed that is none.
-    happened : array of int, shape (M,)
-        The guard that has fallen.
-    noted : array of int, shape (M,)
-        How many marks wait to be taken.
-    mark, mark_times : array, shape (M, room)
-        Which they are, and when they were.
+    Guards are evaluated if `watched`; otherwise contacts keep their states.  Two guards belong to each event: that of
+    its gap (or of the normal force, while the contact lasts), then that of its friction.
     """
 
     def __init__(self, contacts: Contacts, count: int, *, watched: bool = True) -> None:
         events, directions = len(contacts.guard), len(contacts.speed)
+        # (M, event): state of each contact, see `Touching`; (M, direction): direction of sliding where it slips
         self.mode, self.heading = np.zeros((count, events), dtype=np.int64), np.zeros((count, directions))
+        # (M, direction): forces of redundant lasting contacts, in addition to the least ones: they move nothing, and
+        # enter the guards
         self.internal = np.zeros((count, directions))
+        # (M, 2 event): guards that are zero, and must rise before they can fall; (M, 2 event): their rates, where known
         self.resting, self.rise = np.zeros((count, 2 * events), dtype=np.int64), np.zeros((count, 2 * events))
+        # (M,): size of the mechanism, and a speed below which it counts as zero
         self.length, self.slow = np.zeros((2, count))
+        # (M,): the guard that has fallen, and the number of markers that wait to be read
         self.happened, self.noted = np.zeros((2, count), dtype=np.int64)
         marks = int(np.sum(np.diff(contacts.first) == 0))
         self.room = STEP * events + ROOM if marks else 0
+        # (M, room): the markers and their times, s
         self.mark, self.mark_times = np.zeros((count, self.room), dtype=np.int64), np.zeros((count, self.room))
         self.watched = watched
 

@@ -57,31 +57,15 @@ Leg = tuple[float, float, bool]
 
 @dataclass(frozen=True)
 class Constraints:
-    """How far a state is off the constraints, and the way back, as programs on the work array of `Dynamics`.
+    """Residuals of the constraints and the projection onto them, as programs on the work array of `Dynamics`."""
 
-    Attributes
-    ----------
-    values : Part
-        The part of the motion that comes before its solution.
-    drift : Part
-        To the residuals.
-    place, move : Part
-        After `motion`, or `values`, and `drift`: by what coordinates, and velocities, exceed the constraints.
-    residuals : array of int, shape (equation,)
-        Rows of the residuals: first those in position, then those in velocity.
-    positions : int
-        How many are in position.
-    surplus : array of int, shape (2 coordinate,)
-        Rows of that.
-    """
-
-    values: Part
-    drift: Part
-    place: Part
-    move: Part
-    residuals: Index
-    positions: int
-    surplus: Index
+    values: Part  # the part of the motion before its solution
+    drift: Part  # to the residuals
+    place: Part  # after motion or values, and drift: corrections of coordinates
+    move: Part  # the same of velocities
+    residuals: Index  # (equation,): rows of the residuals, those in position before those in velocity
+    positions: int  # number of residuals in position
+    surplus: Index  # (2 coordinate,): rows of the corrections
 
     @property
     def operations(self) -> int:
@@ -94,47 +78,23 @@ class Dynamics:
     """Equations of motion, as programs on one work array.
 
     Its first rows are a state (q, s, v), the time, zero, and the parameters.
-
-    Attributes
-    ----------
-    coordinates, velocities, width : int
-        Number of coordinates, first velocity, and length of a state.
-    parameters : int
-        How many.
-    motion : Part
-        From a state to its rate.
-    rate : array of int, shape (width,)
-        Rows of the rate.
-    constraints : Constraints, optional
-        None: there are none.
-    rows : int
-        Of the work array.
-    moving : int
-        Entries of a state that change, one less of each body that turns, whose angular velocity has one entry less.
-    turns : array of int, shape (body, 2 or 4)
-        Coordinates of the bodies that turn: unit quaternions, whose rates are stepped as angular velocities.
-    terms : int
-        0: lanes are realisations.  Otherwise they are terms of one problem: a state has ``(terms, width / blocks)``
-        entries, and each entry `blocks` rows.
-    blocks : int
-        Rows of an entry.
-    cost : int
-        How many evaluations of eight realisations a rate is worth, roughly.
     """
 
-    coordinates: int
-    velocities: int
-    width: int
-    parameters: int
-    motion: Part
-    rate: Index
-    constraints: Constraints | None
-    rows: int
+    coordinates: int  # number
+    velocities: int  # index of the first velocity in a state
+    width: int  # length of a state
+    parameters: int  # number
+    motion: Part  # from a state to its rate
+    rate: Index  # (width,): rows of the rate
+    constraints: Constraints | None  # None: there are none
+    rows: int  # of the work array
+    # entries of a state that change, less one for each body that turns: angular velocities replace quaternions
     moving: int
+    # (body, 2 or 4): coordinates of the unit quaternions, whose rates are stepped as angular velocities
     turns: Index = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    terms: int = 0
-    blocks: int = 1
-    cost: int = 1
+    terms: int = 0  # 0: lanes are realisations; else terms of one problem: a state has (terms, width / blocks) entries
+    blocks: int = 1  # rows of an entry
+    cost: int = 1  # of a rate, in evaluations of eight realisations (estimate)
 
 
 _NOTHING, _NO_ROWS = Part((), 0), np.zeros(0, dtype=np.int64)
@@ -144,36 +104,16 @@ NONE = Constraints(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NO_ROWS, 0, _NO_ROWS
 
 @dataclass(frozen=True)
 class Method:
-    """How to integrate.
+    """Tolerances and limits of an explicit integration."""
 
-    Attributes
-    ----------
-    rtol : float
-        Relative tolerance.
-    far : float
-        An interpolated state that is farther off the constraints is noted as poor.
-    surplus : float
-        Tolerances by which a step may leave the constraints.
-    stiff : float
-        Step size times the size of the Jacobian from which stability, not accuracy, limits the step.
-    patience : int
-        Steps in a row that must look stiff.
-    refusals : int
-        Refused steps in a row after which somebody is asked.
-    attempts : int
-        Most attempted steps of a leg.
-    guarded : bool
-        Whether somebody is asked about refused steps, and those that leave the constraints.
-    """
-
-    rtol: float
-    far: float
-    surplus: float
-    stiff: float
-    patience: int
-    refusals: int
-    attempts: int
-    guarded: bool
+    rtol: float  # relative tolerance
+    far: float  # distance from the constraints above which an interpolated state is marked as poor
+    surplus: float  # distance by which a step may leave the constraints, in tolerances
+    stiff: float  # step size times norm of the Jacobian above which stability, not accuracy, limits the step
+    patience: int  # consecutive steps that must look stiff
+    refusals: int  # consecutive rejected steps before the driver returns for a decision
+    attempts: int  # maximum of attempted steps of an integration interval
+    guarded: bool  # whether the driver returns for a decision on rejected steps and steps off the constraints
 
 
 @cache
@@ -201,43 +141,12 @@ def tableau() -> tuple[c.Tableau, tuple[NDArray[Any], ...]]:
 
 
 class Realisations:
-    """Where an integration of M realisations stands: rows of arrays, which the driver and whoever decides share.
+    """State of an integration of M realisations: arrays that the driver and the code in Python share.
 
-    Parameters
-    ----------
-    dynamics : Dynamics
-        Their equations.
-    method : Method
-        How.
-    z : array, shape (M, width)
-        Initial states.
-    parameters : array, shape (M, parameter)
-        Of each.
-    times : array, shape (T,)
-        Output times; the first is the start.
-    legs : sequence of sequence of (end, longest, jumps)
-        For each where it starts anew, how long steps may be until then, and whether somebody is asked there.  Those of
-        the first are those of all, if there are no others; those that are one object are kept once.
-    floor : array, shape (M,)
-        Absolute tolerances.
-    contacts, encounters : Contacts and Encounters, optional
-        What may happen on the way, and what does.
-    recording : bool
-        Whether all steps are recorded (`recorder`).
-
-    Attributes
-    ----------
-    result : array, shape (M, T, width)
-        States at the output times before number ``column``, by interpolation: near the constraints until `project` puts
-        them there; NaN after these.
-    off : array, shape (M, equation + 1)
-        Largest residuals of the constraints at the output times that `project` has seen, and the largest speed there.
-    poor : array of int, shape (M, T)
-        Which of them interpolation has led far off the constraints.
-    status : array of int, shape (M,)
-        See `Status`.
-    evaluations : int
-        So far, of eight states each.
+    Initial states `z` are (M, width), `parameters` (M, parameter), output `times` (T,) with the start first, and
+    absolute tolerances `floor` (M,).  `legs` are the integration intervals of each realisation: (end, longest step,
+    whether the driver returns for a decision at the end).  Intervals of the first realisation hold for all if there are
+    no others; equal objects are stored once.  All steps are recorded (`recorder`) if `recording`.
     """
 
     def __init__(
@@ -256,6 +165,7 @@ class Realisations:
     ) -> None:
         count, width = z.shape
         self.contacts, self.encounters = contacts, encounters
+        # evaluations so far, of eight states each
         self.dynamics, self.method, self.evaluations = dynamics, method, 0
         self.times = np.ascontiguousarray(times, dtype=float)
         self.z = np.array(z, dtype=float, order="C")
@@ -265,6 +175,7 @@ class Realisations:
         self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
         integers = np.zeros((14, count), dtype=np.int64)
+        # status: see `Status`
         self.leg, self.last_leg, self.first, self.column, self.status, self.attempts, self.refused = integers[:7]
         self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
         layouts = {id(own): own for own in legs}
@@ -277,9 +188,14 @@ class Realisations:
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
+        # (M, T, width): interpolated states at the output times before number `column`, near the constraints until
+        # `project` projects them; NaN from there on
         self.result = np.empty((count, len(self.times), width))
         self.result[:, 0], self.result[:, 1:] = z, np.nan
+        # (M, equation + 1): largest residuals of the constraints at the output times that `project` has seen, then the
+        # largest speed there
         self.off = np.zeros((count, self._equations + 1))
+        # (M, T): whether interpolation has led far off the constraints
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
         self.recorder = Recorder(count, width, recording=recording)
 

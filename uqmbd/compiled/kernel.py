@@ -21,12 +21,9 @@ __all__ = ["Kernel", "compiled"]
 
 
 def compiled(source: str) -> tuple[str, bytes]:
-    """Return the name of a function, which is the digest of what it does and of this processor, and its object code.
+    """Compile LLVM IR, in which the function is called ``KERNEL``; return its new name and its object code.
 
-    Parameters
-    ----------
-    source : str
-        LLVM IR, in which it is called ``KERNEL``.
+    The name is the digest of the source and of this processor.
     """
     name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
     return name, object_code(source.replace("@KERNEL(", f"@{name}(", 1))
@@ -34,31 +31,15 @@ def compiled(source: str) -> tuple[str, bytes]:
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations.
+    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations."""
 
-    Attributes
-    ----------
-    code : bytes
-        Object code; empty where there is nothing to compute.
-    name : str
-        Of the function in it.
-    inputs, outputs : int
-        Number of arguments and results.
-    needs : str
-        What the processor must have, in words (`Target.needs`).
-    operations : int
-        How many it takes, as counted where it was written; functions of the C library count as several.
-    source : bytes
-        Compressed LLVM IR, of which other processors make code of their own.
-    """
-
-    code: bytes
-    name: str
-    inputs: int
-    outputs: int
-    needs: str = ""
-    operations: int = 0
-    source: bytes = b""
+    code: bytes  # object code; empty if there is nothing to compute
+    name: str  # of the function
+    inputs: int  # number of arguments
+    outputs: int  # number of results
+    needs: str = ""  # required processor features, in words (`Target.needs`)
+    operations: int = 0  # number; functions of the C library count as several
+    source: bytes = b""  # compressed LLVM IR, which other processors compile again
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
@@ -79,19 +60,7 @@ class Kernel:
         return addresses_of([name], code)[0]
 
     def __call__(self, arguments: Array, out: Array | None = None) -> Array:
-        """Evaluate.
-
-        Parameters
-        ----------
-        arguments : array, shape (..., inputs)
-            One realisation after the other.
-        out : array, shape (..., outputs), optional
-            Where to write; C-contiguous.
-
-        Returns
-        -------
-        array, shape (..., outputs)
-        """
+        """Evaluate arguments (..., inputs); return results (..., outputs), in C-contiguous `out` if given."""
         rows = np.ascontiguousarray(arguments, dtype=float)
         if rows.shape[-1] != self.inputs:
             raise ValueError(f"a kernel of {self.inputs} arguments was given {rows.shape[-1]}")

@@ -27,23 +27,11 @@ compilations = [0]
 
 
 def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, tables: Tables | None = None) -> Kernel:
-    """Compile SymEngine expressions in SymEngine symbols.
+    """Compile SymEngine expressions in SymEngine symbols; raise `uqmbd.StudyError` if one cannot be computed.
 
     SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
     subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
-
-    Parameters
-    ----------
-    arguments, expressions : sequence
-        In SymEngine.
-    tables : mapping, optional
-        Those that are looked up in the expressions, by the names of the functions that do so:
-        ``name(which number, argument, *terms)``.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If they contain what cannot be computed.
+    Expressions look up a table by the name of its function: ``name(row, argument, *terms)``.
     """
     import symengine as se
 
@@ -76,16 +64,9 @@ def _compiled(
 def compile_operations(
     operations: Sequence[Operation], reads: Sequence[int], writes: Sequence[int], first: int
 ) -> Kernel:
-    """Compile operations of an elimination.
+    """Compile operations of an elimination, each of which makes one value, numbered from `first` on.
 
-    Parameters
-    ----------
-    operations : sequence of Operation
-        Each makes one new value; they are numbered from `first` on.
-    reads, writes : sequence of int
-        Numbers of the values that are arguments and results, in order.
-    first : int
-        Number of the first new value.
+    The numbers of the arguments and of the results are `reads` and `writes`, in order.
     """
     if not writes:
         return Kernel(b"", "", len(reads), 0)

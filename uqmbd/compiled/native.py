@@ -40,19 +40,11 @@ _LOCK = threading.RLock()
 
 @dataclass(frozen=True)
 class Target:
-    """A processor that code is made for.
+    """A processor for which code is generated."""
 
-    Attributes
-    ----------
-    triple : str
-        Architecture, system and format of object code.
-    cpu, features : str
-        As LLVM names them.
-    """
-
-    triple: str
-    cpu: str
-    features: str
+    triple: str  # architecture, system and format of object code
+    cpu: str  # as LLVM names it
+    features: str  # as LLVM names them
 
     @property
     def width(self) -> int:
@@ -113,14 +105,9 @@ def _machine(target: Target, level: int) -> Any:
 
 
 def object_code(source: str | bytes, target: Target | None = None) -> bytes:
-    """Compile LLVM IR as it stands: nothing is computed twice in it, or a compiler has seen to that.
+    """Compile LLVM IR (text, or bitcode) without further optimisation, for this processor by default.
 
-    Parameters
-    ----------
-    source : str or bytes
-        IR as text, or as bitcode.
-    target : Target, optional
-        Default: this processor.
+    The IR contains no common subexpressions, or a compiler has already removed them.
     """
     import llvmlite.binding as llvm
 
@@ -174,14 +161,9 @@ _loaded: dict[str, int] = {}
 
 
 def addresses_of(names: Sequence[str], code: bytes) -> list[int]:
-    """Return the addresses of functions in object code, which is loaded if it is not.
+    """Return the addresses of functions in object code for this processor, and load the code on first use.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Different for different code.
-    code : bytes
-        Made for this processor.
+    Different code must have different function names.
     """
     if names[0] not in _loaded:
         import llvmlite.binding as llvm

@@ -21,28 +21,17 @@ __all__ = ["Columns", "Part", "Program", "Step", "Writer"]
 
 @dataclass(frozen=True)
 class Step:
-    """A kernel for some instances, or a method, or (without both) sums of rows.
-
-    Attributes
-    ----------
-    reads : array of int, optional
-        Rows of all arguments of all instances, or of all terms; None: arguments stand from row `first` on.
-    starts : array of int, optional
-        First term of each sum, and the end.
-    to : int
-        Row of the first result.
-    method, context : int
-        Addresses of a function of the driver and of its context; 0: there is none.
-    """
+    """A kernel for `count` instances, or a method, or (without both) sums of rows."""
 
     kernel: Kernel | None
     count: int
+    # rows of all arguments of all instances, or of all terms; None: arguments are in rows from first on
     reads: Index | None
-    starts: Index | None
+    starts: Index | None  # first term of each sum, and the end
     first: int
-    to: int
-    method: int = 0
-    context: int = 0
+    to: int  # row of the first result
+    method: int = 0  # address of a function of the driver; 0: none
+    context: int = 0  # address of its context; 0: none
 
 
 @dataclass(frozen=True)
@@ -55,18 +44,10 @@ class Columns:
 
 @dataclass(frozen=True)
 class Part:
-    """Some steps on a work array.
-
-    Attributes
-    ----------
-    steps : tuple of Step
-        One after the other.
-    scratch : int
-        Row from which on arguments may be gathered.
-    """
+    """A sequence of steps on a work array."""
 
     steps: tuple[Step, ...]
-    scratch: int
+    scratch: int  # row from which arguments may be gathered
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
@@ -98,13 +79,7 @@ class Part:
 
 
 class Writer:
-    """Writes programs that share a work array.
-
-    Parameters
-    ----------
-    inputs : int
-        Rows of the arguments, the first ones.
-    """
+    """Writer of programs that share a work array, whose first `inputs` rows are the arguments."""
 
     def __init__(self, inputs: int) -> None:
         self.inputs, self.rows = inputs, inputs
@@ -154,40 +129,18 @@ class Writer:
 
 @dataclass(frozen=True)
 class Program:
-    """Steps, and where their results stand.
-
-    Attributes
-    ----------
-    part : Part
-        The steps.
-    inputs : int
-        Number of arguments, in the first rows.
-    rows : int
-        Of the work array.
-    results : array of int
-        Rows.
-    """
+    """Steps, and the rows of their results."""
 
     part: Part
-    inputs: int
-    rows: int
-    results: Index = field(repr=False)
+    inputs: int  # number of arguments, in the first rows
+    rows: int  # of the work array
+    results: Index = field(repr=False)  # rows
 
     def __call__(self, *sources: Array | Columns, count: int | None = None, out: Array | None = None) -> Array:
-        """Evaluate.
+        """Evaluate; return results (K, result), in `out` if given.
 
-        Parameters
-        ----------
-        *sources : array, shape (K, argument), or Columns
-            The arguments, one array of columns after the other.
-        count : int, optional
-            Number of states, if no array has that many rows.
-        out : array, shape (K, result), optional
-            Where to write.
-
-        Returns
-        -------
-        array, shape (K, result)
+        The sources are arrays (K, argument) or `Columns`, whose columns follow one another; `count` is K if no source
+        is an array with that many rows.
         """
         table, kept, count = self.sources(sources, count)
         if out is None:

@@ -48,24 +48,12 @@ of Clenshaw and Curtis."""
 
 
 class Path(NamedTuple):
-    """Recorded steps of realisations, in the order in which they were taken; what comes later holds.
+    """Recorded steps of realisations, in the order in which they were taken; later steps replace earlier ones."""
 
-    Attributes
-    ----------
-    owner : array of int, shape (P,)
-        Of which realisation each is.
-    ends : array, shape (P, 2)
-        Begin and end, s.
-    kept : array of bool, shape (P,)
-        Whether contacts last.
-    states : array, shape (P, 8, width)
-        By interpolation, at `PLACES` from begin to end, on the constraints.
-    """
-
-    owner: Index
-    ends: Array
-    kept: Mask
-    states: Array
+    owner: Index  # (P,): realisation of each step
+    ends: Array  # (P, 2): begin and end, s
+    kept: Mask  # (P,): whether contacts last
+    states: Array  # (P, 8, width): interpolated at `PLACES` from begin to end, on the constraints
 
     def placed(self, numbers: Index) -> Path:
         """Return the steps of realisations that have other numbers elsewhere; those with negative ones are left out."""
@@ -86,15 +74,7 @@ class Path(NamedTuple):
 
 
 class Recorder:
-    """Room for the steps of some realisations, one after the other as they are taken, and what was recorded so far.
-
-    Parameters
-    ----------
-    count, width : int
-        Realisations, and length of a state.
-    recording : bool
-        Whether anything is recorded.
-    """
+    """Buffer for the steps of `count` realisations with states of length `width`; stores none unless `recording`."""
 
     def __init__(self, count: int, width: int, *, recording: bool) -> None:
         self.room = max(min(ROOM // (len(PLACES) * max(1, width)), LEAST * count), LEAST) if recording else 0
@@ -147,31 +127,15 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Course:
-    """Steps of realisations, one after the other.
+    """Steps of realisations, in ascending order of realisation and time."""
 
-    Attributes
-    ----------
-    owner : array of int, shape (P,)
-        Of which realisation a step is; ascending.
-    row : array of int, shape (P,)
-        Where its states stand.
-    begin, end : array, shape (P,)
-        From when to when it holds, s.
-    last : array, shape (P,)
-        Where its polynomial ends, s: not before `end`.
-    kept : array of bool, shape (P,)
-        Whether contacts last: states in between would not be on them.
-    states : array, shape (row, 8, width)
-        At the places of the polynomial.
-    """
-
-    owner: Index
-    row: Index
-    begin: Array
-    end: Array
-    last: Array
-    kept: Mask
-    states: Array
+    owner: Index  # (P,): realisation of each step; ascending
+    row: Index  # (P,): row of its states
+    begin: Array  # (P,): start of validity, s
+    end: Array  # (P,): end of validity, s
+    last: Array  # (P,): end of its polynomial, s; not before end
+    kept: Mask  # (P,): whether contacts last: interpolated states would not satisfy them
+    states: Array  # (row, 8, width): at the nodes of the polynomial
 
     @cached_property
     def structure(self) -> c.Course:
@@ -208,77 +172,38 @@ class Course:
 
 
 class Need(NamedTuple):
-    """What an expression is resolved for.
+    """Quantity that is resolved for an expression."""
 
-    Attributes
-    ----------
-    kind : int
-        0: its largest value, 1: its smallest, 2: its smallest so far, 3: its integral, 4: when it reaches zero.
-    slack : float
-        Tolerances of the polynomials by which a value may be less than an extreme and still count.
-    column : int
-        Which expression.
-    """
-
+    # 0: its largest value, 1: its smallest, 2: its smallest so far, 3: its integral, 4: time at which it is zero
     kind: int
-    slack: float
-    column: int
+    slack: float  # tolerances of the polynomials by which a value may miss an extreme and still count as one
+    column: int  # index of the expression
 
 
 class PartTable:
-    """Parts of steps on which polynomials are fitted to expressions, and which are divided as far as is needed.
+    """Parts of steps on which polynomials are fitted to `outputs` expressions, and which are bisected as required.
 
-    One is used for some realisations after the other: it keeps its memory, which is dear to get.
-
-    Parameters
-    ----------
-    outputs : int
-        How many expressions.
-    needs : sequence of Need
-    share : float
-        By which a polynomial may be wrong, as a part of the largest value.
-
-    Attributes
-    ----------
-    count : int
-        How many parts there are.
-    step : array of int, shape (E,)
-        Of which each is a part.
-    low, high : array, shape (E,)
-        From which part of the step's polynomial to which.
-    begin, end : array, shape (E,)
-        When each begins and ends, s.
-    values, coefficients : array, shape (E, O, 8)
-        At the places, and of Chebyshev series.
-    error : array, shape (E, O)
-        By which the polynomial may be wrong; zero where nothing makes it better.
-    most, least : array, shape (E, O)
-        Between which the polynomial is.
-    highest, lowest : array, shape (E, O)
-        Of the values; NaN where any is not finite.
-    mean : array, shape (E, O)
-        Of the polynomial.
-    allowed : array, shape (R, O)
-        Tolerances of the realisations, absolute.
+    The error of a polynomial may be `share` times the largest value.  One table serves realisations one after the
+    other: it reuses its memory, which is expensive to allocate.
     """
 
-    step: Index
+    step: Index  # (E,): step of which each is a part
     depth: Index
     next: Index
     whole: Index
     beside: Index
-    low: Array
-    high: Array
-    begin: Array
-    end: Array
-    values: Array
-    coefficients: Array
-    error: Array
-    most: Array
-    least: Array
-    highest: Array
-    lowest: Array
-    mean: Array
+    low: Array  # (E,): begin within the polynomial of the step
+    high: Array  # (E,): end within the polynomial of the step
+    begin: Array  # (E,): s
+    end: Array  # (E,): s
+    values: Array  # (E, O, 8): at the nodes
+    coefficients: Array  # (E, O, 8): of Chebyshev series
+    error: Array  # (E, O): estimate for the polynomial; zero where bisection does not reduce it
+    most: Array  # (E, O): upper bound of the polynomial
+    least: Array  # (E, O): lower bound of the polynomial
+    highest: Array  # (E, O): largest value; NaN where a value is not finite
+    lowest: Array  # (E, O): smallest value; NaN where a value is not finite
+    mean: Array  # (E, O): of the polynomial
 
     def __init__(self, outputs: int, needs: Sequence[Need], share: float) -> None:
         kinds, columns = (np.array([need[k] for need in needs], dtype=np.int64) for k in (0, 2))
@@ -295,6 +220,7 @@ class PartTable:
         self.depth[some], self.beside[some] = 0, 0
         self.next[some] = np.where(owner != np.append(owner[1:], -1), -1, np.arange(1, self.count + 1))
         self.first = np.flatnonzero(np.diff(owner, prepend=-1))
+        # allowed (R, O): absolute tolerances of the realisations
         self.open, self.allowed = np.ones_like(self.first), np.zeros((len(self.first), self.outputs))
 
     def _make_room(self, used: int) -> None:
@@ -347,26 +273,14 @@ class PartTable:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Polynomials of one expression on parts of steps.
+    """Polynomials of one expression on parts of steps."""
 
-    Attributes
-    ----------
-    column : int
-        Which expression.
-    order : array of int, shape (E,)
-        Numbers of the parts.
-    begin, end : array, shape (P,)
-        When each begins and ends, s.
-    values, coefficients : array, shape (P, O, 8)
-        Of all expressions: values at the places, and Chebyshev coefficients.
-    """
-
-    column: int
-    order: Index
-    begin: Array
-    end: Array
-    values: Array
-    coefficients: Array
+    column: int  # index of the expression
+    order: Index  # (E,): numbers of the parts
+    begin: Array  # (P,): s
+    end: Array  # (P,): s
+    values: Array  # (P, O, 8): of all expressions, at the nodes
+    coefficients: Array  # (P, O, 8): of their Chebyshev series
 
     @cached_property
     def structure(self) -> c.Fitted:

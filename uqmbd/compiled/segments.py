@@ -29,38 +29,19 @@ SLACK = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class SegmentTable:
-    """Coefficients as they are evaluated; see :meth:`of`.
+    """Coefficients in the order in which they are evaluated; see :meth:`of`."""
 
-    Attributes
-    ----------
-    edges : array, shape (S + 1, P)
-        Of the times at which segments begin and end.
-    used : array of int, shape (S, C)
-        How many times four Chebyshev polynomials an output has in a segment.
-    counts : array of int, shape (S, C, B)
-        How many terms four polynomials have that are not zero: the first ones.
-    starts : array of int, shape (S, C)
-        Where the coefficients of an output in a segment begin.
-    coefficients : array, one axis
-        Of four polynomials, term by term; of one four after the other, output by output, segment by segment.
-    """
-
-    edges: Array
-    used: Index
-    counts: Index
-    starts: Index
-    coefficients: Array
+    edges: Array  # (S + 1, P): of the times at which segments begin and end
+    used: Index  # (S, C): groups of four Chebyshev polynomials of an output in a segment
+    counts: Index  # (S, C, B): number of leading terms of four polynomials that are not zero
+    starts: Index  # (S, C): index of the first coefficient of an output in a segment
+    coefficients: Array  # one axis: four polynomials term by term; then by group of four, output and segment
 
     @classmethod
     def of(cls, edges: Array, segments: Array) -> SegmentTable:
-        """Arrange coefficients.
+        """Arrange coefficients of P terms: edges (P, S + 1) of S segments, and C outputs (P, S, C, N).
 
-        Parameters
-        ----------
-        edges : array, shape (P, S + 1)
-            Coefficients of P terms of the times at which S segments begin and end.
-        segments : array, shape (P, S, C, N)
-            The same of C outputs, of N Chebyshev polynomials of a segment's normalised time.
+        An output has N Chebyshev polynomials of the normalised time of a segment.
         """
         terms, count, outputs, powers = segments.shape
         if edges.shape != (terms, count + 1):
@@ -87,21 +68,10 @@ class SegmentTable:
         return found
 
     def evaluate(self, basis: Array, times: Array, outputs: slice, found: Array, rows: Index) -> None:
-        """Evaluate outputs of samples at times.
+        """Evaluate outputs of K samples, with terms `basis` (K, P), at increasing times (T,), s.
 
-        Parameters
-        ----------
-        basis : array, shape (K, P)
-            The terms at the samples.
-        times : array, shape (T,)
-            Increasing.
-        outputs : slice
-            Which outputs, one after the other.
-        found : array, shape (R, outputs, T)
-            Rows of it are written: NaN at times behind the last edge of a sample, but for rounding; the begin stands
-            for what is before it.
-        rows : array of int, shape (K,)
-            A row for each sample.
+        They are written to rows `rows` (K,) of `found` (R, outputs, T): NaN at times after the last edge of a sample,
+        up to rounding; times before the first edge take the value there.
         """
         basis = self._basis(basis)
         rows = np.ascontiguousarray(rows, dtype=np.int64)

@@ -25,28 +25,13 @@ _CHECKED = hasattr(os, "geteuid")
 
 @dataclass(frozen=True)
 class Store:
-    """Bytes by key, in a folder that belongs to its user alone; it does not know what they mean.
+    """Bytes by key, in a folder that belongs to its user alone.
 
-    A file holds a header (a mark, the length and the SHA-256 digest of key and content) and the content.  What fails
-    the check, belongs to another user, or may be written by others is as if it were not there, and what cannot be
-    written is not kept; a process warns once of each reason.  A digest tells damage, not intent: against the latter
-    there are owner and mode.
-
-    Parameters
-    ----------
-    folder : Path
-        Made with mode 0700 when something is put there.  The mode of a folder that exists is never changed.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     store = Store(Path(folder) / "new")
-    ...     print(store.get("a"))
-    ...     store.put("a", b"bytes")
-    ...     print(store.get("a"))
-    None
-    b'bytes'
+    The folder is made with mode 0700 on the first write; the mode of an existing folder is never changed.  A file holds
+    a header (a mark, the length, and the SHA-256 digest of key and content) and the content.  A file that fails the
+    check, belongs to another user, or may be written by others counts as missing, and content that cannot be written is
+    not stored; a process warns once of each reason.  A digest detects damage, not intent: owner and mode protect
+    against that.
     """
 
     folder: Path

@@ -13,17 +13,11 @@ __all__ = ["Table", "Tables", "table_constants"]
 
 
 class Table(Protocol):
-    """What is looked up.
+    """Table of numbers by interval: `edges` (n,), ascending, and `rows` (n + 1, 1 + M, number).
 
-    Attributes
-    ----------
-    edges : array, shape (n,)
-        Where the intervals begin, ascending.
-    rows : array, shape (n + 1, 1 + M, number)
-        Numbers below the table, in its intervals and beyond, where they begin first: a constant, and the factors of M
-        terms.
-    period : float
-        Of the table, from its first knot ``rows[0, 0, 0]`` on; 0: it has none.
+    A row holds the numbers below the table, in an interval, or above the table; the first number is the begin of the
+    interval.  They are a constant and the factors of M terms.  The table repeats with `period` from its first knot
+    ``rows[0, 0, 0]`` on; 0: it is not periodic.
     """
 
     @property

@@ -35,24 +35,11 @@ def wave_values(
     found: Array,
     rows: Index,
 ) -> None:
-    """Evaluate sums of harmonics, a constant and a drift.
+    """Evaluate sums of harmonics, a constant and a drift, of C outputs of K samples at increasing times (T,), s.
 
-    Parameters
-    ----------
-    frequencies : array, shape (K, M)
-        Base frequencies of samples, rad/s.
-    lattice : array of int, shape (H, M)
-        Multiples of them in each harmonic.
-    constants, drifts : array, shape (K, C)
-        Of outputs.
-    waves : array of complex, shape (K, C, H)
-        a - i b for a cos + b sin.
-    times : array, shape (T,)
-        Increasing; where they are even, few sines and cosines are computed.
-    found : array, shape (R, C, T)
-        Rows of it are written.
-    rows : array of int, shape (K,)
-        A row for each sample.
+    Base frequencies are (K, M), rad/s; `lattice` (H, M) holds their multiples in each harmonic; `constants` and
+    `drifts` are (K, C); `waves` (K, C, H) are a - i b for a cos + b sin.  Results are written to rows `rows` (K,) of
+    `found` (R, C, T).  Uniform times need few evaluations of sine and cosine.
     """
     samples, bases = frequencies.shape
     outputs, harmonics, count = waves.shape[1], len(lattice), len(times)

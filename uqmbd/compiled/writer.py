@@ -136,15 +136,7 @@ class Writer:
         return result
 
     def text(self, name: str, native: int) -> str:
-        """Return the module of the function.
-
-        Parameters
-        ----------
-        name : str
-            Of the function.
-        native : int
-            Lanes that the processor computes at once.
-        """
+        """Return the LLVM module of the function, for a processor that computes `native` lanes at once."""
         width = native if len(self.lines) > LONG else LANES
         whole = width == LANES
         x, y = ("x", "y") if whole else ("rows", "results")
@@ -210,18 +202,12 @@ class Writer:
 
 
 class Masks:
-    """Truth values by name, and the values that may be no real numbers: a comparison with these may be undefined.
-
-    Attributes
-    ----------
-    surely_false : dict
-        Of each mask, where it surely does not hold; None: where it does not hold.
-    partial : set of str
-        Values that may be no real numbers.
-    """
+    """Truth values by name, and the values that may not be real numbers, whose comparisons may be undefined."""
 
     def __init__(self) -> None:
+        # for each mask the mask of where it is certainly false; None: its negation
         self.surely_false: dict[str, str | None] = {}
+        # values that may not be real numbers
         self.partial: set[str] = set()
 
     def __contains__(self, name: str) -> bool:

@@ -25,27 +25,14 @@ _STYLES = {"waiting": "dim", "running": "", "done": "green", "failed": "bold red
 
 @dataclass
 class Work:
-    """One piece of work.
+    """Progress of one task."""
 
-    Attributes
-    ----------
-    total : int or None
-        How many steps it has; None: it is not known.
-    at_most : bool
-        Whether it may end before.
-    done : int
-        How many are done.
-    state : str
-    begin, end : float
-        Times, s.
-    """
-
-    total: int | None = None
-    at_most: bool = False
-    done: int = 0
+    total: int | None = None  # number of steps; None: unknown
+    at_most: bool = False  # whether the task may end with fewer steps
+    done: int = 0  # completed steps
     state: State = "waiting"
-    begin: float = 0.0
-    end: float = 0.0
+    begin: float = 0.0  # s
+    end: float = 0.0  # s
 
     @property
     def share(self) -> float:
@@ -87,35 +74,11 @@ class Work:
 
 @dataclass
 class Board:
-    """All work in the order in which it was told of.
+    """All tasks, in the order in which they were announced."""
 
-    Attributes
-    ----------
-    works : dict of str to Work
-        By label.
-    stages : set of str
-        Labels of work without a number.
-    expected : list of str
-        Labels of the methods that were announced.
-
-    Examples
-    --------
-    >>> board = Board()
-    >>> board.expect({"monte-carlo": 500, "adaptive": AtMost(5000)})
-    >>> board.begun("monte-carlo", 500, 0.0).count(), board.whole().count()
-    ('0 of 500', '0 of at most 5500')
-    >>> board.moved("monte-carlo", 500)
-    >>> board.ended("monte-carlo", "done", 4.0)
-    >>> _ = board.begun("adaptive", AtMost(5000), 4.0)
-    >>> board.moved("adaptive", 1531)
-    >>> board.ended("adaptive", "done", 9.0)
-    >>> board.whole().count(), board.whole().share
-    ('2031', 1.0)
-    """
-
-    works: dict[str, Work] = field(default_factory=dict)
-    stages: set[str] = field(default_factory=set)
-    expected: list[str] = field(default_factory=list)
+    works: dict[str, Work] = field(default_factory=dict)  # by label
+    stages: set[str] = field(default_factory=set)  # labels of tasks without a number of steps
+    expected: list[str] = field(default_factory=list)  # labels of the announced methods
 
     def expect(self, totals: Mapping[str, int | None]) -> None:
         """Announce methods."""

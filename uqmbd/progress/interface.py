@@ -110,17 +110,8 @@ class Silent:
 
 @dataclass
 class UntilTheEnd:
-    """Tells of work that is done in parts of one label as of one that ends once.
+    """Progress that reports consecutive tasks with one label as one task, which ends once.
 
-    Attributes
-    ----------
-    told : Progress
-        Whom to tell.
-    begun : list of str
-        Labels.
-
-    Examples
-    --------
     >>> import sys
     >>> from uqmbd.progress import Lines
     >>> whole = UntilTheEnd(Lines(sys.stdout, clock=lambda: 0.0))
@@ -132,8 +123,8 @@ class UntilTheEnd:
     search: done after 0 s
     """
 
-    told: Progress
-    begun: list[str] = field(default_factory=list)
+    told: Progress  # receives the reports
+    begun: list[str] = field(default_factory=list)  # labels
 
     def start(self, label: str, total: int) -> None:
         """Say that it begins, or that it goes on."""

@@ -19,30 +19,10 @@ closely, and a run of a day has some hundred lines."""
 
 @dataclass
 class Lines:
-    """A line when something begins, some while it goes on, and one at its end.
-
-    Attributes
-    ----------
-    stream : text stream
-    clock : callable
-        Time, s.
-
-    Examples
-    --------
-    >>> import sys
-    >>> seconds = iter([0.0, 1.0, 12.0, 20.0])
-    >>> lines = Lines(sys.stdout, clock=lambda: next(seconds))
-    >>> lines.start("monte-carlo", 100)
-    monte-carlo: 0 of 100
-    >>> lines.advance("monte-carlo", 20)
-    >>> lines.advance("monte-carlo", 40)
-    monte-carlo: 60 of 100 (60 %) after 12 s, about 8 s left
-    >>> lines.finish("monte-carlo")
-    monte-carlo: done after 20 s
-    """
+    """Progress as lines of text: one when a task begins, some while it runs, and one at its end."""
 
     stream: TextIO
-    clock: Callable[[], float] = time.monotonic
+    clock: Callable[[], float] = time.monotonic  # time, s
     board: Board = field(default_factory=Board)
     last: float = 0.0
 

@@ -28,18 +28,10 @@ def in_notebook() -> bool:
 
 @dataclass
 class Notebook:
-    """A row for each label and one for all of them.
+    """Progress in a notebook: a row for each label, and one for their total."""
 
-    Attributes
-    ----------
-    interval : float
-        Least time between two changes, s.
-    clock : callable
-        Time, s.
-    """
-
-    interval: float = 0.2
-    clock: Callable[[], float] = time.monotonic
+    interval: float = 0.2  # least time between two updates, s
+    clock: Callable[[], float] = time.monotonic  # time, s
     board: Board = field(default_factory=Board)
     handle: Any = None
     last: float = 0.0

@@ -13,10 +13,8 @@ __all__ = ["told"]
 
 
 def told(progress: Progress | bool | None) -> Progress:
-    """Return whom to tell: somebody, everybody (True), nobody (False), or who runs a notebook (None).
+    """Return the progress to report to: the given one, lines (True), none (False), or that of a notebook (None).
 
-    Examples
-    --------
     >>> type(told(None)).__name__, type(told(True)).__name__, type(told(False)).__name__
     ('Silent', 'Lines', 'Silent')
     """

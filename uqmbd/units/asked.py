@@ -17,10 +17,8 @@ _DIMENSIONS = ("[length]", "[mass]", "[time]", "[temperature]", "[current]", "[s
 
 @functools.lru_cache(maxsize=256)
 def asked_of_pint(name: str) -> Unit | None:
-    """Return the unit of a name that pint's application registry knows; None if it does not, or is not installed.
+    """Return the unit of a name in pint's application registry; None if it is unknown, or pint is not installed.
 
-    Examples
-    --------
     >>> asked_of_pint("no_such_unit") is None
     True
     """
@@ -36,12 +34,7 @@ def asked_of_pint(name: str) -> Unit | None:
 
 
 def unit_of_pint(found: Any) -> Unit | None:
-    """Return what a unit of pint measures, in our terms; None where it is no quantity of the SI.
-
-    Parameters
-    ----------
-    found : pint.Unit
-    """
+    """Return the dimension and factor of a unit of pint; None where it is not a quantity of the SI."""
     exponents = dict(found.dimensionality)
     if set(exponents) - set(_DIMENSIONS):
         return None

@@ -16,39 +16,17 @@ __all__ = ["is_quantity", "without_quantities"]
 
 
 def is_quantity(value: Any) -> bool:
-    """Tell whether a value is a quantity of pint, which is not imported for that.
-
-    Examples
-    --------
-    >>> is_quantity(2.0)
-    False
-    """
+    """Return whether a value is a quantity of pint, without importing pint."""
     pint = sys.modules.get("pint")
     return pint is not None and isinstance(value, pint.Quantity)
 
 
 def without_quantities(what: str, value: Any, units: str) -> Any:
-    """Return a value with numbers in place of quantities, in the units in which it is expected.
+    """Return a value with its quantities replaced by numbers in `units`, such as ``m``.
 
-    Parameters
-    ----------
-    what : str
-        Where, and which argument, for the message.
-    value : object
-        A number, expression or quantity, or a sequence or array of them; anything without quantities is returned as it
-        is.  A quantity may have numbers, an array, or an expression.
-    units : str
-        Units of the numbers, as ``m``.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a quantity measures something else, or nothing is known of what is expected.
-
-    Examples
-    --------
-    >>> without_quantities("body 'rod': position", (0.1, 0), "m")
-    (0.1, 0)
+    The value is a number, expression or quantity, or a sequence or array of them; a quantity may hold numbers, an
+    array, or an expression.  A value without quantities is returned as it is.  Raises `uqmbd.StudyError`, which begins
+    with `what`, if a quantity has another dimension, or the expected units are unknown.
     """
     if "pint" not in sys.modules:
         return value

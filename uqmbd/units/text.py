@@ -47,43 +47,23 @@ class _Unreadable(Exception):
 
 
 def read_units(text: str) -> Unit | None:
-    """Return what units mean; None where that is unknown, or there are none.
+    """Return the unit that a text denotes; None if it is unknown or empty.
 
-    Parameters
-    ----------
-    text : str
-        Symbols of units, with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``, ``²``,
-        ``^(1/2)``); from left to right, so that ``m/N s`` is ``(m/N) s``.  Names in words are understood, too.  Several
-        with commas between them, as ``N/m, N m/rad``, are one or the other, and ``N/m^n`` hangs on an exponent: what
-        they mean is unknown.
-
-    Examples
-    --------
-    >>> read_units("mm").factor, read_units("N m") == read_units("kg m^2/s^2") == read_units("J"), read_units("apples")
-    (0.001, True, None)
+    The text holds symbols of units with products (``N m``, ``N*m``, ``N·m``), quotients and powers (``^2``, ``**2``,
+    ``²``, ``^(1/2)``), read from left to right: ``m/N s`` is ``(m/N) s``.  Names in words are read, too.  Alternatives
+    with commas, as ``N/m, N m/rad``, and units with a variable exponent, as ``N/m^n``, are unknown.
     """
     return _read(text)[0]
 
 
 def advice_on(text: str) -> str:
-    """Say, as the end of a sentence, how units are to be written; empty where they are written so.
-
-    Examples
-    --------
-    >>> advice_on("kg m^2"), advice_on("meter"), advice_on("Nm"), advice_on("newton*meter")
-    ('', "write 'm'", "write 'N m'", "write 'N*m'")
-    >>> print(advice_on("apples"))
-    which is no unit that is known here; write units such as 'm', 'N m', 'kg m^2', 'rad/s', or '1' for a pure number,
-    or leave them out
-    """
+    """Return advice on the spelling of units, as the end of a sentence; empty if they are spelled correctly."""
     return _read(text)[1]
 
 
 def spelling(where: str, units: str) -> str:
-    """Say how the units of something are to be written; empty where they are written so.
+    """Return a message on the spelling of the units of `where`; empty if they are spelled correctly.
 
-    Examples
-    --------
     >>> spelling("output 'x'", "meter")
     "output 'x': units is 'meter'; write 'm'."
     """

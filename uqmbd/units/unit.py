@@ -26,24 +26,10 @@ _WORDS: dict[tuple[Fraction | int, ...], str] = {
 
 @dataclass(frozen=True)
 class Unit:
-    """What a unit measures, and how large it is.
+    """Dimension and size of a unit."""
 
-    Attributes
-    ----------
-    dimension : tuple of Fraction
-        Exponents of the base quantities.
-    factor : float
-        How many of the SI's unit of that dimension it is: 0.001 of a millimetre, pi/180 of a degree.
-
-    Examples
-    --------
-    >>> metre = Unit((Fraction(1), *PURE[1:]))
-    >>> (metre ** Fraction(2) * Unit(PURE, 1e-6)).factor
-    1e-06
-    """
-
-    dimension: Dimension = PURE
-    factor: float = 1.0
+    dimension: Dimension = PURE  # exponents of the base quantities
+    factor: float = 1.0  # size in the SI unit of that dimension: 0.001 for a millimetre, pi/180 for a degree
 
     def __mul__(self, other: Unit) -> Unit:
         return Unit(
@@ -55,15 +41,7 @@ class Unit:
 
 
 def in_words(dimension: Dimension) -> str:
-    """Write the SI's unit of a dimension.
-
-    Examples
-    --------
-    >>> in_words(PURE), in_words((Fraction(1), Fraction(1), Fraction(-2), *PURE[3:]))
-    ('a pure number', 'N')
-    >>> in_words((Fraction(1), Fraction(0), Fraction(-2), *PURE[3:]))
-    'm/s^2'
-    """
+    """Return the SI unit of a dimension as text."""
     if dimension == PURE:
         return "a pure number"
     if not any(dimension[3:]) and dimension[:3] in _WORDS:
