@@ -59,24 +59,10 @@ __all__ = ["build", "kinematic_model"]
 
 
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
-    """Make the part of a model that assembly needs, with the independent equations chosen at the means.
+    """Return the part of a model that assembly needs, with the independent equations chosen at the means; time in s.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to model.
-    time : float
-        Initial time, s.
-
-    Returns
-    -------
-    Model
-        Without residual, Jacobian and outputs.
-
-    Raises
-    ------
-    uqmbd.AssemblyError
-        If it cannot be assembled at the means.
+    The model has no residual, Jacobian or outputs.  Raises `uqmbd.AssemblyError` if the mechanism cannot be assembled
+    at the means.
     """
     return _kinematics(mechanism, time, ("acceleration",))[0]
 
@@ -94,15 +80,7 @@ def _all(mechanism: Mechanism) -> list[Component]:
 
 
 def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:
-    """Name the reactions that redundant constraints leave undetermined, at the means, as in ``A.reaction_force[0]``.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look at.
-    time : float
-        Initial time, s.
-    """
+    """Return the reactions that redundant constraints leave undetermined at the means, as ``A.reaction_force[0]``."""
     model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
     if layout.constraints == layout.rank:
@@ -291,32 +269,13 @@ def _corners(instance: Instance) -> bool:
 
 
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, quiet: bool = False) -> Model:
-    """Make the complete model of a mechanism, or take it from the cache where one of the same parts is stored.
+    """Return the complete model of a mechanism at an initial time, s, from the cache if possible.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to model.
-    time : float
-        Initial time, s.
-    fuse : bool, optional
-        Compile residual and Jacobian as one kernel each; by default up to `FUSED_LIMIT` unknowns.
-    quiet : bool
-        Leave warnings of redundant equations, which are among the findings of the model, to the caller.
-
-    Returns
-    -------
-    Model
-
-    Warns
-    -----
-    uqmbd.RedundantConstraintWarning
-        If equations depend on others; names them.
-
-    Raises
-    ------
-    uqmbd.AssemblyError, uqmbd.StudyError
-        If it cannot be assembled at the means, or a body can be accelerated by no force.
+    The cache holds models by the digest of their parts.  With `fuse`, residual and Jacobian are one kernel each; the
+    default is up to `FUSED_LIMIT` unknowns.  Warns with `uqmbd.RedundantConstraintWarning`, which names them, if
+    equations depend on others; with `quiet` that is left to the caller, as a finding of the model.  Raises
+    `uqmbd.AssemblyError` or `uqmbd.StudyError` if the mechanism cannot be assembled at the means, or no force can
+    accelerate a body.
     """
     key = model_key(mechanism, time, fuse, rows=looked_at(mechanism))
     make = partial(_built, mechanism, time, fuse)

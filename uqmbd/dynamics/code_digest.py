@@ -76,10 +76,7 @@ def is_library(name: str | None, packages: frozenset[str] = PURE) -> bool:
 def code_of(value: Any) -> Content | None:
     """Return the content of a function, class, module or descriptor; None of other values.
 
-    Raises
-    ------
-    Unknown
-        If it is one of them, and its content is not known.
+    Raises Unknown if the value is one of these, and its content is unknown.
     """
     if isinstance(value, FunctionType):
         return _function(value)

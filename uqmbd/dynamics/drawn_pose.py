@@ -26,21 +26,11 @@ TILTED = np.radians(1)
 
 @dataclass(frozen=True)
 class Move:
-    """How far assembly moved a body from where it was drawn, at the means of the inputs.
-
-    Attributes
-    ----------
-    body : str
-        Its name.
-    distance : float
-        Of the frame's origin, m.
-    turn : float
-        Angle of the rotation, rad, from 0 to pi.
-    """
+    """Displacement of a body by assembly from its drawn pose, at the means of the inputs."""
 
     body: str
-    distance: float
-    turn: float
+    distance: float  # of the frame's origin, m
+    turn: float  # angle of the rotation, rad, from 0 to pi
 
     def __str__(self) -> str:
         parts = [f"by {self.distance:.3g} m"] if self.distance > 0 else []

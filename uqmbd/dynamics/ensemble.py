@@ -363,22 +363,11 @@ class Ensemble:
 
 
 def referenced(model: Model, means: Array) -> Model:
-    """Let the angles among the outputs start near those of the mechanism at the means of its inputs.
+    """Return the model with the start angles of its outputs near those at the means (input,).
 
-    The angle at the means belongs to the model, so that the turns of a realisation depend on nothing but the
-    realisation: neither on those beside it nor on who computes it.  Where the mechanism cannot start at the means,
-    angles start within half a turn of zero.
-
-    Parameters
-    ----------
-    model : Model
-        With outputs.
-    means : array, shape (input,)
-        Means of the inputs.
-
-    Returns
-    -------
-    Model
+    The angle at the means belongs to the model, so that the turns of a realisation depend on the realisation alone:
+    neither on the other realisations of a batch nor on the worker.  If the mechanism cannot start at the means, angles
+    start within half a turn of zero.
     """
     turns, counted = model.outputs.turns, model.outputs.counted
     if not turns.any():

@@ -22,17 +22,10 @@ Number = Any
 
 
 class HeldSymbol(Symbolic, Symbol):
-    """A command, or a state, of a controller: constant from one sample to the next.
-
-    Attributes
-    ----------
-    owner : Controller
-    index : int
-        Among the commands and then the states of its controller.
-    """
+    """A command, or a state, of a controller: constant from one sample to the next."""
 
     owner: Controller
-    index: int
+    index: int  # among the commands, then the states, of its controller
 
     def __new__(cls, owner: Controller, index: int, name: str) -> HeldSymbol:
         """Name it, and remember what it stands for."""

@@ -9,27 +9,9 @@ __all__ = ["forgotten"]
 
 
 def forgotten(mechanism: Mechanism) -> tuple[Finding, ...]:
-    """Name the components that touch bodies of a mechanism and were never given to its `add`.
+    """Return findings on the components that touch bodies of a mechanism and were never passed to its `add`.
 
-    One that was replaced by another of its name, or refused, is none of them.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        As it is about to be simulated.
-
-    Examples
-    --------
-    >>> import uqmbd
-    >>> from uqmbd_springs import PointForce
-    >>> mechanism = uqmbd.Mechanism("pushed", uqmbd.Translational())
-    >>> stone = mechanism.body("stone", mass=1)
-    >>> push = PointForce("push", stone, (0, 0), (1, 0))
-    >>> print(*forgotten(mechanism))
-    Warning: PointForce 'push' of body 'stone' was made and never added, so that it has no effect. Call ...
-    >>> push = mechanism.add(push)
-    >>> forgotten(mechanism)
-    ()
+    A component that was replaced by another of its name, or rejected, does not count.
     """
     touched: dict[tuple[str, str], list[str]] = {}
     for body in mechanism.bodies.values():

@@ -163,10 +163,8 @@ class Omissions(Sequence[Omission]):
 
 
 class JointsByName(dict[str, ImportedJoint]):
-    """Joints by name, and by that of the file where they have another one here.
+    """Joints by name, and by their name in the file where that differs.
 
-    Examples
-    --------
     >>> joints = JointsByName(elbow=None)
     >>> joints["elbw"]
     Traceback (most recent call last):

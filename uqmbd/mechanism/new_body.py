@@ -24,23 +24,10 @@ UNITS = {
 
 
 def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
-    """Return a body of a mechanism, which is not added to it yet.
+    """Return a body of a mechanism, not added to it yet, from a checked name and numbers as of `Mechanism.body`.
 
-    Parameters
-    ----------
-    mechanism : Described
-        Whose space it moves in.
-    name : str
-        Checked.
-    stated : mapping
-        Its numbers by name, see `Mechanism.body`; None: left out.
-    hold : bool
-        See there.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a value is missing, of the wrong dimension, or physically impossible.
+    A number that is None was left out.  Raises `uqmbd.StudyError` if a value is missing, of the wrong dimension, or
+    physically impossible.
     """
     where, space, d = f"body {name!r}", mechanism.space, mechanism.space.dimension
     stated = {key: without_quantities(f"{where}: {key}", value, UNITS[key]) for key, value in stated.items()}

@@ -14,18 +14,10 @@ __all__ = ["new_component"]
 
 
 def new_component(mechanism: Described, given: Any) -> Component:
-    """Return what was given as a component that fits a mechanism, which is not added to it yet.
+    """Return a given component, checked for a mechanism and not added to it yet.
 
-    Parameters
-    ----------
-    mechanism : Described
-        Whose space and bodies it is for; roles that were left out are of its ground.
-    given : Component
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is no component of this space, its name is taken, a body is unknown, or a value does not fit.
+    Roles that were left out become the ground.  Raises `uqmbd.StudyError` if it is no component of this space, its name
+    is taken, a body is unknown, or a value does not fit.
     """
     part = _require_component(mechanism, given)
     for body in part.attached.values():

@@ -129,21 +129,10 @@ class Law:
 def randomise(
     mechanism: Described, pattern: str | Sequence[str], relative: Any, absolute: Any, distribution: Any, known: set[str]
 ) -> list[RandomVariable]:
-    """Make numbers random; see `Mechanism.randomise`.
+    """Make numbers of bodies and components random; see `Mechanism.randomise`.
 
-    Parameters
-    ----------
-    mechanism : Described
-        Its bodies and components are changed.
-    pattern, relative, absolute, distribution
-        As given.
-    known : set of str
-        Names of the random variables that there are.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If nothing matches or can vary, or a distribution does not fit.
+    The names of existing random variables are `known`.  Raises `uqmbd.StudyError` if nothing matches or can vary, or a
+    distribution does not fit.
     """
     where = f"mechanism {mechanism.name!r}: randomise({pattern!r})"
     law = _law(where, relative, absolute, distribution)

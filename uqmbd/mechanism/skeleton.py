@@ -22,53 +22,22 @@ QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 
 
 @dataclass(frozen=True)
 class Mark:
-    """A point or a direction that is fixed in a body.
+    """A point or a direction that is fixed in a body."""
 
-    Attributes
-    ----------
-    kind : str
-        ``point``, ``direction``, ``com`` (centre of mass) or ``observed`` (a point that an output records).
-    body : str
-        Its name, or ``ground``.
-    component : str
-        Name of the component that it belongs to, or empty.
-    role : str
-        Name of the component's parameter, or of the output.
-    local : tuple of expressions
-        In the frame of the body, m (a direction: of any length); they contain random variables only.
-    radius : expression
-        Of the sphere or wheel about a point, m; 0 for most.
-    """
-
-    kind: str
-    body: str
-    component: str
-    role: str
+    kind: str  # "point", "direction", "com" (centre of mass) or "observed" (a point that an output records)
+    body: str  # its name, or "ground"
+    component: str  # name of the component that it belongs to, or empty
+    role: str  # name of the component's parameter, or of the output
+    # in the frame of the body, m (a direction: of any length); contains random variables only
     local: tuple[sympy.Expr, ...]
-    radius: sympy.Expr = sympy.S.Zero
+    radius: sympy.Expr = sympy.S.Zero  # of the sphere or wheel about a point, m; 0 for most
 
 
 def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
-    """Collect what is known of the shape of each body: joint points, ends of springs, centres of mass, observed points.
+    """Collect the known shape of each body: joint points, ends of springs, centres of mass, observed points.
 
-    Whatever component declares parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` is drawn; a
-    parameter belongs to the body argument that it names (`Parameter.body`).
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Any.
-    time : float
-        At which points that depend on time are taken, s.
-
-    Examples
-    --------
-    >>> import uqmbd
-    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar())
-    >>> bob = mechanism.body("bob", mass=1, inertia=1)
-    >>> mechanism.output("tip", bob.point((3, 0))[1])
-    >>> [(mark.kind, mark.body, mark.local) for mark in skeleton(mechanism)]
-    [('com', 'bob', (0, 0)), ('observed', 'bob', (3, 0))]
+    Components with parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` are drawn; a parameter
+    belongs to the body argument that it names (`Parameter.body`).  Points that depend on time are taken at `time`, s.
     """
     found = [mark for component in mechanism.components.values() for mark in _marks(component, mechanism, time)]
     for body in mechanism.bodies.values():

@@ -11,19 +11,7 @@ __all__ = ["unit_findings"]
 
 
 def unit_findings(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return sentences on units of outputs, requirements, start conditions, parameters and random variables.
-
-    Examples
-    --------
-    >>> import warnings, uqmbd
-    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
-    >>> stone = mechanism.body("stone", mass=2)
-    >>> with warnings.catch_warnings():
-    ...     warnings.simplefilter("ignore", uqmbd.UnitsWarning)
-    ...     mechanism.output("height", stone.position[0], units="N")
-    >>> print(*unit_findings(mechanism))
-    output 'height': stone.x is in m, and its units are to be N; ...
-    """
+    """Return sentences on units of outputs, requirements, start conditions, parameters and random variables."""
     unseen = unseen_numbers(mechanism)
     stated = [
         (f"output {o.name!r}", o.expression, o.units)

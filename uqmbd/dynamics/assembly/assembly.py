@@ -78,27 +78,10 @@ def _scales(gradient: Array) -> Array:
 def positions(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
 ) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints of positions, then until the start conditions hold.
+    """Close the constraints by the least change of drawn poses (K, coordinate), then satisfy the start conditions.
 
-    Parameters
-    ----------
-    model : Model
-        With its ``position`` evaluator.
-    drawn : array, shape (K, coordinate)
-        Drawn poses.
-    time : float
-        Initial time.
-    parameters : array, shape (K, parameter)
-        Of each realisation.
-    rows : array of int, optional
-        Independent equations; all, by singular values, if left out.
-
-    Returns
-    -------
-    q : array, shape (K, coordinate)
-        Assembled poses.
-    messages : list of str
-        Reason of failure of each realisation, or empty.
+    Return assembled poses (K, coordinate), and for each realisation the reason of failure or an empty text.  The
+    independent equations are `rows`; by default they are chosen by singular values.
     """
     if model.conditions is None or not len(model.conditions.positions):
         return _closed(model, drawn, time, parameters, rows)
@@ -267,21 +250,11 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
 
 
 def independent_rows(gradient: Array, first: Index, last: Index | None = None) -> tuple[Index, Index]:
-    """Split equations into independent and redundant ones.
+    """Split equations into independent and redundant ones (sorted indices) by gradients (equation, coordinate).
 
-    Parameters
-    ----------
-    gradient : array, shape (equation, coordinate)
-        ``Phi_q`` at an assembled pose; of equations between velocities ``D``.
-    first : array of int
-        Equations that are kept before all others (unit quaternions).
-    last : array of int, optional
-        Equations that are kept behind all others (those between velocities): they never stand for one of positions.
-
-    Returns
-    -------
-    kept, redundant : array of int
-        Sorted.
+    The gradients are ``Phi_q`` at an assembled pose, or ``D`` of equations between velocities.  Equations `first`
+    (unit quaternions) are kept before all others.  Equations `last` (those between velocities) are kept after all
+    others: they never replace one of positions.
     """
     m = len(gradient)
     if last is not None and len(last):
@@ -309,13 +282,9 @@ def independent_rows(gradient: Array, first: Index, last: Index | None = None) -
 def velocities(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, list[str]]:
-    """Velocities of smallest norm that satisfy the constraints and the stated velocities.
+    """Return velocities (K, coordinate) of least norm that satisfy constraints and stated velocities, and messages.
 
-    Returns
-    -------
-    v : array, shape (K, coordinate)
-    messages : list of str
-        Contradictions, by name; empty where there are none.
+    A message names the contradictions of a realisation; it is empty where there are none.
     """
     messages = [""] * len(q)
     conditioned = model.conditions is not None and len(model.conditions.velocities) > 0
@@ -342,16 +311,11 @@ def velocities(
 def _undetermined(
     model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Index, Array]:
-    """Find the velocities (K, n) of which a pose that is closed as far as it can be does not determine six digits.
+    """Find the realisations whose velocities (K, n) an assembled pose does not determine to six digits.
 
-    A ratio of speeds does not tell: it changes with units and lengths.  What tells is how velocities change with the
-    pose, along the motion itself.
-
-    Returns
-    -------
-    which : array of int
-    given : array
-        Largest speed that is stated, over the length of its gradient, of each of them.
+    The pose is closed as far as possible.  Return the indices, and for each the largest stated speed over the length of
+    its gradient.  A ratio of speeds is no criterion: it changes with units and lengths.  The criterion is the change of
+    velocities with the pose, along the motion.
     """
     a, b, _ = _speed_equations(model, q, s, time, parameters, all_parameters)
     length = np.linalg.norm(a, axis=2)

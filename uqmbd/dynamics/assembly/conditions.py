@@ -32,27 +32,10 @@ CLOSED = 1e-12
 def met(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, Array, list[str]]:
-    """Move assembled poses until the conditions of positions hold.
+    """Move assembled poses (K, coordinate) until the conditions of positions hold.
 
-    Parameters
-    ----------
-    model : Model
-        With conditions.
-    q, s : array, shape (K, ...)
-        Assembled poses, and the auxiliary states there.
-    time : float
-        Initial time.
-    parameters : array, shape (K, parameter)
-        Of each realisation.
-    rows : array of int, optional
-        Independent equations; all, if left out.
-
-    Returns
-    -------
-    q, s : array, shape (K, ...)
-        Poses, and the auxiliary states there.
-    messages : list of str
-        Why a condition does not hold, or empty.
+    Return poses, the auxiliary states there, and for each realisation the reason why a condition does not hold, or an
+    empty text.  The independent equations are `rows`; None: all.
     """
     search = _Search(model, q, s, time, parameters, rows)
     search.run()

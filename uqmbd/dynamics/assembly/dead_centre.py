@@ -56,20 +56,9 @@ Close = Callable[[Array], tuple[Array, list[str]]]
 
 
 def dead_centre_of_pose(model: Model, q: Array, time: float, parameters: Array, residual: Array) -> str:
-    """Say that a pose cannot be closed because it is a dead centre, and what to do; empty if it is none.
+    """Return a message if the nearest pose (coordinate,) cannot be closed because it is a dead centre; else empty.
 
-    Parameters
-    ----------
-    model : Model
-        With its ``position`` evaluator.
-    q : array, shape (coordinate,)
-        The nearest pose that was found.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-    residual : array, shape (equation,)
-        Residuals over the lengths of their gradients, m or rad.
+    Residuals (equation,) are divided by the lengths of their gradients, m or rad.
     """
     free = np.setdiff1d(np.arange(len(q)), model.held)
     a, lengths = _scaled(model, q, time, parameters)
@@ -139,22 +128,11 @@ def _missing(model: Model, pull: Array, size: float) -> float:
 def dead_centre_of_speeds(
     model: Model, q: Array, directions: Array, error: float, contradiction: Callable[[Array], float], close: Close
 ) -> str:
-    """Say that velocities cannot be realised because the pose is a dead centre; empty if it is none.
+    """Return a message if velocities cannot be realised because the assembled pose is a dead centre; else empty.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    q : array, shape (coordinate,)
-        The assembled pose.
-    directions : array, shape (equation, coordinate)
-        Gradients of the kept constraints there.
-    error : float
-        By how much what is stated contradicts the constraints.
-    contradiction : callable
-        The same in another pose.
-    close : callable
-        From drawn poses (K, coordinate) to closed ones, and messages.
+    The gradients of the kept constraints are `directions` (equation, coordinate); `error` is by how much the statements
+    contradict the constraints, and `contradiction` evaluates it in another pose.  The callable `close` assembles drawn
+    poses (K, coordinate).
     """
     motions, *_ = _motions(directions)
     if not motions.shape[1]:
@@ -255,16 +233,9 @@ def _scaled(model: Model, q: Array, time: float, parameters: Array) -> tuple[Arr
 
 
 def _motions(a: Array) -> tuple[Array, Array, float]:
-    """Find what equations and motions hardly feel of each other.
+    """Return the approximate null spaces of a matrix, and its smallest singular value.
 
-    Returns
-    -------
-    motions : array, shape (coordinate, motion)
-        Orthonormal.
-    combinations : array, shape (equation, combination)
-        Orthonormal.
-    smallest : float
-        Smallest singular value.
+    They are orthonormal motions (coordinate, motion), and combinations of equations (equation, combination).
     """
     left, values, right = np.linalg.svd(a)
     largest = float(values.max(initial=0.0))

@@ -30,13 +30,9 @@ class _Closing(NamedTuple):
 
 
 def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, rows: Index) -> tuple[Array, Mask]:
-    """Move drawn poses (K, coordinate) as little as closes all constraints, of which `rows` are independent.
+    """Close all constraints, of which `rows` are independent, by the least change of drawn poses (K, coordinate).
 
-    Returns
-    -------
-    q : array, shape (K, coordinate)
-    undecided : array of bool, shape (K,)
-        Which realisations singular equations, a mirror image or the like leave to be decided.
+    Return poses, and a mask (K,) of the undecided realisations, as for singular equations or a mirror image.
     """
     known, key = model.evaluators["position"].others, ("closing", rows.tobytes(), model.held.tobytes())
     if key not in known:
@@ -48,13 +44,9 @@ def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, row
 
 
 def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Mask]:
-    """Solve for the velocities of smallest norm that satisfy constraints, statements and start conditions.
+    """Return velocities (K, coordinate) of least norm that satisfy constraints, statements and start conditions.
 
-    Returns
-    -------
-    v : array, shape (K, coordinate)
-    undecided : array of bool, shape (K,)
-        Where equations are nearly dependent, or contradict each other.
+    The second result is a mask (K,) of the realisations whose equations are nearly dependent, or contradict each other.
     """
     statements = tuple((x.quantity, tuple(x.coordinates.tolist())) for x in model.statements)
     values, slopes = _conditions(model, q, s, time, parameters)

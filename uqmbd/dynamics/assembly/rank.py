@@ -49,32 +49,16 @@ ROWS = 4096
 
 @dataclass(frozen=True)
 class Rank:
-    """How well the constraint equations of one realisation determine its motion.
+    """Measures of how well the constraint equations of one realisation determine its motion."""
 
-    Attributes
-    ----------
-    every : float
-        Smallest relevant singular value of all equations, each scaled to length one: as many are relevant as the
-        equations have at a general pose.
-    kept : float
-        Smallest singular value of the kept equations.
-    ahead : float
-        Time until the nearest singular pose of all equations, s, to first order; negative: it lies behind; infinite:
-        there is none near.
-    kept_ahead : float
-        The same for the kept equations.
-    equations : array of int
-        Those that are about to become dependent, the most concerned first.
-    kept_equations : array of int
-        The same among the kept ones.
-    """
-
+    # smallest relevant singular value of all equations, scaled to length one; relevant: the rank at a general pose
     every: float
-    kept: float
+    kept: float  # smallest singular value of the kept equations
+    # time to the nearest singular pose of all equations, s, to first order; negative: past; infinite: none near
     ahead: float
-    kept_ahead: float
-    equations: Index
-    kept_equations: Index
+    kept_ahead: float  # the same for the kept equations
+    equations: Index  # those that become dependent, the most affected first
+    kept_equations: Index  # the same among the kept ones
 
 
 def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
@@ -156,15 +140,10 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
 def violated(
     model: Model, times: Array, states: Array, parameters: Array, lengths: Array, rtol: float
 ) -> dict[int, tuple[int, str]]:
-    """Find motions that violate equations which were left out as redundant: they were not, but singular at the start.
+    """Find motions that violate equations dropped as redundant: they were independent, but singular at the start.
 
-    States are of shape (K, T, width), NaN where there are none; `lengths` are those of the gradients of the equations,
-    shape (K, equation).
-
-    Returns
-    -------
-    dict of int to (int, str)
-        By realisation: the number of the first time at which that is so, and what to say.
+    States are (K, T, width), NaN where there are none; `lengths` (K, equation) are those of the gradients of the
+    equations. Return for each realisation concerned the index of the first such time, and a message.
     """
     layout = model.layout
     if layout.rank == layout.constraints:

@@ -15,27 +15,16 @@ __all__ = ["Start"]
 
 @dataclass(frozen=True)
 class Start:
-    """Consistent initial states of K realisations.
+    """Consistent initial states of K realisations."""
 
-    Attributes
-    ----------
-    q, s, v, a, rates, multipliers : array, shape (K, ...)
-        Coordinates, auxiliary states, velocities, accelerations, rates of the auxiliary states, and multipliers of the
-        kept equations.
-    messages : tuple of str
-        Empty where the realisation could be assembled, else the reason.
-    outside : array of bool, shape (K,)
-        Where that is a number outside of its range.
-    """
-
-    q: Array
-    s: Array
-    v: Array
-    a: Array
-    rates: Array
-    multipliers: Array
-    messages: tuple[str, ...]
-    outside: NDArray[np.bool_]
+    q: Array  # (K, coordinate)
+    s: Array  # auxiliary states (K, state)
+    v: Array  # (K, coordinate)
+    a: Array  # (K, coordinate)
+    rates: Array  # of the auxiliary states (K, state)
+    multipliers: Array  # of the kept equations (K, kept)
+    messages: tuple[str, ...]  # empty where the realisation was assembled, else the reason
+    outside: NDArray[np.bool_]  # (K,): whether the reason is a number outside of its range
 
     def select(self, members: Index) -> Start:
         """Make the initial states of some realisations."""

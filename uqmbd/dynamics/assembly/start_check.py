@@ -20,22 +20,9 @@ DEPENDENT = 1e-6
 
 
 def require_conditions(where: str, model: Model, time: float, parameters: Array) -> None:
-    """Raise where start conditions cannot be met at the means, or follow from what holds already.
+    """Raise where start conditions cannot be met at the means, or follow from the constraints and other conditions.
 
-    Parameters
-    ----------
-    where : str
-        What the mechanism is called in messages.
-    model : Model
-        With conditions.
-    time : float
-        Initial time.
-    parameters : array, shape (1, parameter)
-        At the means.
-
-    Raises
-    ------
-    uqmbd.AssemblyError, uqmbd.StudyError
+    The parameters (1, parameter) are those at the means.  Raises `uqmbd.AssemblyError` or `uqmbd.StudyError`.
     """
     conditions = model.conditions
     q, s, messages = placed(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
@@ -81,14 +68,9 @@ def _chosen(model: Model, time: float, parameters: Array) -> Index:
 
 
 def _dependent(held: Array, conditions: Array) -> int:
-    """Find the first condition whose gradient depends on those of constraints and of the conditions before; -1: none.
+    """Return the index of the first condition that depends on constraints and earlier conditions; -1: none.
 
-    Parameters
-    ----------
-    held : array, shape (m, n)
-        Gradients of constraints.
-    conditions : array, shape (c, n)
-        Those of conditions.
+    The arguments are gradients of constraints (m, n) and of conditions (c, n).
     """
     basis = scipy.linalg.orth(held.T) if len(held) else np.zeros((conditions.shape[1], 0))
     for k, row in enumerate(conditions):

@@ -32,24 +32,9 @@ def reaction_symbols(mechanism: Mechanism, owners: set[str]) -> list[sympy.Symbo
 
 
 def not_unique(model: Model, outputs: OutputMap, q: Array, time: float, parameters: Array) -> tuple[str, ...]:
-    """Name the outputs that change with multipliers that no coordinate feels.
+    """Return the names of the outputs that change with multipliers that exert no generalised force.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    outputs : OutputMap
-        What is looked at.
-    q : array, shape (coordinate,)
-        Assembled pose of one realisation.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    tuple of str
+    The pose (coordinate,) and parameters (parameter,) are those of one assembled realisation.
     """
     layout = model.layout
     still = np.zeros(layout.states)

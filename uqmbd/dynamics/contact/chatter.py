@@ -21,15 +21,7 @@ COARSEST = 1e4
 
 
 class Chatter:
-    """Watches the impacts of M realisations.
-
-    Parameters
-    ----------
-    length : array, shape (M,)
-        Size of the mechanism, m.
-    duration : float
-        Of the output times, s.
-    """
+    """Detector of chatter among the impacts of M realisations; `length` of the mechanism (M,), m; `duration`, s."""
 
     def __init__(self, length: Array, duration: float) -> None:
         self.least, self.window = 1e-12 * length, CROWDED * duration

@@ -45,45 +45,22 @@ NEWTON = 40
 
 @dataclass(frozen=True)
 class Touch:
-    """A contact in a collision.
+    """A contact in a collision."""
 
-    Attributes
-    ----------
-    normal : int
-        Its normal direction.
-    tangents : tuple of int
-        Its directions along the surface; none without friction.
-    friction : float
-        Coefficient.
-    """
-
-    normal: int
-    tangents: tuple[int, ...] = ()
-    friction: float = 0.0
+    normal: int  # index of its normal direction
+    tangents: tuple[int, ...] = ()  # indices of its tangential directions; empty without friction
+    friction: float = 0.0  # coefficient
 
 
 @dataclass(frozen=True)
 class Collision:
-    """Contacts that collide at the same time.
+    """Contacts that collide at the same time."""
 
-    Attributes
-    ----------
-    matrix : array, shape (direction, direction)
-        Jumps of the speeds, m/s, per impulse, N s.
-    before : array, shape (direction,)
-        Speeds, m/s.
-    touches : tuple of Touch
-        What collides.
-    wanted : array, shape (touch,)
-        Least normal speeds afterwards, m/s.
-    earlier : float
-        Largest jump of a speed, m/s, by earlier collisions in the same instant, whose rounding is in the speeds.
-    """
-
-    matrix: Array
-    before: Array
+    matrix: Array  # (direction, direction): jumps of the speeds, m/s, per impulse, N s
+    before: Array  # (direction,): speeds, m/s
     touches: tuple[Touch, ...]
-    wanted: Array
+    wanted: Array  # (touch,): least normal speeds afterwards, m/s
+    # largest jump of a speed, m/s, by earlier collisions in the same instant: its rounding is in the speeds
     earlier: float = 0.0
 
     @cached_property

@@ -42,35 +42,9 @@ HELD = 1e-6
 
 
 class Decisions:
-    """Decides about realisations, one at a time.
+    """Handler of the events of M realisations, one realisation at a time.
 
-    Parameters
-    ----------
-    batch : Batch
-        M realisations.
-    evaluator : ContactEvaluator
-        Of the model.
-    encounters : Encounters
-        Where it is written what contacts do.
-    chatter : Chatter
-    records : Records
-    duration : float
-        Of the motion, s.
-    tolerance : array, shape (M,)
-        Absolute tolerance, m.
-
-    Attributes
-    ----------
-    messages : list of str
-        Why a realisation cannot go on.
-    bodies : list of int
-        Events in which bodies meet.
-    until : array, shape (M,)
-        Time until which what is prescribed is smooth, s.
-    starting : array, shape (M,)
-        Speed that is none since contacts have begun to slip, where this was the last event, m/s.
-    at_limit : dict of int to AtLimit
-        Of realisations in which friction has come to its limit, the last such decision.
+    The states of the contacts are in `encounters`; `duration` of the motion in s; absolute tolerances (M,), m.
     """
 
     def __init__(
@@ -86,12 +60,17 @@ class Decisions:
         self.batch, self.model, self.evaluator = batch, batch.model, evaluator
         self.encounters, self.chatter, self.records = encounters, chatter, records
         self.n, self.velocities = self.model.layout.coordinates, self.model.layout.velocities
+        # events in which bodies meet
         self.bodies = [k for k, (*_, directions) in enumerate(self.model.events) if directions]
+        # why a realisation cannot continue
         self.messages = [""] * len(batch)
         self.lasting: dict[int, Lasting] = {}
         self.length = encounters.length
+        # starting (M,): sliding speed that counts as zero since contacts began to slip, if this was the last event, m/s
         self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
+        # (M,): time until which prescribed functions are smooth, s
         self.until = np.full(len(batch), np.inf)
+        # the last decision of each realisation in which friction reached its limit
         self.at_limit: dict[int, AtLimit] = {}
         self.turning: dict[int, float] = {}
 
@@ -105,20 +84,9 @@ class Decisions:
 
     # -- events ------------------------------------------------------------------------------------------------------
     def after(self, member: int, guard: int, time: float, z: Array, contacts: Contacts) -> Array:
-        """State after an event.
+        """Return the state after an event from the state (width,) right before it, at a time in s.
 
-        Parameters
-        ----------
-        member : int
-            Which realisation.
-        guard : int
-            Which of its guards has fallen, see `Encounters`.
-        time : float
-            s.
-        z : array, shape (width,)
-            Right before.
-        contacts : Contacts
-            Of that state.
+        The contacts are those of that state; `guard` is the guard that has fallen, see `Encounters`.
         """
         k, friction = divmod(guard, 2)
         before = self._modes(member)

@@ -16,37 +16,17 @@ __all__ = ["ContactEvaluator", "Contacts"]
 
 @dataclass(frozen=True)
 class Contacts:
-    """Everything about the contacts of T states.
+    """All contact quantities of T states."""
 
-    Attributes
-    ----------
-    guard : array, shape (T, event)
-        Gaps, and the guards of events that are no contacts.
-    first : tuple of int
-        First direction of each event, then the end.
-    law : array, shape (T, event, 2)
-        Coefficients of restitution and of friction.
-    speed, bias : array, shape (T, direction)
-        Relative velocities, and their rates without accelerations.
-    slope : array, shape (T, direction, coordinate)
-        How velocities enter the speeds.
-    free : array, shape (T, coordinate + multiplier)
-        Accelerations without contacts, then multipliers of the kept equations.
-    answer : array, shape (T, coordinate + multiplier, direction)
-        The same per force (jumps of velocity per impulse) in each direction.
-    delassus : array, shape (T, direction, direction)
-        Rates of the speeds per force.
-    """
-
-    guard: Array
-    first: tuple[int, ...]
-    law: Array
-    speed: Array
-    bias: Array
-    slope: Array
-    free: Array
-    answer: Array
-    delassus: Array
+    guard: Array  # (T, event): gaps, and the guards of events that are no contacts
+    first: tuple[int, ...]  # first direction of each event, then the end
+    law: Array  # (T, event, 2): coefficients of restitution and of friction
+    speed: Array  # (T, direction): relative velocities
+    bias: Array  # (T, direction): their rates at zero acceleration
+    slope: Array  # (T, direction, coordinate): derivatives of the relative velocities by velocities
+    free: Array  # (T, coordinate + multiplier): accelerations without contacts, then multipliers of the kept equations
+    answer: Array  # (T, coordinate + multiplier, direction): the same per force (jumps of velocity per impulse)
+    delassus: Array  # (T, direction, direction): rates of the relative velocities per force
 
     def select(self, states: Index) -> Contacts:
         """Take some of the states."""
@@ -76,13 +56,7 @@ class Contacts:
 
 
 class ContactEvaluator:
-    """Evaluates everything about the contacts of states.
-
-    Parameters
-    ----------
-    model : Model
-        With events.
-    """
+    """Evaluator of the contact quantities of states of a model with events."""
 
     def __init__(self, model: Model) -> None:
         self.model = model

@@ -43,29 +43,9 @@ FLIGHT = 2.05
 
 
 class EventDrivenMotion:
-    """Motion of M realisations with events.
+    """Motion of M assembled realisations with events, at output times (T,), s.
 
-    Parameters
-    ----------
-    batch : Batch
-        Of assembled realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    evaluator : ContactEvaluator
-        Of the model, whose index-1 system is compiled.
-    recording : bool
-        Whether steps are recorded.
-
-    Attributes
-    ----------
-    run : Realisations
-    records : Records
-    restarts : array of int, shape (M,)
-        How often each was started anew.
-    restarted : callable, optional
-        Called after each time.
+    The index-1 system of the model of `evaluator` is compiled; steps are recorded if `recording`.
     """
 
     def __init__(
@@ -101,9 +81,11 @@ class EventDrivenMotion:
         duration, floor = float(times[-1] - times[0]), self.run.floor
         self.decisions = Decisions(batch, evaluator, self.encounters, self.chatter, self.records, duration, floor)
         self.messages = self.decisions.messages
+        # restarts (M,): number of restarts of each realisation
         self.restarts, self.stalled = np.zeros((2, count), dtype=np.int64)
         self.since = np.full(count, -np.inf)
         self.sampled = {time: k for k, time in enumerate(samples.tolist())}
+        # called after each restart
         self.restarted: Callable[[], None] | None = None
 
     # -- the whole motion --------------------------------------------------------------------------------------------

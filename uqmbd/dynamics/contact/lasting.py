@@ -64,42 +64,20 @@ class Lasting(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactMotion:
-    """Motion of T states with bodies that stay in contact.
+    """Motion of T states with lasting contacts."""
 
-    Attributes
-    ----------
-    motion : array, shape (T, coordinate + multiplier)
-        Accelerations, then multipliers of the kept equations.
-    force : array, shape (T, direction)
-        Contact forces, N.
-    rate : array, shape (T, direction)
-        Rates of the speeds.
-    """
-
-    motion: Array
-    force: Array
-    rate: Array
+    motion: Array  # (T, coordinate + multiplier): accelerations, then multipliers of the kept equations
+    force: Array  # (T, direction): contact forces, N
+    rate: Array  # (T, direction): rates of the relative velocities
 
 
 def contact_forces(
     matrix: Array, right: Array, rows: list[int], coupled: Mapping[int, tuple[list[int], Array]]
 ) -> Array:
-    """Solve for forces in `rows`, where tangential ones may be multiples of normal ones.
+    """Solve for forces (T, direction) in `rows` from rates per force (T, direction, direction), `right` (T, len(rows)).
 
-    Parameters
-    ----------
-    matrix : array, shape (T, direction, direction)
-        Rates per force.
-    right : array, shape (T, len(rows))
-        What the forces must give.
-    rows : list of int
-        Directions.
-    coupled : mapping
-        Of a normal direction: its tangents, and their forces over the normal one, shape (T, tangent).
-
-    Returns
-    -------
-    array, shape (T, direction)
+    The mapping `coupled` gives, for a normal direction, tangents whose forces are multiples (T, tangent) of the normal
+    one.
     """
     count, size = matrix.shape[:2]
     found = np.zeros((count, size))
@@ -123,15 +101,10 @@ def contact_forces(
 
 
 def contact_motion(contacts: Contacts, lasting: Lasting) -> ContactMotion:
-    """Solve for accelerations and contact forces with given modes of the contacts that last.
+    """Solve for accelerations and contact forces with given modes of the lasting contacts.
 
-    Parameters
-    ----------
-    contacts : Contacts
-        At the states.
-    lasting : Lasting
-        Those that last.  Of each that slips the direction near which it slides, shape (tangent,): where the speed
-        passes zero, friction does not turn round, so that a smooth integration sees it pass.
+    Each sliding contact has the direction near which it slides, (tangent,): where the speed passes zero, friction does
+    not reverse, so that a smooth integration detects the zero.
     """
     free = contacts.bias + np.einsum("twn,tn->tw", contacts.slope, contacts.free[:, : contacts.coordinates])
     rows: list[int] = []
@@ -163,28 +136,11 @@ def _direction(sliding: Array, heading: Array) -> Array:
 
 
 def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
-    """Find which of the contacts that are closed and do not open last, and how, at one state.
+    """Find which of the closed contacts `near` last at one state, and their modes and motion; None if no forces exist.
 
-    Parameters
-    ----------
-    contacts : Contacts
-        Of one state.
-    near : list of int
-        Events whose gaps and normal speeds are none.
-    slow : float
-        Sliding speed, m/s, that is none.
-
-    Returns
-    -------
-    Lasting
-        Those that last.
-    ContactMotion
-        With them.  Instead of both None: no forces satisfy the laws (friction that wedges what slides).
-
-    Notes
-    -----
-    The laws of accelerations and forces are those of speeds and impulses, without restitution; only that the friction
-    of what slides already has a known direction.
+    Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero.  The laws of
+    accelerations and forces are those of speeds and impulses, without restitution, but the friction of a sliding
+    contact already has a known direction.  No forces satisfy the laws where friction wedges a sliding body.
     """
     headings: dict[int, Array] = {}
     for k in near:

@@ -81,25 +81,11 @@ def slipping_together(
     limited: Sequence[int],
     forced: Collection[int],
 ) -> dict[int, Array] | None:
-    """Find which contacts at their limit slip, and in which directions (tangent,), at one state.
+    """Find which contacts at their limit slip, and in which directions (tangent,), at one state; None: no combination.
 
-    Parameters
-    ----------
-    contacts, ahead : Contacts
-        Now, and a short time later with the present motion.
-    lasting : Lasting
-        Modes so far: those that are `limited` stick.
-    motion : ContactMotion
-        Now.
-    limited : sequence of int
-        Events at the limit of friction.
-    forced : collection of int
-        Those of them that slip in any case.
-
-    Returns
-    -------
-    dict of int to array
-        One contact at least; None: no combination satisfies the laws.
+    The contacts `ahead` are those a short time later with the present motion.  Contacts that are `limited` stick so
+    far; those that are `forced` slip in any case.  The result holds at least one contact; None: no combination
+    satisfies the laws.
     """
     force = motion.force[0]
     headings = {k: heading_of(force[contacts.tangents(k)]) for k in limited}

@@ -14,20 +14,7 @@ __all__ = ["Records", "named_times"]
 
 
 class Records:
-    """Events of M realisations.
-
-    Parameters
-    ----------
-    model : Model
-        With events.
-    count : int
-        M.
-
-    Attributes
-    ----------
-    count : array of int, shape (M,)
-        Events of each.
-    """
+    """Events of M realisations; `count` (M,) is the number of events of each."""
 
     def __init__(self, model: Model, count: int) -> None:
         self.model, self.count = model, np.zeros(count, dtype=np.int64)
@@ -78,21 +65,10 @@ class Records:
 def named_times(
     members: Index, times: Array, kinds: Index, names: Sequence[tuple[str, str]], count: int
 ) -> dict[str, Array]:
-    """Name the times of events.
+    """Return the times of events (count,), s, by name; NaN where a realisation has no such event.
 
-    Parameters
-    ----------
-    members, times, kinds : array, shape (N,)
-        Which realisation, when, and what, by number; those of one realisation in the order of time.
-    names : sequence of (str, str)
-        Component and label of each kind.
-    count : int
-        Number of realisations.
-
-    Returns
-    -------
-    dict of str to array, shape (count,)
-        NaN where a realisation has no such event.
+    The arrays (N,) hold the realisation, time and kind of each event, in the order of time within a realisation;
+    `names` are the component and label of each kind.
     """
     found: dict[str, Array] = {}
     if not len(times):

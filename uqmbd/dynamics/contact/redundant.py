@@ -72,16 +72,10 @@ def unmoving(matrix: Array, spread: Array) -> Array:
 
 
 def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
-    """Find forces (direction,) inside the laws, or nearest to them, by the largest least reserve of the contacts.
+    """Return forces (direction,) inside the friction cones, or nearest to them, that maximise the least reserve.
 
-    Parameters
-    ----------
-    touches : sequence of Touch
-        Those that stick with their tangents, the others without.
-    least : array, shape (direction,)
-        Forces with the right motion, N.
-    ways : array, shape (direction, N)
-        Forces that move nothing, see `unmoving`.
+    The touches have tangents if they stick.  The forces are `least` (direction,), N, which give the right motion, plus
+    a combination of `ways` (direction, N), which move nothing (see `unmoving`).
     """
     largest = float(np.abs(least).max(initial=0.0))
     if not (ways.shape[1] and largest > 0 and math.isfinite(largest) and np.isfinite(ways).all()):
@@ -105,18 +99,10 @@ def roomiest(touches: Sequence[Touch], least: Array, ways: Array) -> Array:
 
 
 def holding_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: Array) -> Array:
-    """Find forces (direction,) inside the laws that stay there longest while they change at a `rate` (direction,), N/s.
+    """Return forces (direction,) inside the friction cones that remain inside longest at a `rate` (direction,), N/s.
 
-    Parameters
-    ----------
-    touches : sequence of Touch
-        Those that stick with their tangents, the others without.
-    force : array, shape (direction,)
-        Forces inside the laws, N.
-    rate : array, shape (direction,)
-        N/s.
-    ways : array, shape (direction, N)
-        Forces that move nothing.
+    The touches have tangents if they stick.  The result is `force` (direction,), N, plus a combination of `ways`
+    (direction, N), which move nothing.
     """
     largest, fastest = float(np.abs(force).max(initial=0.0)), float(np.abs(rate).max(initial=0.0))
     if not (ways.shape[1] and largest > 0 and fastest > 0 and np.isfinite([largest, fastest]).all()):
@@ -139,16 +125,10 @@ def holding_longest(touches: Sequence[Touch], force: Array, rate: Array, ways: A
 
 @dataclass(frozen=True)
 class _Barrier:
-    """Barrier of C cones ``p >= |T|``, where ``(p, T) = begin + slope x``; the last of the unknowns x is the room.
+    """Barrier of C cones ``p >= |T|``, where ``(p, T) = begin + slope x``; the last unknown in x is the reserve."""
 
-    Attributes
-    ----------
-    begin : array, shape (C, 3)
-    slope : array, shape (C, 3, unknown)
-    """
-
-    begin: Array
-    slope: Array
+    begin: Array  # (C, 3)
+    slope: Array  # (C, 3, unknown)
 
     @property
     def parameter(self) -> float:

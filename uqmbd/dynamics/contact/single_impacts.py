@@ -18,22 +18,10 @@ __all__ = ["single_impacts"]
 
 
 def single_impacts(contacts: Contacts, events: Index) -> tuple[Array, Array, Mask]:
-    """Find impulses at one contact of each of T states.
+    """Solve for impulses (T, direction) at one approaching contact, `events` (T,), of each of T states.
 
-    Parameters
-    ----------
-    contacts : Contacts
-        Of T states, right before.
-    events : array of int, shape (T,)
-        Which contact of each is hit; it approaches.
-
-    Returns
-    -------
-    impulse : array, shape (T, direction)
-    after : array, shape (T,)
-        Normal speeds afterwards.
-    solved : array of bool, shape (T,)
-        Which of them are found.
+    The states are those right before impact.  Return impulses, normal speeds afterwards (T,), and a mask (T,) of the
+    solved states.
     """
     first = np.array(contacts.first)
     tangents = first[events + 1] - first[events] - 1

@@ -20,27 +20,10 @@ SAME = 1e-9
 
 
 def called(loop: Loop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
-    """Call the function of a controller.
+    """Call the function of a controller at a time, s; return commands (M, command) and states (M, state).
 
-    Parameters
-    ----------
-    loop : Loop
-    time : float
-        s.
-    measured : array, shape (M, measured)
-    state : array, shape (M, state)
-    about : str
-        What more to say of the call in messages.
-
-    Returns
-    -------
-    commands : array, shape (M, command)
-    state : array, shape (M, state)
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it raises, or its result has another shape.
+    The arguments are measurements (M, measured) and states (M, state).  Raises `uqmbd.StudyError` if the function
+    raises, or its result has another shape; `about` is appended to the message.
     """
     count, where = len(measured), f"Controller {loop.name!r}"
     given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())

@@ -28,31 +28,16 @@ UNLIMITED = 1e300
 
 @dataclass(frozen=True)
 class Loop:
-    """A controller of a model.
-
-    Attributes
-    ----------
-    name : str
-    rate, delay : float
-        Samples per second, Hz, and the time until their commands act, s.
-    measure : OutputMap
-        What it measures.
-    commands, states : tuple of str
-        Names.
-    held : array of int
-        Where the commands and then the states are among the auxiliary states of the model.
-    limits : ParameterMap
-        From inputs to the smallest values of the commands, then the largest.
-    """
+    """A controller of a model."""
 
     name: str
-    rate: float
-    delay: float
-    measure: OutputMap
-    commands: tuple[str, ...]
-    states: tuple[str, ...]
-    held: Index
-    limits: ParameterMap
+    rate: float  # samples per second, Hz
+    delay: float  # time from a sample until its commands act, s
+    measure: OutputMap  # measured quantities
+    commands: tuple[str, ...]  # names
+    states: tuple[str, ...]  # names
+    held: Index  # indices of the commands, then of the states, among the auxiliary states of the model
+    limits: ParameterMap  # from inputs to the smallest values of the commands, then the largest
     shipped: Shipped = field(repr=False)
     digest: str = field(default="", repr=False)
     """Hash of all that it does."""

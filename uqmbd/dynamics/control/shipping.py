@@ -23,17 +23,10 @@ __all__ = ["Shipped"]
 
 @dataclass(frozen=True)
 class Shipped:
-    """A function that can be pickled, whatever it is.
-
-    Attributes
-    ----------
-    function : callable
-    owner : str
-        What it belongs to, for messages.
-    """
+    """Wrapper that makes any function picklable."""
 
     function: Callable[..., Any]
-    owner: str
+    owner: str  # what the function belongs to, for messages
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpacked, (self._packed(), self.owner)

@@ -35,28 +35,15 @@ __all__ = ["Derived", "Equations", "derive"]
 
 @dataclass(frozen=True)
 class Equations:
-    """Expressions of one kind with what each of them is.
-
-    Attributes
-    ----------
-    expressions : list of SymEngine expressions
-    targets : list of tuples
-        ``("r", row)`` for a vector entry or ``("J", row, column)`` for a matrix entry, and the like, with local
-        variables ``("q", 3)``.
-    """
+    """SymEngine expressions of one kind, with a target for each."""
 
     expressions: list[Any]
+    # ("r", row) for a vector entry, ("J", row, column) for a matrix entry, etc., with local variables ("q", 3)
     targets: list[tuple[Any, ...]]
 
 
 class Derived:
-    """Local symbols of a block and its derived expressions.
-
-    Parameters
-    ----------
-    block : BlockType
-        What is derived from.
-    """
+    """Local symbols of a block and its derived expressions."""
 
     def __init__(self, block: BlockType) -> None:
         n, m, k = block.coordinates, len(block.constraints), len(block.states)

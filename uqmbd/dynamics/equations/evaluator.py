@@ -25,21 +25,12 @@ __all__ = ["Evaluator", "Placement", "fused", "typed"]
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the local variables of one instance are in the whole mechanism.
+    """Global indices of the local variables of one instance."""
 
-    Attributes
-    ----------
-    letters : dict
-        For each local letter (``q``, ``s``, ``l``, ...) the global index of each local variable; -1: dropped.
-    parameters : array of int
-        Where its parameters are among those of the model.
-    limit : int, optional
-        Number of unknowns: rows and columns from there on are no equations.
-    """
-
+    # for each local letter ("q", "s", "l", ...) the global index of each local variable; -1: dropped
     letters: dict[str, Index]
-    parameters: Index
-    limit: int = 2**31
+    parameters: Index  # indices among the parameters of the model
+    limit: int = 2**31  # number of unknowns: rows and columns from there on are no equations
 
 
 @dataclass(frozen=True)
@@ -53,33 +44,15 @@ class _Group:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Compiled equations of one kind.
+    """Compiled equations of one kind."""
 
-    Attributes
-    ----------
-    targets : tuple
-        What each result is, in order, with global indices.
-    """
-
-    targets: tuple[Any, ...]
+    targets: tuple[Any, ...]  # of the results in order, with global indices
     groups: tuple[_Group, ...]
     order: Index | None  # permutation of concatenated results, sorted by target
     starts: Index | None  # first of each target in that order
 
     def __call__(self, arguments: Array, parameters: Array) -> Array:
-        """Evaluate.
-
-        Parameters
-        ----------
-        arguments : array, shape (K, argument)
-            State arguments of the kind, then a zero.
-        parameters : array, shape (K, parameter)
-            Of the model.
-
-        Returns
-        -------
-        array, shape (K, len(targets))
-        """
+        """Return values (K, target) at arguments (K, argument), a state then a zero, and parameters (K, parameter)."""
         return self.program(arguments.shape[1], parameters.shape[1])(arguments, parameters)
 
     def write(self, writer: Writer, arguments: Index, parameters: Index) -> Index:
@@ -173,16 +146,9 @@ def _type_kernel(block: BlockType, kind: Kind) -> tuple[Kernel, list[tuple[Any, 
 def typed(
     kind: Kind, blocks: Sequence[BlockType], places: Sequence[Placement], columns: dict[tuple[str, int], int]
 ) -> Evaluator:
-    """Make an evaluator of one kernel per component type.
+    """Return an evaluator with one kernel per component type, from the type and placement of each instance.
 
-    Parameters
-    ----------
-    kind : str
-        What to evaluate.
-    blocks, places : sequence
-        Type and placement of each instance.
-    columns : dict
-        Column of each global variable among the arguments; dropped ones use the last, which is zero.
+    The column of each global variable among the arguments is in `columns`; dropped ones use the last, which is zero.
     """
     members: dict[str, list[int]] = {}
     for i, block in enumerate(blocks):

@@ -38,18 +38,10 @@ _LOCK = threading.RLock()
 
 @dataclass(frozen=True)
 class Blocks:
-    """The blocks of a mechanism, and where they are.
-
-    Attributes
-    ----------
-    types : tuple of BlockType
-        Of each instance.
-    places : tuple of Placement
-        With the numbers of all constraint equations.
-    """
+    """The blocks of a mechanism, one for each instance, and their placements."""
 
     types: tuple[BlockType, ...]
-    places: tuple[Placement, ...]
+    places: tuple[Placement, ...]  # with the numbers of all constraint equations
 
     @classmethod
     def of(cls, instances: list[Instance], order: dict[str, int]) -> Blocks:
@@ -57,18 +49,9 @@ class Blocks:
         return cls(tuple(i.type for i in instances), tuple(place(instances, order)))
 
     def evaluator(self, kind: Kind, layout: Layout, parameters: int, *, fuse: bool) -> Evaluator:
-        """Compile one kind of equations.
+        """Compile one kind of equations of blocks with `parameters` parameters.
 
-        Parameters
-        ----------
-        kind : str
-            Which.
-        layout : Layout
-            Of the model.
-        parameters : int
-            How many the blocks have.
-        fuse : bool
-            As one kernel; a Jacobian only where it is not too long.
+        With `fuse` they are one kernel, except for a Jacobian that is too long.
         """
         derivation.debug("compiling equations (%s)", kind)
         places, columns = self.places, layout.columns(kind)
@@ -101,17 +84,9 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Later:
-    """What evaluators are compiled from when they are asked for.
+    """Sources of evaluators that are compiled on first use; the other fields are arguments of `Blocks.evaluator`."""
 
-    Attributes
-    ----------
-    blocks : bytes
-        `Blocks`, pickled: symbols are seldom wanted where numbers are computed, and take time to read.
-    layout, parameters, fuse
-        As for `Blocks.evaluator`.
-    """
-
-    blocks: bytes
+    blocks: bytes  # `Blocks`, pickled: numerical work seldom needs symbols, which are slow to load
     layout: Layout
     parameters: int
     fuse: bool
@@ -130,15 +105,7 @@ class Later:
 
 
 class Evaluators(Mapping[Kind, Evaluator]):
-    """Evaluators by kind.
-
-    Parameters
-    ----------
-    made : mapping
-        Those that are compiled.
-    later : Later, optional
-        What others are compiled from; None: there are no others.
-    """
+    """Evaluators by kind: those already `made`, and those compiled from `later` on first use (None: no others)."""
 
     def __init__(self, made: Mapping[Kind, Evaluator], later: Later | None = None) -> None:
         self.made, self.later = dict(made), later
@@ -167,15 +134,7 @@ class Evaluators(Mapping[Kind, Evaluator]):
 
 
 def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
-    """Give every local variable its global index.
-
-    Parameters
-    ----------
-    instances : list of Instance
-        All blocks.
-    order : dict
-        Index of each body by name.
-    """
+    """Return the global index of every local variable of all blocks; `order` holds the index of each body by name."""
     rows = states = cosines = parameters = events = directions = 0
     holders = _holders(instances)
     placements = []

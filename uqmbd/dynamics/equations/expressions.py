@@ -87,30 +87,10 @@ def settled_expression(
     named: Mapping[sympy.Basic, sympy.Expr],
     known: set[sympy.Symbol],
 ) -> sympy.Expr:
-    """Return an expression of terms as it is derived from, or say what in it means nothing there.
+    """Return an expression of `Component.terms` in local symbols.
 
-    Parameters
-    ----------
-    where : str
-        The component, for the message.
-    component : Component
-        Whose terms they are.
-    expression : object
-        As `Component.terms` stated it.
-    named : mapping
-        Local symbols of named quantities.
-    known : set of symbols
-        All local symbols.
-
-    Returns
-    -------
-    expression
-        In local symbols.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Saying what to write instead.
+    Named quantities are replaced by their local symbols `named`; all local symbols are `known`.  Raises
+    `uqmbd.StudyError`, with advice, if the expression contains anything else.
     """
     try:
         value = as_symbolic(expression)
@@ -157,16 +137,9 @@ def _stranger(component: Component, symbol: sympy.Symbol) -> str:
 
 
 def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set[sympy.Symbol]) -> None:
-    """Raise where a function without a derivative holds what an expression is differentiated by.
+    """Raise where a function without a derivative contains a symbol by which expressions are differentiated.
 
-    Parameters
-    ----------
-    where : str
-        What the expressions belong to, for the message.
-    expressions : list of expressions
-        In local symbols.
-    changing : set of symbols
-        What they are differentiated by.
+    The expressions are in local symbols; `changing` are the symbols of the derivatives.
     """
     for expression in expressions:
         for part in sorted(expression.atoms(*WITHOUT_DERIVATIVE), key=str):
@@ -186,18 +159,10 @@ def require_velocities(
     velocities: set[sympy.Symbol],
     accelerations: set[sympy.Basic],
 ) -> None:
-    """Raise where an equation between velocities contains none, or is not linear in them, or contains accelerations.
+    """Raise where an equation between velocities contains none, is not linear in them, or contains accelerations.
 
-    Parameters
-    ----------
-    where : str
-        What the equation belongs to, for the message.
-    label : str
-        Its label, for the message.
-    stated, whole : expression
-        As it is stated, and with what named quantities stand for.
-    velocities, accelerations : set of symbols
-        Velocities of the bodies, and named quantities that are rates of velocities.
+    The equation is given as stated and, as `whole`, with its named quantities replaced; `velocities` are those of the
+    bodies, `accelerations` the named quantities that are rates of velocities.
     """
     if not whole.free_symbols & velocities:
         raise StudyError(

@@ -65,30 +65,16 @@ def state_arguments(time: Array | float, *parts: Array) -> Array:
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes, and where everything is in the unknowns ``y = (q, s, v, lambda, mu)``.
-
-    Attributes
-    ----------
-    coordinates, states, constraints : int
-        Of the whole mechanism.
-    kept : array of int
-        Independent constraint equations.
-    frozen : array of int
-        Coordinates that a constraint holds at one value for good (a slider that cannot turn, say).  They are no
-        unknowns of the integration.
-    active : array of int
-        Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
-    nonholonomic : array of int
-        Equations between velocities, of which there is none between positions.
-    """
+    """Sizes of the whole mechanism, and indices in the unknowns ``y = (q, s, v, lambda, mu)``."""
 
     coordinates: int
     states: int
     constraints: int
-    kept: Index
+    kept: Index  # independent constraint equations
+    # coordinates that a constraint fixes (as of a slider that cannot turn): no unknowns of the integration
     frozen: Index
-    active: Index
-    nonholonomic: Index
+    active: Index  # kept equations that freeze no coordinate: the ones with multipliers in y
+    nonholonomic: Index  # equations between velocities that have no counterpart between positions
     held: int = 0
     """How many of the auxiliary states are what controllers hold from one sample to the next."""
 
@@ -165,21 +151,11 @@ class Layout:
 
 @dataclass(frozen=True)
 class ParameterMap:
-    """From inputs ``(K, input)`` to parameters ``(K, parameter)``.
+    """Map from inputs (K, input) to parameters (K, parameter)."""
 
-    Attributes
-    ----------
-    constants : array, shape (parameter,)
-        Values of those that are plain numbers.
-    random : array of int
-        Which parameters depend on inputs.
-    kernel : Kernel
-        Computes these.
-    """
-
-    constants: Array
-    random: NDArray[np.int64]
-    kernel: Kernel
+    constants: Array  # (parameter,): values of the parameters that are plain numbers
+    random: NDArray[np.int64]  # indices of the parameters that depend on inputs
+    kernel: Kernel  # computes the latter
 
     @classmethod
     def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> ParameterMap:

@@ -30,31 +30,15 @@ NAMED = 6
 
 @dataclass(frozen=True)
 class Limit:
-    """A parameter with a range.
+    """A parameter with a range."""
 
-    Attributes
-    ----------
-    name : str
-        What it is and of whom, as ``mass of body 'rod'``.
-    index : int
-        Among the parameters of the model.
-    units : str
-        Its units.
-    minimum, maximum : float
-        The range, in these units.
-    exclusive : bool
-        Whether the ends do not belong to it.
-    inputs : tuple of (name, index)
-        Random variables it depends on, and where they are among the parameters of the model.
-    """
-
-    name: str
-    index: int
+    name: str  # quantity and owner, as "mass of body 'rod'"
+    index: int  # among the parameters of the model
     units: str = ""
-    minimum: float = 0.0
-    maximum: float = math.inf
-    exclusive: bool = False
-    inputs: Inputs = ()
+    minimum: float = 0.0  # in these units
+    maximum: float = math.inf  # in these units
+    exclusive: bool = False  # whether the ends are excluded
+    inputs: Inputs = ()  # name of each random variable it depends on, and index among the parameters of the model
 
     @property
     def expected(self) -> str:
@@ -75,21 +59,11 @@ class Limit:
 
 @dataclass(frozen=True)
 class Tensor:
-    """The inertia tensor of a body in space.
-
-    Attributes
-    ----------
-    body : str
-        Its name.
-    index : array of int, shape (6,)
-        Of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model.
-    inputs : tuple of (name, index)
-        As for `Limit`.
-    """
+    """The inertia tensor of a body in space."""
 
     body: str
-    index: Index
-    inputs: Inputs = ()
+    index: Index  # (6,): of Jxx, Jyy, Jzz, Jxy, Jxz, Jyz among the parameters of the model
+    inputs: Inputs = ()  # as for `Limit`
 
     def moments(self, parameters: Array) -> Array:
         """Principal moments of inertia, ascending, kg m^2, shape (K, 3)."""
@@ -109,15 +83,8 @@ class Tensor:
 def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tuple[Limit, ...], tuple[Tensor, ...]]:
     """Collect the random numbers of a mechanism that have a range, and its random inertia tensors.
 
-    Constants, and the values at the means, were looked at when they were given; what depends on time or motion is not
-    looked at.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look into.
-    expressions : list of expressions
-        Parameters of the model; what is needed besides is appended.
+    Constants, and values at the means, were checked when they were given; numbers that depend on time or motion are not
+    checked.  Missing expressions are appended to `expressions`, the parameters of the model.
     """
     limits: list[Limit] = []
     tensors: list[Tensor] = []
@@ -151,14 +118,9 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
 
 
 def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Collect the random numbers that are expected to have one sign (`Parameter.one_sign`), that at the means.
+    """Collect the random numbers that are expected to keep their sign at the means (`Parameter.one_sign`).
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look into.
-    expressions : list of expressions
-        As of `limits_of`.
+    Missing expressions are appended to `expressions`, as by `limits_of`.
     """
     found: list[Limit] = []
     places: dict[sympy.Expr, int] = {}
@@ -174,17 +136,11 @@ def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit
 
 
 def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Collect the factors of masses, inertias and numbers with a range whose even power hides that they change sign.
+    """Collect the factors of masses, inertias and ranged numbers whose even power hides a change of sign.
 
-    A moment of inertia ``m length**2 / 12`` is positive for lengths below zero, too.  A sum, as that of a distance of
-    axes, does not vanish with the square in it: there an offset may have either sign.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look into.
-    expressions : list of expressions
-        As of `limits_of`.
+    A moment of inertia ``m length**2 / 12`` is positive for negative lengths, too.  A sum, as that with a distance of
+    axes, does not vanish with its square: there an offset may have either sign.  Missing expressions are appended to
+    `expressions`, as by `limits_of`.
     """
     entries: list[tuple[str, sympy.Expr]] = []
     for body in mechanism.bodies.values():
@@ -207,15 +163,7 @@ def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Lim
 
 
 def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: Array) -> list[str]:
-    """Say of each realisation what is impossible about its numbers: empty where nothing is.
-
-    Parameters
-    ----------
-    limits, tensors : sequence of Limit, of Tensor
-        From `limits_of`.
-    parameters : array, shape (K, parameter)
-        Finite.
-    """
+    """Return for each realisation a message, empty if its finite parameters (K, parameter) are possible."""
     messages = [""] * len(parameters)
     for limit in limits:
         values = parameters[:, limit.index]

@@ -45,44 +45,20 @@ class _Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """Everything numeric about a mechanism.
-
-    Attributes
-    ----------
-    time : float
-        Initial time, s.
-    layout : Layout
-        Sizes, kept rows and frozen coordinates.
-    bodies : tuple of str
-        Names, in the order of their coordinates.
-    size, dimension : int
-        Coordinates of a body, and dimension of its position.
-    equations : tuple of str
-        Name of every constraint equation ("A: point x").
-    owners : tuple of str
-        Component of every constraint equation.
-    norms : array of int
-        Equations that give a body's quaternion unit length, which every mechanism has.
-    parameters : ParameterMap
-        All parameters of all instances, then the drawn pose, statements, break times, random variables of start
-        conditions, and random numbers that have a range.
-    limits : tuple of Limit
-        Parameters that have a range.
-    tensors : tuple of Tensor
-        Random inertia tensors.
-    """
+    """Numerical model of a mechanism."""
 
     name: str
-    time: float
-    layout: Layout
-    bodies: tuple[str, ...]
-    size: int
-    dimension: int
-    equations: tuple[str, ...]
-    owners: tuple[str, ...]
-    norms: Index
+    time: float  # initial time, s
+    layout: Layout  # sizes, kept rows and frozen coordinates
+    bodies: tuple[str, ...]  # names, in the order of their coordinates
+    size: int  # coordinates of a body
+    dimension: int  # of its position
+    equations: tuple[str, ...]  # name of every constraint equation ("A: point x")
+    owners: tuple[str, ...]  # component of every constraint equation
+    norms: Index  # equations that give the quaternion of a body unit length, which every mechanism has
     cosines: tuple[str, ...]
     inputs: tuple[str, ...]
+    # of all instances; then drawn pose, statements, break times, inputs of start conditions, ranged numbers
     parameters: ParameterMap
     drawn: Index
     statements: tuple[Statement, ...]

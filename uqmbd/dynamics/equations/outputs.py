@@ -85,37 +85,19 @@ def angle_counters(mechanism: Mechanism) -> list[Component]:
 
 @dataclass(frozen=True)
 class OutputMap:
-    """Compiled outputs.
+    """Compiled outputs."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        As the user wrote them.
-    accelerates : bool
-        Whether accelerations or multipliers are needed.
-    kernel : Kernel
-        Of ``(q, s, v, a, lambda, t, inputs, parameters[needed])``; lambda of all constraint equations.
-    turns : array, shape (output,)
-        Length of a turn of the outputs that are angles, else 0.
-    counted : array of bool, shape (output,)
-        Which of them the integration makes continuous already.
-    reference : array, shape (output,)
-        Angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`.
-    not_unique : tuple of str
-        Names of the outputs that redundant constraints leave undetermined (some reactions).
-    directions : array of int
-        Directions of contacts whose forces are arguments too, the last ones.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    accelerates: bool
-    kernel: Kernel
+    names: tuple[str, ...]  # as the user wrote them
+    units: tuple[str, ...]  # as the user wrote them
+    accelerates: bool  # whether accelerations or multipliers are needed
+    kernel: Kernel  # of (q, s, v, a, lambda, t, inputs, parameters[needed]); lambda of all constraint equations
     needed: Index
-    turns: Array
-    counted: NDArray[np.bool_]
-    reference: Array
+    turns: Array  # (output,): length of a turn of the outputs that are angles, else 0
+    counted: NDArray[np.bool_]  # (output,): whether the integration already makes the angle continuous
+    reference: Array  # (output,): angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`
+    # names of the outputs that redundant constraints leave undetermined (some reactions)
     not_unique: tuple[str, ...] = ()
+    # directions of contacts whose forces are the last arguments
     directions: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
@@ -130,20 +112,12 @@ class OutputMap:
         return self.kernel(np.ascontiguousarray(arguments))
 
     def unwrap(self, response: Array) -> Array:
-        """Add whole turns to angles, so that each realisation is continuous over time and starts near the reference.
+        """Return outputs (..., output, T) with whole turns added to angles: continuous in time from near the reference.
 
-        Nothing else is changed, and one realisation does not depend on the others.  Each time may come on a branch of
-        its own: what was observed in pieces is joined first.
-
-        Parameters
-        ----------
-        response : array, shape (..., output, T)
-            At all output times, from the initial one on, so dense that no angle moves by half a turn from one to the
-            next.  What is not finite stays so and counts no turns.
-
-        Returns
-        -------
-        array, shape (..., output, T)
+        Other outputs do not change, and one realisation does not depend on the others.  Each time may come on a branch
+        of its own: outputs that were observed in pieces are joined first.  The output times begin at the initial one
+        and are dense: no angle moves by half a turn from one to the next.  Values that are not finite remain so and
+        count no turns.
         """
         which = np.flatnonzero(self.turns)
         if not len(which):
@@ -169,23 +143,11 @@ def output_map(
     *,
     gradients: bool = False,
 ) -> OutputMap:
-    """Compile outputs.
+    """Compile outputs in terms of all blocks and their placements, with all equations kept.
 
-    Parameters
-    ----------
-    outputs : sequence of Output
-        What to compile.
-    instances, places : list
-        All blocks, and where they are (all equations kept).
-    order : dict
-        Index of each body by name.
-    inputs : sequence of RandomVariable
-        Columns of the inputs.
-    sizes : tuple
-        Numbers of coordinates, auxiliary states and constraint equations.
-    gradients : bool
-        Whether the kernel gives the derivatives of each output with respect to coordinates, then to velocities,
-        behind the values.
+    The index of each body by name is in `order`; `inputs` are the columns of the inputs; `sizes` are the numbers of
+    coordinates, auxiliary states and constraint equations.  With `gradients` the kernel appends the derivatives of each
+    output by coordinates, then by velocities.
     """
     n, k, m = sizes
     start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}

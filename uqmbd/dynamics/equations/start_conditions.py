@@ -20,27 +20,13 @@ __all__ = ["Conditions", "compiled_conditions", "inputs_of_conditions"]
 
 @dataclass(frozen=True)
 class Conditions:
-    """Compiled start conditions.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What they are called.
-    of_velocities : array of bool, shape (condition,)
-        Which are conditions of velocities.
-    residuals : OutputMap
-        With gradients.
-    inputs : array of int
-        Where the random variables that occur stand among the parameters of the model.
-    size : tuple of int
-        Numbers of coordinates and of constraint equations.
-    """
+    """Compiled start conditions."""
 
     names: tuple[str, ...]
-    of_velocities: Index
-    residuals: OutputMap
-    inputs: Index
-    size: tuple[int, int]
+    of_velocities: Index  # (condition,): whether it is one of velocities
+    residuals: OutputMap  # with gradients
+    inputs: Index  # indices of the random variables that occur among the parameters of the model
+    size: tuple[int, int]  # numbers of coordinates and of constraint equations
 
     @property
     def positions(self) -> Index:
@@ -80,14 +66,8 @@ def compiled_conditions(
 ) -> Conditions | None:
     """Compile the start conditions of a mechanism; None if there are none.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With its conditions.
-    instances, places, order, sizes
-        As of `output_map`.
-    inputs : array of int
-        Where `inputs_of_conditions` stand among the parameters.
+    The arguments are those of `output_map`, but for `inputs`: the indices of `inputs_of_conditions` among the
+    parameters.
     """
     stated = mechanism.conditions
     if not stated:

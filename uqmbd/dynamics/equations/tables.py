@@ -27,15 +27,7 @@ class Tables:
         self._applications: dict[Any, Any] = {}  # of a symbol, without any symbol inside
 
     def converted(self, expression: sympy.Expr, inserted: Mapping[Any, Any] | None = None) -> Any:
-        """Turn an expression into one of SymEngine, in which symbols stand for what is looked up.
-
-        Parameters
-        ----------
-        expression : SymPy expression
-            What to turn.
-        inserted : mapping, optional
-            What symbols of SymEngine stand for.
-        """
+        """Convert a SymPy expression to SymEngine, with symbols for table look-ups and `inserted` ones replaced."""
         import symengine as se
 
         splines = _outermost(expression)

@@ -26,13 +26,7 @@ TENSOR = "a 3 x 3 matrix, (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)"
 
 
 def mass_number(where: str, mass: Any) -> sympy.Expr:
-    """Return the mass of a body.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is missing, no finite number, or negative at the means of the random variables.
-    """
+    """Return the mass of a body, kg; raise `uqmbd.StudyError` if it is missing, infinite, or negative at the means."""
     if mass is None:
         raise StudyError(f"{where}: its mass is missing; give mass= in kg.")
     value = numbers(where, "mass", mass, 1, "kg", scalar=True)[0]
@@ -45,10 +39,8 @@ def mass_number(where: str, mass: Any) -> sympy.Expr:
 def inertia_entries(where: str, space: Space, inertia: Any) -> tuple[sympy.Expr, ...]:
     """Return the inertia of a body: none for point masses, one number in the plane, six tensor entries in space.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is missing, of the wrong form, or that of no body at the means of the random variables.
+    Raises `uqmbd.StudyError` if it is missing, has the wrong form, or is physically impossible at the means of the
+    random variables.
     """
     if not space.turns:
         if inertia is not None:
@@ -103,23 +95,9 @@ def _tensor(where: str, inertia: Any) -> tuple[sympy.Expr, ...]:
 
 
 def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell whether principal moments of inertia are those of a distribution of mass.
+    """Return whether ascending principal moments of inertia (..., 3), kg m^2, belong to a mass distribution: (...).
 
-    None is negative, and none is more than the sum of the other two.  Numbers that were rounded to 1 % pass.
-
-    Parameters
-    ----------
-    moments : array, shape (..., 3)
-        Ascending, kg m^2.
-
-    Returns
-    -------
-    array of bool, shape (...)
-
-    Examples
-    --------
-    >>> is_tensor_of_body(np.array([[1, 1, 2], [1, 1, 5], [0, 0, 0], [0, 1, 1], [-1, 1, 1]])).tolist()
-    [True, False, True, True, False]
+    None is negative, and none exceeds the sum of the other two.  Numbers that were rounded to 1 % pass.
     """
     slack = ROUNDED * np.abs(moments[..., 2])
     fine: NDArray[np.bool_] = (moments[..., 0] >= -ROUNDING * np.abs(moments).max(axis=-1)) & (
@@ -133,10 +111,7 @@ def orientation(
 ) -> tuple[sympy.Expr, ...]:
     """Return the drawn quaternion of a body: a half-angle pair in the plane, nothing where bodies do not turn.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is given in a form of another space, in two forms at once, or is no rotation.
+    Raises `uqmbd.StudyError` if the orientation has a form of another space, has two forms at once, or is no rotation.
     """
     forms = {"angle": angle, "quaternion": quaternion, "rotation": rotation}
     given = {key: value for key, value in forms.items() if value is not None}

@@ -37,12 +37,10 @@ SECTION = re.compile(r"^[A-Z][A-Za-z ]+\n-{3,}$", re.MULTILINE)
 
 
 def declare(component: type[Declared]) -> None:
-    """Check what a class declares, and write it into its signature and its docstring.
+    """Check the declaration of a component class, and write it into its signature and its docstring.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If its symbol is unknown, or parameters hide what `Local` offers, or speak of what there is not.
+    Raises `uqmbd.StudyError` if its symbol is unknown, a parameter hides an attribute of `Local`, or a parameter refers
+    to a body or point that is not declared.
     """
     name, bodies, parameters = component.__name__, component.bodies, component.parameters()
     if component.symbol and component.symbol not in SYMBOLS:
@@ -65,12 +63,9 @@ def declare(component: type[Declared]) -> None:
 
 
 def require_annotated(component: type[Declared]) -> None:
-    """Raise unless checkers of types see the arguments of a class as they are.
+    """Raise `uqmbd.StudyError` unless type checkers see the arguments of a class as they are declared.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If a body or parameter has no annotation, something else has one, or the order is another one.
+    They do not if a body or parameter has no annotation, something else has one, or the order differs.
     """
     name, parameters = component.__name__, component.parameters()
     seen: dict[str, Any] = {}

@@ -18,25 +18,11 @@ __all__ = ["effective_parameters", "known_effects", "no_effect", "require_effect
 
 
 def require_effects(where: str, component: Component, space: Space, known: dict[Hashable, frozenset[str]]) -> None:
-    """Raise where a parameter that may be left out has a value that has an effect with other options only.
+    """Raise where an optional parameter has a value that has an effect with other options only.
 
-    Components without a choice of options are left to `uqmbd.testing.check_component`.
-
-    Parameters
-    ----------
-    where : str
-        What the component is called in messages.
-    component : Component
-        With the values that it has in its mechanism.
-    space : Space
-        Of its mechanism.
-    known : dict
-        Effective parameters of the components seen before, by class, options and bodies; this one is added.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Naming the parameter, and the options with which it has an effect.
+    The `uqmbd.StudyError` names the parameter, and the options with which it has an effect.  Components without options
+    are checked by `uqmbd.testing.check_component`.  The dict `known` stores the effective parameters of earlier
+    components by class, options and bodies; those of this component are added.
     """
     declared = component.parameters()
     stated = [parameter for parameter in declared.values() if _is_stated(component, parameter)]

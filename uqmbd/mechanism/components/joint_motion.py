@@ -210,20 +210,10 @@ class JointDisplacement:
 def angle_between(
     i: Frame, j: Frame, axes: Sequence[Sequence[Any]], start: Sequence[Any], drawn: Any, speed: str
 ) -> JointAngle:
-    """Angle of frame j relative to frame i about a common axis: zero where the joint frames coincide.
+    """Return the angle of frame j relative to frame i about a common axis: zero where the joint frames coincide.
 
-    Parameters
-    ----------
-    i, j : Frame
-        Of the bodies.
-    axes : sequence
-        Unit vectors of the axis in both frames; empty in the plane.
-    start : sequence
-        Relative quaternion as drawn.
-    drawn : expression
-        The angle as drawn in the plane, rad; in space the turn at the start is that within half a turn of zero.
-    speed : str
-        Name of the rate.
+    The unit vectors `axes` of both frames are empty in the plane; `start` is the relative quaternion as drawn.  In the
+    plane `drawn` is the angle as drawn, rad; in space the angle at the start is the one within half a turn of zero.
     """
     if i.space.dimension == 2:
         cosine, sine = relative_quaternion(i.quaternion, j.quaternion)
@@ -308,12 +298,9 @@ class Telling(Protocol):
 
 
 def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
-    """Return all that a component of a mechanism tells about its motion: expressions and their units by name.
+    """Return the motion quantities of a component in a mechanism: expressions and their units by name.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If its `motion` cannot be used.
+    Raises `uqmbd.StudyError` if its `motion` fails or returns an invalid value.
     """
     found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_told")
     if found is None:
@@ -332,14 +319,10 @@ def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
 
 
 def told_motion(component: Telling, name: str) -> sympy.Expr:
-    """Return the expression of that name which a component tells about its motion.
+    """Return the expression of a motion quantity of a component by name.
 
-    Raises
-    ------
-    AttributeError
-        If it tells none of that name; what it tells instead.
-    uqmbd.StudyError
-        If it has not been added to a mechanism, or its `motion` cannot be used.
+    Raises AttributeError, with the known names, if there is no such quantity, and `uqmbd.StudyError` if the component
+    has not been added to a mechanism, or its `motion` is invalid.
     """
     kind = type(component).__name__
     found = told_by(component) if component.settled else {}
@@ -362,23 +345,10 @@ def motion_values(
     motion: Mapping[str, JointAngle | JointDisplacement | None],
     frames: Iterable[NamedFrame],
 ) -> dict[str, tuple[sympy.Expr, str]]:
-    """Return what a component tells about its motion: for each name an expression and its units.
+    """Return the motion quantities of a component, for each name an expression and its units.
 
-    Parameters
-    ----------
-    owner : Component
-        Whose motion it is.
-    where : str
-        What it is called in messages.
-    motion : mapping
-        From `Component.motion`.
-    frames : iterable of frames
-        The bodies that it is attached to.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If an expression contains what is neither a coordinate of one of the bodies nor random, or two names are one.
+    Raises `uqmbd.StudyError` if an expression contains a symbol that is neither a coordinate of one of the bodies
+    `frames` nor random, or if two quantities have one name.
     """
     flow = {x: dx for frame in frames for x, dx in zip(frame.q, frame.v, strict=True) if x.is_Symbol}
 

@@ -30,10 +30,8 @@ REMEDIES = (
 
 
 def remedy(error: Exception) -> str:
-    """Say what to write in the terms of a component, by what Python says of them.
+    """Return advice on the terms of a component, chosen by the message of Python's error.
 
-    Examples
-    --------
     >>> remedy(TypeError("cannot determine truth value of Relational: x < 1"))[:45]
     "Python's if, min, max and comparisons cannot "
     >>> remedy(ValueError("?")) == EXPECTED

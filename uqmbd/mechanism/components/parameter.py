@@ -171,13 +171,7 @@ class Parameter(Generic[Given]):
         return instance.values[self.name]
 
     def __set__(self, instance: _Owner, value: Given) -> NoReturn:
-        """Refuse: a value that is given later would not reach the equations.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            Always.
-        """
+        """Raise `uqmbd.StudyError`, always: a value that is given later would not reach the equations."""
         raise StudyError(
             f"{type(instance).__name__} {instance.name!r}: {self.name} is given when the component is made and stays; "
             "make another component, or give an expression in random variables or in uqmbd.t."
@@ -234,10 +228,8 @@ class Parameter(Generic[Given]):
 
 
 def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:
-    """Return a range in words, as a message shows it after "expected".
+    """Return a range in words, for a message after "expected".
 
-    Examples
-    --------
     >>> range_text(0, math.inf), range_text(0, 1), range_text(-math.inf, 2, exclusive=True)
     ('0 or more', '0 to 1', 'less than 2')
     """

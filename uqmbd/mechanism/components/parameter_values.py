@@ -20,26 +20,11 @@ __all__ = ["settle", "stated_in_bodies"]
 
 
 def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
-    """Return the values of a component: its parameters, then what its `prepare` makes of them.
+    """Return the values of a component: its parameters, then those that its `prepare` adds.
 
-    Parameters
-    ----------
-    where : str
-        What the component is called in messages.
-    component : Component
-        As it was made; its ``values`` are filled on the way, for `prepare`.
-    space : Space
-        The space of its mechanism.
-
-    Returns
-    -------
-    dict
-        A scalar is an expression, a vector a tuple of them; an option is what was given.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a parameter is missing, or its value is not what the declaration says.
+    A scalar is an expression, a vector a tuple of them; an option is returned as given.  The ``values`` of the
+    component are filled meanwhile, for `prepare`.  Raises `uqmbd.StudyError` if a parameter is missing, or its value
+    contradicts its declaration.
     """
     given = localised(where, component, space)
     unseen = unseen_in([component, *_holders(component)])

@@ -17,10 +17,8 @@ VANISHING = (1, -1, 2, -2, sympy.Rational(1, 2), sympy.Rational(-1, 2))
 
 
 def unseen_in(components: Iterable[Component]) -> Callable[[], set[Dimension]]:
-    """Return what returns the dimensions of numbers that leave products; see `check_dimensions`.
+    """Return a function that returns the dimensions of the values that vanish from products; see `check_dimensions`.
 
-    Examples
-    --------
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
     >>> stone = mechanism.body("stone", mass=1)

@@ -55,10 +55,8 @@ class _Drawn(Declared, Protocol):
 
 
 def replaced(component: type[Declared], keyword: str) -> list[str]:
-    """Return the parameters that a pose in the world stands for: none where a component does not take it.
+    """Return the parameters that a pose in the world replaces; none where a component does not accept one.
 
-    Examples
-    --------
     >>> import uqmbd
     >>> class Pin(uqmbd.Component):
     ...     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
@@ -76,21 +74,10 @@ def replaced(component: type[Declared], keyword: str) -> list[str]:
 
 
 def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
-    """Return what was given to a component, with poses in the world turned into points and axes of the bodies.
+    """Return the arguments of a component, with poses in the world converted to points and axes of the bodies.
 
-    Parameters
-    ----------
-    where : str
-        What the component is called in messages.
-    component : Component
-        As it was made.
-    space : Space
-        The space of its mechanism.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a point or axis is given in both ways, is no number, or a body is drawn in a random pose.
+    Raises `uqmbd.StudyError` if a point or axis is given in both ways, is not a number, or a body is drawn in a random
+    pose.
     """
     given = dict(component.given)
     declared = component.parameters()

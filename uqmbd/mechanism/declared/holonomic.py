@@ -19,22 +19,9 @@ RATES = ("v", "angular_velocity")
 def require_holonomic(where: str, component: Component, space: Space) -> None:
     """Raise where a velocity among the values of a component enters a constraint or a potential energy.
 
-    Velocities belong to forces: a constraint that contains them is not holonomic, and an energy that does is no
-    potential.  Terms are asked for only if there are velocities among the values.
-
-    Parameters
-    ----------
-    where : str
-        What the component is called in messages.
-    component : Component
-        With its values settled.
-    space : Space
-        Of its mechanism.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Naming the arguments that contain velocities.
+    The `uqmbd.StudyError` names the arguments that contain velocities.  Velocities belong to forces: a constraint that
+    contains them is not holonomic, and an energy that contains them is no potential.  The terms are evaluated only if
+    there are velocities among the values.
     """
     guilty = {
         key: sorted(map(str, rates))

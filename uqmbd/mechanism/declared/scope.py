@@ -54,23 +54,9 @@ LAW_QUANTITIES = ("q", "v", "angular_velocity")
 
 
 def require_known(mechanism: Described, where: str, value: Any, scope: Scope) -> None:
-    """Raise unless every symbol in a value means something in its place.
+    """Raise `uqmbd.StudyError`, which names the symbol, unless every symbol in a value is allowed in its scope.
 
-    Parameters
-    ----------
-    mechanism : Described
-        Whose bodies and components may occur.
-    where : str
-        What the value belongs to, for the message.
-    value : object
-        An expression, or a vector of them; anything else has no symbols.
-    scope : {"number", "law", "start", "output"}
-        What kind of place it is.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Naming the symbol, and what may stand there.
+    The value is an expression or a vector of expressions; other values contain no symbols.
     """
     for part in flatten(value) if scope in ("number", "law") else ():
         if is_scalar(part):

@@ -26,21 +26,11 @@ LONG = 60
 
 @dataclass(frozen=True)
 class StartCondition:
-    """``expression = value`` at the start of every realisation.
+    """``expression = value`` at the start of every realisation."""
 
-    Attributes
-    ----------
-    text : str
-        What it is called in messages.
-    residual : expression
-        Zero where it is met.
-    of_velocities : bool
-        Whether it is one of velocities (linear in them), else of positions.
-    """
-
-    text: str
-    residual: sympy.Expr
-    of_velocities: bool
+    text: str  # its name in messages
+    residual: sympy.Expr  # zero where the condition is met
+    of_velocities: bool  # whether it is one of velocities (linear in them), else of positions
 
     @property
     def kind(self) -> str:

@@ -63,8 +63,6 @@ _KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, OwnFunction, FunctionData, 
 def foreign_part(expression: Any) -> sympy.Basic | None:
     """Return a part of an expression that can be neither compiled nor differentiated; None if there is none.
 
-    Examples
-    --------
     >>> x = sympy.Symbol("x")
     >>> foreign_part(2 * sympy.sin(x)), foreign_part(1 + sympy.besselj(0, x))
     (None, besselj(0, x))
@@ -83,10 +81,8 @@ def foreign_part(expression: Any) -> sympy.Basic | None:
 
 
 def told(part: sympy.Basic) -> str:
-    """Say, as the end of a sentence, what is wrong with a part that `foreign_part` found, and what to write instead.
+    """Return, as the end of a sentence, why a part found by `foreign_part` is invalid, and what to write instead.
 
-    Examples
-    --------
     >>> print(told(sympy.Function("f")(sympy.Symbol("x"))))
     it contains f(x), and the function f is not defined; write the expression that it stands for.
     """

@@ -73,47 +73,21 @@ _OF_NUMBERS = tuple(f for f in FUNCTIONS if f not in (*_KEEPING, *_SIGNS, *_ALIK
 
 @dataclass(frozen=True)
 class Mismatch:
-    """What is wrong with the units of an expression.
+    """An error in the units of an expression."""
 
-    Attributes
-    ----------
-    text : str
-        Where, what was given, what was expected, what to try.
-    certain : bool
-        Whether numbers are wrong, by the factor between two units of one quantity; else dimensions do not fit, which
-        may be for want of a number 1 that has a unit.
-    """
-
-    text: str
+    text: str  # where, what was given, what was expected, what to try
+    # wrong by the factor between two units of one quantity; else dimensions differ, perhaps by a 1 with a unit
     certain: bool = False
 
 
 def check_dimensions(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> None:
     """Raise where numbers of an expression are in other units than stated; warn where its dimensions do not fit.
 
-    Parameters
-    ----------
-    where : str
-        What it belongs to, for the message.
-    expression : SymPy expression
-        Symbols tell their units by an attribute `units`.
-    units : str
-        What it is stated to be in; empty: in anything.
-    unseen : callable
-        Returns the dimensions of numbers that are 1, which may be in products unseen; it is called where it matters.
+    Symbols have an attribute `units`; empty `units` accept any dimension.  The function `unseen` returns the dimensions
+    of numbers that are 1, which products may contain invisibly; it is called only if dimensions do not fit.  Raises
+    `uqmbd.StudyError` if numbers are wrong by the factor between two units, as metres that are stated to be
+    millimetres; warns with `uqmbd.UnitsWarning` if dimensions do not fit.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is wrong by the factor between two units, as metres that are stated to be millimetres.
-
-    Warns
-    -----
-    uqmbd.UnitsWarning
-        If dimensions do not fit.
-
-    Examples
-    --------
     >>> import chaospy, uqmbd
     >>> gap = uqmbd.RandomVariable("gap", chaospy.Uniform(1, 2), units="mm")
     >>> check_dimensions("output 'gap'", gap / 1000, "m")
@@ -141,10 +115,8 @@ def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[]
 
 
 def units_of(expression: sympy.Expr) -> str:
-    """Return the SI's units of an expression; empty where they are not known.
+    """Return the SI units of an expression; empty where they are unknown.
 
-    Examples
-    --------
     >>> import uqmbd
     >>> stone = uqmbd.Mechanism("fall", uqmbd.Line()).body("stone", mass=2)
     >>> units_of(stone.position[0] - 3), units_of(9.81 * stone.position[0])

@@ -21,18 +21,10 @@ __all__ = ["DomainCondition", "domain_of"]
 
 @dataclass(frozen=True)
 class DomainCondition:
-    """What has to hold where an expression is a finite real number.
-
-    Attributes
-    ----------
-    part : expression
-        Of which it is.
-    nonzero : bool
-        Whether the part has to be other than zero; else it has to be zero or above.
-    """
+    """Condition under which an expression is a finite real number: a part is not zero, or not negative."""
 
     part: sympy.Expr
-    nonzero: bool
+    nonzero: bool  # whether the part must differ from zero; else it must be zero or above
 
     @property
     def moves(self) -> bool:
@@ -45,14 +37,7 @@ class DomainCondition:
 
 
 def domain_of(expression: Any) -> tuple[DomainCondition, ...]:
-    """Return what has to hold where an expression is a finite real number, as far as that is not so everywhere.
-
-    Examples
-    --------
-    >>> x = sympy.Symbol("x", real=True)
-    >>> [(one.part, one.nonzero) for one in domain_of(sympy.sqrt(x - 1) / sympy.cos(x) + sympy.sqrt(1 + x**2))]
-    [(x - 1, False), (cos(x), True)]
-    """
+    """Return the conditions under which an expression is a finite real number; empty if it is one everywhere."""
     return tuple(dict.fromkeys(_conditions(as_symbolic(expression), set())))
 
 

@@ -28,37 +28,19 @@ A third in km/h of what is in m/s has the number 1.2 in front.
 
 @dataclass(frozen=True)
 class Number:
-    """A number, or what stands for one: it fits everything.
+    """A number, or a stand-in for one: it fits every dimension."""
 
-    Attributes
-    ----------
-    size : float
-        Without its sign.
-    seen : bool
-        Whether it is written, as is 1.0; the whole number 1 is not.
-    """
-
-    size: float = 1.0
-    seen: bool = False
+    size: float = 1.0  # absolute value
+    seen: bool = False  # whether it is written, as is 1.0; the whole number 1 is not
 
 
 @dataclass(frozen=True)
 class Known:
-    """A product whose dimension is known, but for a number.
+    """A product whose dimension is known up to a number."""
 
-    Attributes
-    ----------
-    unit : Unit
-        Of its numbers, without the constant.
-    constant : float
-        The number in it, without a sign; 1: there is none.
-    free : bool
-        Whether there is a number in it, which may have any dimension.
-    """
-
-    unit: Unit
-    constant: float = 1.0
-    free: bool = False
+    unit: Unit  # of its numbers, without the constant
+    constant: float = 1.0  # absolute value of the number in it; 1: there is none
+    free: bool = False  # whether it contains a number, which may have any dimension
 
 
 Measure = Number | Known | None
@@ -66,10 +48,8 @@ Measure = Number | Known | None
 
 
 def product(one: Measure, other: Measure) -> Measure:
-    """Return what a product measures.
+    """Return the measure of a product.
 
-    Examples
-    --------
     >>> product(Number(2.0, seen=True), Known(Unit()))
     Known(unit=Unit(dimension=(...), factor=1.0), constant=2.0, free=True)
     """
@@ -97,10 +77,8 @@ def raised(measure: Measure, power: Fraction) -> Measure:
 
 
 def greatest(numbers: list[Number]) -> Number:
-    """Return what a sum of numbers measures: ``1000 + 20*sin(x)`` is as large as 1000.
+    """Return the measure of a sum of numbers: ``1000 + 20*sin(x)`` is as large as 1000.
 
-    Examples
-    --------
     >>> greatest([Number(1000.0, seen=True), Number(20.0, seen=True)])
     Number(size=1000.0, seen=True)
     """
@@ -119,10 +97,8 @@ def common(measures: list[Known]) -> Measure:
 
 
 def is_off(found: Known, expected: Unit) -> bool:
-    """Whether numbers are wrong by the factor between two units: without it the constant is clearly nearer to 1.
+    """Return whether numbers are wrong by the factor between two units: without it the constant is clearly nearer to 1.
 
-    Examples
-    --------
     >>> metres, millimetres = Unit(), Unit(factor=1e-3)
     >>> [is_off(Known(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]
     [True, True, False, False]
@@ -139,10 +115,8 @@ def is_off(found: Known, expected: Unit) -> bool:
 
 
 def factor_in_words(ratio: float) -> str:
-    """Write a factor between two units as exactly as it is known.
+    """Return a factor between two units as text, exact where a closed form is found.
 
-    Examples
-    --------
     >>> [factor_in_words(x) for x in (1e3, 1e-3, math.pi / 180, 30 / math.pi, 25.4)]
     ['1000', '1/1000', 'pi/180', '30/pi', '127/5']
     """

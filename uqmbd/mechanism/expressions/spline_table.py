@@ -24,24 +24,12 @@ LOOKED_UP = 5
 
 
 class SplineTable(FunctionData):
-    """Knots and values of a spline: an atom of expressions, equal to another one with the same numbers.
+    """Knots and values of a spline: an atom of expressions, equal to any table with the same numbers."""
 
-    Attributes
-    ----------
-    knots : array, shape (n,)
-        Ascending.
-    values : array, shape (n, 1 + M)
-        A constant, and the factors of the terms of the spline.
-    ends : str
-        ``not-a-knot``, ``natural``, ``flat`` or ``periodic``.
-    beyond : str
-        ``constant`` or ``linear``; of a period it says nothing.
-    """
-
-    knots: Array
-    values: Array
-    ends: str
-    beyond: str
+    knots: Array  # (n,), ascending
+    values: Array  # (n, 1 + M): a constant, and the factors of the terms of the spline
+    ends: str  # "not-a-knot", "natural", "flat" or "periodic"
+    beyond: str  # "constant" or "linear"; unused if periodic
     digest: str
 
     def __new__(cls, knots: Array, values: Array, ends: str, beyond: str) -> SplineTable:
@@ -123,19 +111,9 @@ class SplineTable(FunctionData):
         return () if self.ends == "flat" or self.beyond == "linear" else self.breaks
 
     def look_up(self, x: Array, terms: Array | None = None) -> Array:
-        """Look up the interval of each argument.
+        """Return the begin of the interval and the coefficients of its cubic (K, LOOKED_UP) for each argument (K,).
 
-        Parameters
-        ----------
-        x : array, shape (K,)
-            Arguments.
-        terms : array, shape (K, M), optional
-            What the factors belong to; none where there are none.
-
-        Returns
-        -------
-        array, shape (K, LOOKED_UP)
-            Where the interval begins, and the coefficients of the cubic from there.
+        The factors multiply the terms (K, M), if there are any.
         """
         if self.ends == "periodic":
             first, period = self.knots[0], self.knots[-1] - self.knots[0]

@@ -324,10 +324,8 @@ def single(function: str, expression: Any, example: str = "body.position[0]") ->
 
 
 def is_scalar(value: Any) -> bool:
-    """Tell whether an expression contains a quantity without a time.
+    """Return whether an expression contains a quantity without a time.
 
-    Examples
-    --------
     >>> is_scalar(2 * eigenfrequency(1)), is_scalar(sympy.pi)
     (True, False)
     """

@@ -26,24 +26,10 @@ MANY = 10_000
 
 
 def as_symbolic(value: Any) -> Any:
-    """Return a number as SymPy's, and an object of SymPy as it is; reject texts and containers.
+    """Return a number as SymPy's, and a SymPy object as it is; raise `uqmbd.StudyError` for texts and containers.
 
-    Everything that a user gives goes through this function before it reaches SymPy: `sympy.sympify` executes texts as
-    Python, also those inside of tuples, sets and dicts, and with ``strict=True``.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is neither a number nor an object of SymPy.
-
-    Examples
-    --------
-    >>> as_symbolic(2) + as_symbolic(sympy.Symbol("x"))
-    x + 2
-    >>> as_symbolic(("2", "3"))
-    Traceback (most recent call last):
-        ...
-    uqmbd.errors.StudyError: ('2', '3') is no number or expression.
+    Every user value passes this function before it reaches SymPy: `sympy.sympify` executes texts as Python, also those
+    inside of tuples, sets and dicts, and with ``strict=True``.
     """
     if isinstance(value, (sympy.Basic, sympy.MatrixBase)):
         return value
@@ -60,8 +46,6 @@ def as_symbolic(value: Any) -> Any:
 def flatten(value: Any) -> list[Any]:
     """Return the entries of a scalar, a sequence, an array or a matrix, as a list.
 
-    Examples
-    --------
     >>> flatten([1, (2, sympy.Matrix([3, 4]))])
     [1, 2, 3, 4]
     """
@@ -72,28 +56,12 @@ def flatten(value: Any) -> list[Any]:
 
 
 def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scalar: bool = False) -> list[sympy.Expr]:
-    """Return real numbers, or expressions that may be such, or say what is wrong with them.
+    """Return `size` real numbers, or expressions that may be real.
 
-    Parameters
-    ----------
-    where, key : str
-        What the numbers belong to, and their name, for the message.
-    value : object
-        A number or expression, a sequence of them, an array, a row or a column.
-    size : int
-        How many there must be.
-    hint : str
-        What they mean, for the message.
-    scalar : bool
-        Whether it is a scalar, and no vector of a space of one dimension: a sequence of one number is none.
+    Raises `uqmbd.StudyError` if they are missing, not numbers, not real, not finite, or of another count; the message
+    names `where` and `key`, and gives the meaning `hint`.  With `scalar` a sequence of one number is rejected;
+    otherwise it is a vector of a space of one dimension.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If they are missing, not numbers, not real, not finite, or of another count.
-
-    Examples
-    --------
     >>> numbers("body 'rod'", "position", (1, 0.5), 2)
     [1, 0.500000000000000]
     """
@@ -116,8 +84,6 @@ def numbers(where: str, key: str, value: Any, size: int, hint: str = "", *, scal
 def random_variables(value: Any) -> set[RandomVariable]:
     """Return the random variables that occur in a value.
 
-    Examples
-    --------
     >>> random_variables((1, None, "text"))
     set()
     """
@@ -126,10 +92,8 @@ def random_variables(value: Any) -> set[RandomVariable]:
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: short, and a text or a class as what it is.
+    """Return a value as text for a message: at most 80 characters, with its kind if it is a text or a class.
 
-    Examples
-    --------
     >>> shown("0.3"), shown(dict), shown(2)
     ("the text '0.3'", 'the class dict', '2')
     """
@@ -142,10 +106,8 @@ def shown(value: object) -> str:
 
 
 def unknown_symbol(symbol: sympy.Symbol) -> str:
-    """Say, as the end of a sentence, that a symbol stands for nothing.
+    """Return, as the end of a sentence, that a symbol has no meaning.
 
-    Examples
-    --------
     >>> unknown_symbol(sympy.Symbol("k"))
     'the symbol k, which is neither a random variable (uqmbd.RandomVariable), nor time (uqmbd.t), nor a ...'
     """

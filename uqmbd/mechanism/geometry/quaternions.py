@@ -81,12 +81,9 @@ def nominal(expression: Any) -> float:
 
 
 def _entries(vector: Any, what: str = "the vector", sizes: tuple[int, ...] = ()) -> list[Any]:
-    """Return the components of what a caller gives as a vector, in SymPy's numbers and expressions.
+    """Return the components of a vector that a caller gives, as SymPy numbers and expressions.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If one is neither, or is not finite, or their number is none of `sizes`.
+    Raises `uqmbd.StudyError` if one is neither, or is not finite, or their number is none of `sizes`.
     """
     entries = [as_symbolic(x) for x in flatten(vector)]
     wrong = next((x for x in entries if not isinstance(x, sympy.Expr) or x.is_finite is False or x is sympy.nan), None)
@@ -166,12 +163,9 @@ def _rows_in_words(lengths: list[int]) -> str:
 
 
 def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
-    """Quaternion of a 3 x 3 rotation matrix (the largest component is computed first, at the nominal values).
+    """Return the quaternion of a 3 x 3 rotation matrix; raise `uqmbd.StudyError` if it is no proper rotation.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If the matrix is no proper rotation.
+    The largest component at the nominal values is computed first.
     """
     entries = _entries(matrix, "the rotation matrix", (9,))
     if (lengths := _row_lengths(matrix)) != [3, 3, 3]:
