@@ -25,22 +25,12 @@ __all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of", "undetermine
 
 @dataclass(frozen=True)
 class MarginValues:
-    """Margins of K realisations.
+    """Margins of K realisations."""
 
-    Attributes
-    ----------
-    running : array, shape (K, requirement, T)
-        The smallest margin until each output time; NaN where a realisation failed.  One that is known at the end only,
-        as of an integral, is +inf before.
-    status : array of int, shape (K,)
-        Of the kind `Status`: the motion and the margins.
-    messages : tuple of str
-        Reasons.
-    """
-
+    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: known only at the end
     running: Array
-    status: Index
-    messages: tuple[str, ...]
+    status: Index  # (K,): `Status` of the motion and the margins
+    messages: tuple[str, ...]  # reasons
 
     @property
     def values(self) -> Array:
@@ -64,24 +54,12 @@ class MarginValues:
 
 @dataclass(frozen=True)
 class MarginMap:
-    """Compiled margins.
+    """Compiled margins."""
 
-    Attributes
-    ----------
-    requirements : tuple of Requirement
-        As the user stated them.
-    moving : OutputMap or None
-        Margins that change with time.
-    still : ScalarMap or None
-        The others.
-    domain : Domain
-        What has to hold where those that change with time are finite real numbers.
-    """
-
-    requirements: tuple[Requirement, ...]
-    moving: OutputMap | None
-    still: ScalarMap | None
-    domain: Domain
+    requirements: tuple[Requirement, ...]  # as the user stated them
+    moving: OutputMap | None  # margins that change with time
+    still: ScalarMap | None  # the others
+    domain: Domain  # conditions under which the margins that change with time are finite real numbers
 
     @property
     def needs_motion(self) -> bool:
@@ -145,17 +123,7 @@ def _unknown(seen: MarginMap, number: int) -> str:
 
 
 def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None = None) -> MarginValues:
-    """Evaluate the margins of every realisation.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations of a model with requirements.
-    times : array, shape (T,)
-        Output times, s.
-    trajectories : Trajectories, optional
-        Their motion, where the margins need it.
-    """
+    """Evaluate the margins of K realisations at output times (T,), s, from their motion where the margins need it."""
     seen: MarginMap = ensemble.model.margins
     count, over_time, start = len(ensemble), seen.over_time, ensemble.start
     running = np.full((count, len(over_time), len(times)), np.inf)

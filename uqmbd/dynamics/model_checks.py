@@ -63,25 +63,14 @@ NAMED = 40
 
 @dataclass(frozen=True)
 class Assembled:
-    """An assembled mechanism, at the means of its inputs.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    model : Model
-    instances : sequence of Instance
-        Its components, in the order of the parameters.
-    parameters : array, shape (1, parameter)
-    drawn, pose : array, shape (1, coordinate)
-        As drawn, and as the motion starts.
-    """
+    """An assembled mechanism, at the means of its inputs."""
 
     mechanism: Mechanism
     model: Model
-    instances: Sequence[Instance]
-    parameters: Array
-    drawn: Array
-    pose: Array
+    instances: Sequence[Instance]  # components, in the order of the parameters
+    parameters: Array  # (1, parameter)
+    drawn: Array  # (1, coordinate): as drawn
+    pose: Array  # (1, coordinate): at the start of the motion
 
     @cached_property
     def places(self) -> dict[str, list[tuple[Mark, Array]]]:

@@ -49,16 +49,9 @@ OF_OBJECTS = frozenset(
 
 
 def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
-    """Return a digest of a mechanism, or None where not all of it is known.
+    """Return a digest of a mechanism and other plain data, or None where part of its content is unknown.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look at.
-    *others : plain data
-        What else a model depends on.
-    rows : array, optional
-        Input values to examine in addition to the means.
+    The input values `rows` are examined in addition to the means.
     """
     if mechanism.controllers or not unpatched():
         return None

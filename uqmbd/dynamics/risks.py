@@ -42,27 +42,13 @@ NAMED = 4
 
 @dataclass(frozen=True)
 class Risk:
-    """A number that leaves its range, or changes its sign, in some realisations.
+    """A number that leaves its range, or changes its sign, in some realisations."""
 
-    Attributes
-    ----------
-    name : str
-        What it is and of whom, as ``mass of body 'rod'``.
-    expected : str
-        Its range, as ``0 or more``.
-    probability : float
-        Of realisations in which it is outside.
-    inputs : tuple of RandomVariable
-        It depends on them.
-    fails : bool
-        Whether these realisations fail; those in which a number changes its sign run.
-    """
-
-    name: str
-    expected: str
-    probability: float
-    inputs: tuple[RandomVariable, ...]
-    fails: bool = True
+    name: str  # quantity and owner, as "mass of body 'rod'"
+    expected: str  # its range, as "0 or more"
+    probability: float  # of realisations in which it is outside
+    inputs: tuple[RandomVariable, ...]  # it depends on them
+    fails: bool = True  # whether these realisations fail; realisations in which a number changes its sign run
     squared: bool = False
     """Whether only even powers of it enter a number that is positive, so that its sign is seen nowhere."""
 
@@ -75,22 +61,7 @@ class Risk:
 def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
     """Find the numbers of a mechanism that leave their range with a probability above zero.
 
-    Numbers without a random variable cost nothing; those that depend on time or motion are not looked at.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to look into.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> import uqmbd
-    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
-    >>> mass = uqmbd.RandomVariable("mass", chaospy.Normal(0.2, 0.1), units="kg")
-    >>> stone = mechanism.body("stone", mass=mass)
-    >>> [(one.name, one.expected, round(one.probability, 4)) for one in risks(mechanism)]
-    [("mass of body 'stone'", '0 or more', 0.0228)]
+    Numbers without a random variable cost nothing; numbers that depend on time or motion are not examined.
     """
     expressions: list[sympy.Expr] = []
     limits, tensors = limits_of(mechanism, expressions)
@@ -123,26 +94,7 @@ def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
 
 
 def range_findings(found: tuple[Risk, ...], realisations: int) -> tuple[Finding, ...]:
-    """Return what is to be expected among so many realisations: at most one finding for each of `EFFECTS`.
-
-    Parameters
-    ----------
-    found : tuple of Risk
-        From `risks`.
-    realisations : int
-        As many are planned: see `Risk.counts`.
-
-    Examples
-    --------
-    >>> import chaospy
-    >>> import uqmbd
-    >>> k = uqmbd.RandomVariable("k", chaospy.Normal(1000, 400), units="N/m")
-    >>> weak = Risk("stiffness of SpringDamper 's'", "0 or more", 0.0062, (k,), fails=False)
-    >>> print(*range_findings((weak,), 100))
-    Warning: the stiffness of SpringDamper 's' is negative in 0.62 % of the realisations, and positive at the means: ...
-    >>> range_findings((weak,), 5)
-    ()
-    """
+    """Return the findings on risks that are expected among so many realisations: at most one for each of `EFFECTS`."""
     groups: dict[str, list[Risk]] = {}
     for one in found:
         if one.counts(realisations):

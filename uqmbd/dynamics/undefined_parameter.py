@@ -25,25 +25,11 @@ def not_finite(
     expressions: Sequence[sympy.Expr],
     values: NDArray[np.float64],
 ) -> str:
-    """Say which parameter is not finite, of what, and at which inputs.
+    """Return a message that names a parameter that is not finite, its owner, and the inputs.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        As the user described it.
-    model : Model
-        Its places of parameters: `drawn`, `statements`, `breaks`, `limits` and `tensors`.
-    instances : sequence of Instance
-        Their parameters come first.
-    expressions : sequence of expressions, length P
-        All parameters.
-    values : array, shape (P,)
-        Their values at the means of the inputs; at least one is not finite.
-
-    Returns
-    -------
-    str
-        Such as ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
+    The values (P,) of the expressions (P,) are those at the means of the inputs; at least one is not finite.  The
+    parameters of the instances come first.  An example is
+    ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
     """
     wrong = np.flatnonzero(~np.isfinite(values))
     # a pose first: counters of angles are made from it

@@ -37,18 +37,9 @@ WORTH = 2e7
 
 
 class Comparison:
-    """Comparisons of the realisations of a batch.
+    """Comparison of the costs of two integrators for the realisations of a batch, at output times (T,), s.
 
-    Parameters
-    ----------
-    batch : Batch
-        The realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    dynamics : Dynamics
-        What the explicit method evaluates.
+    The explicit method evaluates `dynamics`.
     """
 
     def __init__(self, batch: Batch, times: Array, rtol: float, dynamics: Dynamics) -> None:

@@ -30,13 +30,8 @@ def off_constraints(
 ) -> dict[int, tuple[int, str]]:
     """Find results that are off the constraints, in position or in velocity, by more than the tolerance.
 
-    At a break time the constraints of either side count.  States are of shape (K, T, width), NaN where there are none;
-    `known` is what `Trajectories.off` is.
-
-    Returns
-    -------
-    dict of int to (int, str)
-        By realisation: the number of the first time at which that is so, and what to say.
+    States are (K, T, width), NaN where there are none; `known` is `Trajectories.off`.  At a break time the constraints
+    of either side count.  Return for each realisation concerned the index of the first such time, and a message.
     """
     layout = ensemble.model.layout
     good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))

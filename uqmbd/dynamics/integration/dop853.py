@@ -104,22 +104,10 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
 
 
 class _Integration:
-    """One integration of M realisations.
+    """One integration of M realisations at output times (T,), s.
 
-    Parameters
-    ----------
-    batch : Batch
-        The realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    comparing : bool
-        Whether costs are compared with those of IDA.
-    patient : bool
-        Whether many steps are taken, stiff or not.
-    recording : bool
-        Whether steps are recorded.
+    Costs are compared with those of IDA if `comparing`; many steps are allowed, even if stiff, if `patient`; steps are
+    recorded if `recording`.
     """
 
     def __init__(

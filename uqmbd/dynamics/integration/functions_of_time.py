@@ -57,34 +57,18 @@ ROWS = 1 << 17
 
 
 class Seen(NamedTuple):
-    """What was seen of functions of time between two times.
+    """Smooth cells and jumps of functions of time between two times."""
 
-    Attributes
-    ----------
-    cells : array, shape (C, 2)
-        Begin and end of cells on which a function is a polynomial within the tolerance, s.
-    jumps : array, shape (J,)
-        Times at which one jumps, s.
-    """
-
-    cells: Array
-    jumps: Array
+    cells: Array  # (C, 2): begin and end, s, of cells on which a function is a polynomial within the tolerance
+    jumps: Array  # (J,): times at which a function jumps, s
 
 
 @dataclass(frozen=True)
 class Timed:
-    """Functions of time that may be stepped over.
+    """Functions of time that a long step might miss."""
 
-    Attributes
-    ----------
-    functions : ParameterMap
-        From inputs and time to their values.
-    uses : tuple of array of int
-        Inputs that each depends on.
-    """
-
-    functions: ParameterMap
-    uses: tuple[Index, ...]
+    functions: ParameterMap  # from inputs and time to their values
+    uses: tuple[Index, ...]  # inputs that each depends on
     known: dict[tuple[object, ...], Seen] = field(default_factory=dict, repr=False, compare=False)
 
     def value(self, which: int, values: Array, times: Array) -> Array:
@@ -178,20 +162,10 @@ def _linear(e: sympy.Expr) -> bool:
 
 # -- looking ----------------------------------------------------------------------------------------------------------
 def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -> Seen:
-    """Look at all functions, of some realisations.
+    """Sample all functions for realisations with inputs (K, input), between the output times (T,), s.
 
-    Parameters
-    ----------
-    seen : Timed
-        The functions.
-    values : array, shape (K, input)
-        Inputs.
-    breaks : array, shape (K, break)
-        Times at which they may jump or have corners, s.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Deviation, over the largest value of a function, that is none.
+    The functions may jump or have corners at `breaks` (K, break), s.  Deviations up to `rtol` times the largest value
+    of a function count as zero.
     """
     leaves = LEAVES
     while leaves < min(MOST_LEAVES, PER_OUTPUT * len(times) / CELL):
@@ -310,14 +284,10 @@ def _sides(begin: float, end: float, breaks: Array) -> list[tuple[float, float]]
 
 
 def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tuple[list[tuple[int, int, int]], Array]:
-    """Find the largest cells on which a function is a polynomial, of `values` (W, points).
+    """Find the largest cells on which a function is a polynomial, from `values` (W, points).
 
-    Returns
-    -------
-    list of (int, int, int)
-        Window, first smallest cell and number of them.
-    array, shape (W, cell)
-        Deviation on each smallest cell.
+    Return (window, first smallest cell, number of smallest cells) of each, and the deviation on each smallest cell
+    (W, cell).
     """
     found: list[tuple[int, int, int]] = []
     count = broken.shape[1]

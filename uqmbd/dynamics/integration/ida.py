@@ -180,18 +180,11 @@ def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
 
 
 def step_tolerance(rtol: float, unknowns: int) -> float:
-    """Return the relative tolerance of a step that makes a motion as accurate as `rtol` says, or nearly so.
+    """Return the relative tolerance of a step that gives a motion the accuracy `rtol`, approximately.
 
-    Parameters
-    ----------
-    rtol : float
-        Relative tolerance of the motion.
-    unknowns : int
-        Over which the norm of the errors is averaged: those of one realisation, or of all that are coupled.  The error
-        of a single one may be larger than the norm by the square root of their number.
+    The norm of the errors is an average over `unknowns`: those of one realisation, or of all that are coupled.  The
+    error of a single unknown may exceed the norm by the square root of their number.
 
-    Examples
-    --------
     >>> step_tolerance(1e-6, 16), step_tolerance(1e-13, 16)
     (5e-09, 1e-13)
     """
@@ -364,16 +357,10 @@ def _callbacks(ensemble: Batch) -> Callbacks:
 
 
 class _Evaluation:
-    """Evaluates equations of all realisations of a stack.
+    """Evaluator of the residual or Jacobian of all realisations of a stack.
 
-    Parameters
-    ----------
-    ensemble : Batch
-        The stack.
-    kind : {"residual", "jacobian"}
-        What.
-    numbers : int
-        How many numbers follow the unknowns and rates: the time, and the factor of the rates' derivatives.
+    After unknowns and rates there are `numbers` further arguments: the time, and the factor of the derivatives by
+    rates.
     """
 
     def __init__(self, ensemble: Batch, kind: Literal["residual", "jacobian"], numbers: int) -> None:

@@ -28,18 +28,10 @@ COUNTS = 100.0
 
 
 class Stretch(NamedTuple):
-    """A stretch of time on which the knots of a table count.
+    """An interval of time in which the knots of a table matter."""
 
-    Attributes
-    ----------
-    stops : array, shape (S,)
-        Times at which steps are to end, s.
-    longest : float
-        Longest step between the first and the last of them, s.
-    """
-
-    stops: Array
-    longest: float
+    stops: Array  # (S,): times at which steps end, s
+    longest: float  # longest step between the first and the last of them, s
 
 
 @dataclass(frozen=True)
@@ -79,18 +71,10 @@ class TimedTable:
 
 @dataclass(frozen=True)
 class TimedTables:
-    """The tables over time of a model.
+    """The tables over time of a model."""
 
-    Attributes
-    ----------
-    tables : tuple of SplineTable
-        One for each argument that is linear in time.
-    lines : ParameterMap
-        From inputs to the slope and the offset of each argument, one after the other.
-    """
-
-    tables: tuple[SplineTable, ...]
-    lines: ParameterMap
+    tables: tuple[SplineTable, ...]  # one for each argument that is linear in time
+    lines: ParameterMap  # from inputs to slope and offset of each argument, one after the other
 
     def __len__(self) -> int:
         """Return their number."""

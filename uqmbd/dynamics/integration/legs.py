@@ -114,24 +114,11 @@ def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, 
 def legs_of_members(
     batch: Batch, times: Array, rtol: float, *, samples: Array, longest: float = np.inf, jumping: bool = True
 ) -> list[tuple[Leg, ...]]:
-    """Lay out the integration of each realisation, or one layout that holds for all.
+    """Return the integration intervals of each realisation, or one sequence that holds for all.
 
-    Those who have the same layout share one object.
-
-    Parameters
-    ----------
-    batch : Batch
-        The realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    samples : array, shape (N,)
-        Times at which controllers are sampled, s: legs end there, and somebody is asked.
-    longest : float
-        Longest step, s.
-    jumping : bool
-        Whether somebody is to be asked elsewhere, where something may jump.
+    Equal sequences share an object.  Output times are (T,), s.  An interval ends, and the driver returns for a
+    decision, at the `samples` (N,), s, of controllers, and, if `jumping`, where something may jump.  Steps are at most
+    `longest`, s.
     """
     model = batch.model
     longest = min(longest, longest_step(model.rough, times))

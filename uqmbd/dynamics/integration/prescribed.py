@@ -35,20 +35,12 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Parameters that are functions of time, of components that constrain.
+    """Parameters of constraining components that are functions of time."""
 
-    Attributes
-    ----------
-    owners, names, units : tuple of str
-        Component, parameter and unit of each.
-    functions : ParameterMap
-        From inputs and time to their values.
-    """
-
-    owners: tuple[str, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    functions: ParameterMap
+    owners: tuple[str, ...]  # component of each
+    names: tuple[str, ...]  # parameter of each
+    units: tuple[str, ...]  # of each
+    functions: ParameterMap  # from inputs and time to their values
 
     def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
         """Say which parameters of a component jump between two times, and by how much, at inputs (input,)."""
@@ -97,15 +89,11 @@ def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
 
 
 def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]:
-    """Find realisations of which a constraint, and so a position, jumps within the output times.
+    """Find realisations in which a constraint, and so a position, jumps within the output times.
 
-    An equation jumps where it is another one right after a break time than right before; one that has only changed its
-    sign says the same.  The tolerance is over the size of the mechanism.
-
-    Returns
-    -------
-    dict of int to str
-        By realisation: when, which component, and by how much.
+    Return for each a message: when, which component, and by how much.  An equation jumps where it differs right after a
+    break time from right before; one that only changes its sign does not.  The tolerance is relative to the size of the
+    mechanism.
     """
     model = ensemble.model
     if "phi_t" not in model.evaluators["velocity"].index:

@@ -24,14 +24,8 @@ def speed_jumps(
 ) -> tuple[Array, dict[int, str]]:
     """Find the impulsive change of velocities where prescribed speeds jump: ``M dv = D^T L``, ``D dv = -psi``.
 
-    States (K, width) are those right before.
-
-    Returns
-    -------
-    change : array, shape (K, coordinate)
-        Of the velocities; zero where nothing jumps.
-    reasons : dict of int to str
-        Why a realisation cannot go on.
+    States (K, width) are those right before.  Return the change (K, coordinate), zero where nothing jumps, and for each
+    realisation that cannot continue the reason.
     """
     layout, delta = model.layout, instant(time)
     change = np.zeros((len(states), layout.coordinates))

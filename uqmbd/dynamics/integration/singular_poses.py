@@ -56,25 +56,13 @@ SYSTEMS = 8
 
 @dataclass(frozen=True)
 class Continuation:
-    """How a realisation is to go on.
+    """Continuation of a realisation near a singular pose."""
 
-    Attributes
-    ----------
-    reason : str
-        Not at all, because ...
-    back : bool
-        From the node before.
-    others : bool
-        With other equations: those of the watcher's model.
-    state : array, shape (width,), optional
-        From this state at `time`, the motion until then being ``curve(time)``.
-    """
-
-    reason: str = ""
-    back: bool = False
-    others: bool = False
+    reason: str = ""  # why it cannot continue; empty if it can
+    back: bool = False  # from the previous node
+    others: bool = False  # with other equations: those of the watcher's model
     time: float = 0.0
-    state: Array | None = None
+    state: Array | None = None  # (width,): from this state at `time`, with the motion until then ``curve(time)``
     curve: Callable[[Any], Array] | None = None
 
 
@@ -110,37 +98,20 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
 
 @dataclass
 class SingularPoseWatcher:
-    """Watches the rank for an explicit integration of one realisation.
+    """Monitor of the rank in an explicit integration of one realisation."""
 
-    Attributes
-    ----------
-    model : Model
-        The equations that are kept at present.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-    tolerance : float
-        Relative tolerance; the absolute one, of coordinates of size one, is the same.
-    limit : float
-        Longest step, s.
-    passed : int
-        Singular poses that were passed.
-    notes : list of str
-        What was changed, in words.
-    models : list of (time, Model)
-        Choices of equations, with the time from which they hold.
-    final : bool
-        Whether the failure that was found is one of the mechanism: no other method could go on either.
-    """
-
-    model: Model
-    parameters: Array
-    tolerance: float
-    limit: float = np.inf
-    passed: int = 0
+    model: Model  # with the equations that are kept at present
+    parameters: Array  # (parameter,)
+    tolerance: float  # relative; the absolute one, of coordinates of size one, is the same
+    limit: float = np.inf  # longest step, s
+    passed: int = 0  # number of singular poses passed
 
     def __post_init__(self) -> None:
+        # changes, in words
         self.notes: list[str] = []
+        # choices of equations, with the time from which they hold
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
+        # final: whether the failure is one of the mechanism: no other method could continue either
         self.looks, self.final = 0, False
         self.best: Continuation | None = None
         self.least, self.distance = np.inf, np.inf
@@ -155,18 +126,10 @@ class SingularPoseWatcher:
         return [model for begin, model in self.models if begin < time or begin == -np.inf][-1]
 
     def look(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
-        """Say how to go on from the last node; None: as before.
+        """Return how to continue from the last node at time `now`, s; None: as before.
 
-        Parameters
-        ----------
-        now : float
-            Time of the last node, s.
-        known : tuple of array, shapes (N,) and (N, width)
-            Times and states that were reached last.
-        size : float
-            Step that was difficult, s.
-        end : float
-            Until when nothing jumps, s.
+        The arguments are the last times (N,), s, and states (N, width), the size of the difficult step, s, and the time
+        until which nothing jumps, s.
         """
         times, states = known
         z = states[-1]

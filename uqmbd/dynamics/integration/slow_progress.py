@@ -27,18 +27,9 @@ LONG = 600.0
 
 
 class Pace:
-    """Watches an integration, and reports where it is, and why, if its end is far off.
+    """Monitor of an integration from `begin` to `end`, s, that reports its time and a cause if its end is far off.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    begin, end : float
-        First and last time, s.
-    now : callable
-        Returns seconds of a clock; another one in tests.
-    say : callable
-        Takes the text of a report.
+    The clock `now` returns seconds, and `say` receives a report; tests replace both.
     """
 
     def __init__(

@@ -28,20 +28,10 @@ INSIDE = 1e-12
 
 
 def path_through(times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None) -> Path:
-    """Return the motion from each time to the next, on a stretch on which it is smooth.
+    """Return the motion from each time to the next, on an interval in which it is smooth.
 
-    Parameters
-    ----------
-    times : array, shape (S,)
-        Increasing, s.
-    states : array, shape (M, S, width)
-        Of realisations that share the times.
-    rates : array, shape (M, S, width), optional
-        Of the states.
-    owner : array of int, shape (M,)
-        Their numbers.
-    end : float, optional
-        Where the stretch ends, s; default: at the last of the times.
+    Increasing times (S,), s; states (M, S, width) of realisations that share the times, and optional rates of that
+    shape; their numbers `owner` (M,).  The interval ends at `end`, s; default: at the last of the times.
     """
     if len(times) < 2:
         none = np.zeros((0, len(PLACES), states.shape[2]))

@@ -37,33 +37,16 @@ TOO_MUCH_WORK = -1
 
 @dataclass(frozen=True)
 class Solution:
-    """What an integration yields.
+    """Result of an integration."""
 
-    Attributes
-    ----------
-    t : array, shape (R,)
-        Times that were reached; the last one, of an integration that stopped, is where it did.
-    y : array, shape (R, n)
-        Unknowns.
-    success : bool
-        Whether the end was reached.
-    message : str
-        Why not.
-    residuals, jacobians : int
-        Evaluations.
-    too_much_work : bool
-        Whether it stopped for the number of its steps.
-    steps : tuple of array, shapes (S,), (S, n) and (S, n), optional
-        Times of its own steps, from the first time on, unknowns and their rates, where they were asked for.
-    """
-
-    t: Array
-    y: Array
-    success: bool
-    message: str
-    residuals: int = 0
-    jacobians: int = 0
-    too_much_work: bool = False
+    t: Array  # (R,): times that were reached, s; the last one is where an integration stopped
+    y: Array  # (R, n): unknowns
+    success: bool  # whether the end was reached
+    message: str  # why it was not
+    residuals: int = 0  # evaluations
+    jacobians: int = 0  # evaluations
+    too_much_work: bool = False  # whether it stopped for the number of its steps
+    # (S,), (S, n), (S, n): times of the integrator's steps, unknowns and rates, if recorded
     steps: tuple[Array, Array, Array] | None = None
 
 
@@ -110,27 +93,11 @@ def solve(
     recording: bool = False,
     **settings: Any,
 ) -> Solution:
-    """Integrate by IDA.
+    """Integrate by IDA from consistent values and rates (n,) at increasing times (T,), s, at least three.
 
-    Parameters
-    ----------
-    residual : callable
-        As IDA wants it.
-    options : dict
-        ``linsolver`` and what belongs to it.
-    times : array, shape (T,)
-        At least three, increasing.
-    y, yp : array, shape (n,)
-        Consistent initial values and rates.
-    recording : bool
-        Whether its own steps are wanted, too; the others are the same.
-    **settings
-        Tolerances and limits.
-
-    Returns
-    -------
-    Solution
-        Whatever happens in SUNDIALS; what the callbacks raise is raised.
+    The options are ``linsolver`` and those that belong to it; the settings are tolerances and limits.  With `recording`
+    the integrator's steps are returned, too, without any change of the others.  A failure within SUNDIALS is returned
+    as a Solution; an exception of a callback is raised.
     """
     from sksundae.ida import IDA
 

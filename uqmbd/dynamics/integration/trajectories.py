@@ -122,37 +122,18 @@ class Trajectories:
 
 @dataclass(frozen=True)
 class Solved:
-    """Some realisations that one integrator has integrated.
+    """Realisations that one integrator has integrated."""
 
-    Attributes
-    ----------
-    states : array, shape (M, T, 2 coordinate + state)
-        As those of `Trajectories`.
-    messages : tuple of str
-        Reason of failure of each, or empty.
-    counters : Counters
-        Cost.
-    final : tuple of bool
-        Of each: the mechanism itself cannot go on, so that no other integrator could; empty: not known.
-    notes : tuple of str
-        What was changed on the way.
-    dear : tuple of float
-        Of each that was stopped because another integrator is cheaper: what the motion would have cost here, by
-        counts; else zero; empty: none was.
-    off : array, shape (M, residual + 1), optional
-        As that of `Trajectories`.
-    path : Path, optional
-        As that of `Trajectories`.
-    """
-
-    states: Array
-    messages: tuple[str, ...]
-    counters: Counters
+    states: Array  # (M, T, 2 coordinate + state), as those of `Trajectories`
+    messages: tuple[str, ...]  # reason of failure of each, or empty
+    counters: Counters  # cost
+    # of each: whether the mechanism itself cannot continue, so that no other integrator could; empty: unknown
     final: tuple[bool, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # changes during the integration
+    # of each that another integrator can do at lower cost: estimated cost here, in counts; else zero; empty: none
     dear: tuple[float, ...] = ()
-    off: Array | None = None
-    path: Path | None = None
+    off: Array | None = None  # (M, residual + 1), as that of `Trajectories`
+    path: Path | None = None  # as that of `Trajectories`
 
 
 @dataclass(frozen=True)

@@ -74,24 +74,10 @@ class _Run(NamedTuple):
 
 
 def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate an ensemble, and find its motion between the output times.
+    """Integrate K realisations by `method`, and find their motion between the output times (T,), s.
 
-    Parameters
-    ----------
-    method : callable
-        From an ensemble, times and a relative tolerance to trajectories.
-    ensemble : Ensemble
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-
-    Warns
-    -----
-    UserWarning
-        If the motion of a realisation that has not failed is not resolved by as many times as there may be, or the
-        integrator fails where it is asked for more of them: what was found before holds.
+    Warns with UserWarning if the motion of a realisation that has not failed is not resolved by the largest number of
+    times, or the integrator fails at a larger number of them: the motion found before remains valid.
     """
     count, counters, notes = len(ensemble), Counters(), list[str]()
     kept, coarse = dict[int, tuple[_Run, int]](), np.zeros(count)

@@ -47,18 +47,12 @@ EXPLICIT = Capabilities(
 
 @dataclass(frozen=True)
 class Dop853:
-    """The index-1 form by an explicit method of order 8 with projection; from event to event where there are some.
-
-    Parameters
-    ----------
-    stack : int
-        Most realisations that are integrated together.
-    """
+    """The index-1 form by an explicit method of order 8 with projection; from event to event where there are some."""
 
     name = "dop853"
     capabilities = EXPLICIT
 
-    stack: int = MANY
+    stack: int = MANY  # most realisations that are integrated together
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
         """Integrate every realisation; a mechanism too large for compiled linear algebra is a `uqmbd.StudyError`."""
@@ -99,12 +93,7 @@ class Dop853:
 class Ida:
     """The stabilised index-2 form by IDA, implicit, for stiff mechanisms too.
 
-    Realisations that it cannot lead over a singular pose are integrated by `Dop853`.
-
-    Parameters
-    ----------
-    stack : int
-        Most realisations that are integrated together.
+    Realisations that it cannot integrate through a singular pose are integrated by `Dop853`.
     """
 
     name = "ida"
@@ -117,7 +106,7 @@ class Ida:
         linear_solvers=LINEAR_SOLVERS,
     )
 
-    stack: int = STACK
+    stack: int = STACK  # most realisations that are integrated together
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
         """Integrate every realisation."""
@@ -150,20 +139,16 @@ class Ida:
 
 @dataclass(frozen=True)
 class Auto:
-    """`Dop853` where the mechanism is small enough for it; what is stiff, dear, or fails there is left to `Ida`.
+    """`Dop853` where the mechanism is small enough for it; stiff, expensive or failed realisations are left to `Ida`.
 
-    Whether a realisation is dear is found by counts of what both spend on the first part of its motion, for each on
-    its own.
-
-    Parameters
-    ----------
-    stack : int
-        Most realisations that are integrated together; those that are left to `Ida` share steps in smaller stacks.
+    The costs of a realisation are compared by counts of both on the first part of its motion, for each realisation
+    separately.
     """
 
     name = "auto"
     capabilities = replace(EXPLICIT, linear_solvers=LINEAR_SOLVERS)
 
+    # most realisations that are integrated together; those left to `Ida` share steps in smaller stacks
     stack: int = MANY
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:

@@ -32,10 +32,8 @@ def _offered() -> dict[str, type]:
 
 
 def built_in_names() -> tuple[str, ...]:
-    """Return the names of those of the core.
+    """Return the names of the integrators of the core.
 
-    Examples
-    --------
     >>> built_in_names()
     ('auto', 'ida', 'dop853')
     """
@@ -63,28 +61,11 @@ WORDS: Mapping[Capability, str] = {
 
 
 def require(name: str, needed: Capability, where: str, why: str = "", remedy: str = "") -> None:
-    """Raise where an integrator lacks a capability.
+    """Raise `uqmbd.StudyError`, which lists capable integrators, where an integrator lacks a capability.
 
-    Parameters
-    ----------
-    name : str
-        Of the integrator.
-    needed : str
-        Name of a field of `Capabilities`.
-    where : str
-        Who needs it, as ``study 'drop'``.
-    why : str
-        What for.
-    remedy : str
-        How to choose another one; default: by the option ``integrator``.
+    The capability is the name of a field of `Capabilities`; `where` is what needs it, as ``study 'drop'``, and `why`
+    the purpose.  The `remedy` describes how to choose another integrator; default: by the option ``integrator``.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        With those integrators that have it.
-
-    Examples
-    --------
     >>> require("ida", "events", "study 'drop'", "floor: impact")
     Traceback (most recent call last):
         ...
@@ -127,35 +108,12 @@ def _named(events: Iterable[tuple[str, str, int]]) -> list[str]:
 def integrate(
     ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str = "auto", *, between: bool = False
 ) -> Trajectories:
-    """Assemble and integrate every realisation of an ensemble.
+    """Assemble and integrate K realisations at strictly increasing output times (T,), s; the first is the start.
 
-    Parameters
-    ----------
-    ensemble : Ensemble
-        K realisations.
-    times : array, shape (T,)
-        Output times, strictly increasing; the first is the start.
-    rtol : float
-        Relative tolerance.
-    method : str
-        Name of an integrator, of the core or of a plugin.
-    between : bool
-        Whether the motion between the output times is returned, too (`Trajectories.path`).
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the integrator cannot do what the mechanism takes, as follow events, or returns what is none.
-
-    Warns
-    -----
-    uqmbd.RedundantConstraintWarning
-        If the independent equations became dependent on the way, and others were chosen.
-
-    Returns
-    -------
-    Trajectories
-        A realisation that fails does not disturb the others.
+    With `between`, the motion between the output times is returned, too (`Trajectories.path`).  A realisation that
+    fails does not affect the others.  Raises `uqmbd.StudyError` if the integrator lacks a capability that the mechanism
+    needs, as following events, or returns an invalid result.  Warns with `uqmbd.RedundantConstraintWarning` if the
+    independent equations became dependent during the motion, and others were chosen.
     """
     require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
     cls = integrator_class(method)

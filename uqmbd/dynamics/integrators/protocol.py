@@ -181,12 +181,9 @@ class Integrator(Protocol):
 
 
 def capabilities_of(cls: type) -> Capabilities:
-    """Return what the class of an integrator declares.
+    """Return what an integrator class declares.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If its attribute is no `Capabilities`, or there are class attributes of before 0.1 next to it.
+    Raises `uqmbd.StudyError` if that is no `Capabilities`, or the class also has attributes of before 0.1.
     """
     found = getattr(cls, "capabilities", None)
     if found is None:

@@ -36,23 +36,9 @@ def stretches(sampling: Sampling, times: Array) -> list[Array]:
 
 
 def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate an ensemble with controllers by a method that knows nothing of them.
+    """Integrate K realisations with controllers, at output times (T,), s, by a method without support for controllers.
 
-    Parameters
-    ----------
-    method : callable
-        From an ensemble, output times and a relative tolerance to trajectories.
-    ensemble : Ensemble
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-
-    Returns
-    -------
-    Trajectories
-        At an output time that is a sample: right after it.
+    The state at an output time that is a sample is the one right after it.
     """
     start, width, velocities = ensemble.start, ensemble.model.layout.width, ensemble.model.layout.velocities
     sampling = Sampling(ensemble, times)
@@ -106,23 +92,10 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
 def projected_in_samples(
     method: ProjectedMethod, projected: Projection, times: Array, rtol: float, watch: Watch | None = None
 ) -> ProjectedTrajectories:
-    """Integrate coefficients, with controllers at the nodes, by a method that knows nothing of them.
+    """Integrate coefficients, with controllers at the nodes, by a method without support for controllers.
 
-    The function of a controller is called with what is measured at the nodes; its commands and states there are
-    projected like everything else that moves.
-
-    Parameters
-    ----------
-    method : callable
-        From a projected ensemble, output times and a relative tolerance to coefficients.
-    projected : Projection
-        At its start.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    watch : callable, optional
-        Asked now and then with the coefficients so far.
+    The function of a controller is called with the measurements at the nodes; its commands and states there are
+    projected like all moving quantities.  The callable `watch` is called now and then with the coefficients so far.
     """
     ensemble, layout = projected.ensemble, projected.model.layout
     sampling, every = Sampling(ensemble, times), np.arange(len(projected.ensemble))

@@ -22,24 +22,7 @@ Method = Callable[[Ensemble, Array, float], Trajectories]
 
 
 def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate by any method; realisations whose positions would have to jump, or are off the constraints, fail.
-
-    Parameters
-    ----------
-    method : callable
-        From an ensemble, output times and a relative tolerance to trajectories.
-    ensemble : Ensemble
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-
-    Returns
-    -------
-    Trajectories
-        Of all realisations.
-    """
+    """Integrate K realisations by `method`; those whose positions would jump, or are off the constraints, fail."""
     jumps = position_jumps(ensemble, times, rtol)
     found = method(ensemble, times, rtol) if not jumps else _others(method, ensemble, times, rtol, jumps)
     found = _stopped(found, _violations(ensemble, times, found.states, rtol), 0)
@@ -146,22 +129,10 @@ Solve = Callable[[Ensemble, Index, Array, float, bool], Solution]
 def in_stacks(
     solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack: int, *, recording: bool
 ) -> Trajectories:
-    """Integrate all realisations that could be assembled.
+    """Integrate all assembled realisations in stacks of at most `stack`, at output times (T,), s.
 
-    Parameters
-    ----------
-    solve : callable
-        Integrates the members (M,) of an ensemble that make up a stack.
-    ensemble : Ensemble
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    stack : int
-        Most realisations of a stack.
-    recording : bool
-        Whether the motion between output times is returned, too.
+    The callable `solve` integrates the members (M,) of one stack; the motion between output times is returned if
+    `recording`.
     """
     start, layout = ensemble.start, ensemble.model.layout
     messages, by = list(start.messages), list[str]()

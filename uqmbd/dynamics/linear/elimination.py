@@ -21,27 +21,16 @@ THRESHOLD = 0.1
 
 @dataclass(frozen=True)
 class Elimination:
-    """A fixed order of elimination.
+    """A fixed order of elimination."""
 
-    Attributes
-    ----------
-    steps : tuple
-        For each pivot: its row and column, the rows below it that have an entry in the pivot column, and the columns
-        beside it.
-    """
-
+    # pivot row and column, rows below with an entry in the pivot column, columns with an entry in the pivot row
     steps: tuple[tuple[int, int, tuple[int, ...], tuple[int, ...]], ...]
 
 
 def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
-    """Choose an order of elimination: Markowitz counts with threshold pivoting, on a typical system.
+    """Choose an order of elimination for a pattern (nnz,) by Markowitz counts with threshold pivoting.
 
-    Parameters
-    ----------
-    rows, columns : array of int, shape (nnz,)
-        The pattern.
-    typical : array, shape (S, size, size)
-        Typical systems: a pivot must be good in all of them.
+    A pivot must be acceptable in all typical systems (S, size, size).
     """
     size = typical.shape[1]
     pattern = np.zeros((size, size), dtype=bool)

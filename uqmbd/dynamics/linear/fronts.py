@@ -40,29 +40,14 @@ class _Batch:
 
 @dataclass(frozen=True)
 class Fronts:
-    """The compiled elimination of a system.
+    """The compiled elimination of a system."""
 
-    Attributes
-    ----------
-    given, size : int
-        Values that are given with each system, among them its entries, and number of unknowns.  A right-hand side
-        comes after the given values, then what is computed.
-    width : int
-        All values.
-    batches : tuple
-        The code.
-    solution : array of int, shape (size,)
-        Where the solution is among the values.
-    operations : int
-        Additions, multiplications and divisions of a solution.
-    """
-
-    given: int
-    size: int
-    width: int
-    batches: tuple[_Batch, ...]
-    solution: Index
-    operations: int
+    given: int  # number of values given with a system; a right-hand side follows them, then the computed values
+    size: int  # number of unknowns
+    width: int  # number of all values
+    batches: tuple[_Batch, ...]  # code
+    solution: Index  # (size,): indices of the solution among the values
+    operations: int  # additions, multiplications and divisions of a solution
 
     def solve(self, given: Array, right: Array) -> Array:
         """Solve systems of what is given (K, given) for right-hand sides (K, size), shape (K, size)."""
@@ -85,21 +70,11 @@ class Fronts:
 
 @dataclass(frozen=True)
 class FrontalSolver:
-    """Solves systems for right-hand sides that are among the given values; used like the kernel of an elimination.
-
-    Attributes
-    ----------
-    fronts : Fronts
-        The elimination.
-    rights : array of int, shape (R, size)
-        Which of the given values each entry of a right-hand side is; -1: zero.
-    wanted : int
-        The first so many unknowns are wanted.
-    """
+    """Solver for right-hand sides that are among the given values; used like the kernel of an elimination."""
 
     fronts: Fronts
-    rights: Index
-    wanted: int
+    rights: Index  # (R, size): index of each entry of a right-hand side among the given values; -1: zero
+    wanted: int  # number of leading unknowns that are returned
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
         """Solve systems of what is given (K, value), shape (K, wanted), of one right-hand side after the other."""
@@ -136,18 +111,9 @@ class _Code:
 def frontal(
     rounds: list[list[Front]], rows: Index, columns: Index, source: Index, given: int, size: int
 ) -> Fronts | None:
-    """Compile an elimination, or return None if a kind of front has too many operations.
+    """Compile the elimination of a symmetric matrix by rounds; None if a kind of front has too many operations.
 
-    Parameters
-    ----------
-    rounds : list of list of Front
-        The order.
-    rows, columns : array of int, shape (nnz,)
-        Places of the entries; the matrix is symmetric.
-    source : array of int, shape (nnz,)
-        Which of the given values each of them is.
-    given, size : int
-        Number of given values and of unknowns.
+    The entries (nnz,) have rows, columns, and indices `source` among the `given` values.
     """
     # the values whose sum is an entry of what is left of the matrix, or of the right-hand side
     entries: dict[tuple[int, int], list[int]] = {}

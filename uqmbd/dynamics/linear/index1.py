@@ -37,24 +37,10 @@ RANK_TOLERANCE = 1e-8
 def accelerations(
     model: Model, q: Array, s: Array, v: Array, time: Array | float, parameters: Array
 ) -> tuple[Array, Array, Array]:
-    """Solve the index-1 system ``[M D^T; D 0] [a; lambda] = [Q - h; gamma]``.
+    """Solve the index-1 system ``[M D^T; D 0] [a; lambda] = [Q - h; gamma]`` at consistent states (K, ...).
 
-    Parameters
-    ----------
-    model : Model
-        With its ``acceleration`` evaluator.
-    q, s, v : array, shape (K, ...)
-        Consistent states.
-    time : array, shape (K,), or float
-        Times.
-    parameters : array, shape (K, parameter)
-        Of each state.
-
-    Returns
-    -------
-    a, multipliers, rates : array, shape (K, ...)
-        Accelerations, multipliers of the kept equations, and rates of the auxiliary states; NaN where the system is
-        singular.
+    Return accelerations (K, n), multipliers of the kept equations (K, m), and rates of the auxiliary states (K, k); NaN
+    where the system is singular.
     """
     if model.system is not None and model.system.programs is not None:
         return _by_program(model, q, s, v, np.asarray(time, dtype=float), parameters[:, : model.block_parameters])

@@ -34,43 +34,18 @@ LARGEST = 24
 
 @dataclass(frozen=True)
 class Front:
-    """A unit at its elimination.
+    """A unit at its elimination."""
 
-    Attributes
-    ----------
-    unknowns : tuple of int
-        That are eliminated.
-    neighbours : tuple of int
-        Unknowns of the units that it touches.
-    block : array, shape (S, s, s)
-        What is to be inverted, of typical systems.
-    """
-
-    unknowns: tuple[int, ...]
-    neighbours: tuple[int, ...]
-    block: Array
+    unknowns: tuple[int, ...]  # eliminated here
+    neighbours: tuple[int, ...]  # unknowns of the adjacent units
+    block: Array  # (S, s, s): the matrix to invert, of typical systems
 
 
 def units_of(rows: Index, columns: Index, coordinates: int, body: int, owners: list[str]) -> list[tuple[int, ...]]:
-    """Sort the unknowns of an index-1 system into units.
+    """Sort the unknowns of an index-1 system, coordinates then equations, with a pattern (nnz,), into units.
 
-    Parameters
-    ----------
-    rows, columns : array of int, shape (nnz,)
-        Its pattern: coordinates, then equations.
-    coordinates : int
-        Number of coordinates.
-    body : int
-        Coordinates of a body.
-    owners : list of str
-        Component of each equation.
+    There are `coordinates` coordinates, `body` of them for each body; `owners` are the components of the equations.
 
-    Returns
-    -------
-    list of tuple of int
-
-    Examples
-    --------
     Two translational bodies; an equation of the first, and one of both:
 
     >>> rows = np.array([0, 1, 2, 3, 4, 5, 5])
@@ -186,21 +161,9 @@ def _regular(block: Array) -> bool:
 
 
 def rounds_of(units: list[tuple[int, ...]], rows: Index, columns: Index, typical: Array) -> list[list[Front]] | None:
-    """Choose the order.
+    """Choose the order of elimination by rounds; None where blocks become too large for this method.
 
-    Parameters
-    ----------
-    units : list of tuple of int
-        All unknowns.
-    rows, columns : array of int, shape (nnz,)
-        The pattern, symmetric.
-    typical : array, shape (S, nnz)
-        Entries of typical systems.
-
-    Returns
-    -------
-    list of list of Front, or None
-        What is eliminated in each round; None where blocks become too large for this method.
+    The pattern (nnz,) is symmetric; entries of typical systems are (S, nnz).
     """
     graph = _Graph(units, rows, columns, typical)
     rounds = []

@@ -33,28 +33,14 @@ def _solution(solver: Solver, writer: Writer, given: Index) -> Index:
 
 @dataclass(frozen=True)
 class Programs:
-    """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks.
+    """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks."""
 
-    Attributes
-    ----------
-    dynamics : Dynamics
-        For the explicit integrator.
-    motion : Program
-        To accelerations, multipliers of the kept equations, rates of the auxiliary states, and how well they satisfy
-        the index-1 system.
-    excess : Program
-        To what is too much of coordinates and velocities, by the least norm in the metric of the masses.
-    solve : Kernel or FrontalSolver
-        From results of the ``acceleration`` evaluator to accelerations and multipliers.
-    residual : Kernel or RowResiduals
-        From these results and the solution to how well it satisfies the system.
-    """
-
-    dynamics: Dynamics
+    dynamics: Dynamics  # for the explicit integrator
+    # to accelerations, kept multipliers, rates of auxiliary states, and the residual of the index-1 system
     motion: Program
-    excess: Program
-    solve: Solver
-    residual: Residual
+    excess: Program  # to corrections of coordinates and velocities, of least norm in the metric of the masses
+    solve: Solver  # from results of the ``acceleration`` evaluator to accelerations and multipliers
+    residual: Residual  # from these results and the solution to the residual of the system
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew."""
@@ -130,18 +116,11 @@ def _in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
 def programs_of(
     model: Model, solve: Solver, accelerate: Solver, back: tuple[Solver, Solver], residual: Residual
 ) -> Programs:
-    """Write the programs of a model.
+    """Return the programs of a model.
 
-    Parameters
-    ----------
-    model : Model
-        With its evaluators.
-    solve, accelerate : Kernel or FrontalSolver
-        From results of the ``acceleration`` evaluator to accelerations and multipliers, and to accelerations only.
-    back : pair of Kernel or FrontalSolver
-        From these results, then those of the ``drift`` evaluator, to what is too much of coordinates; of velocities.
-    residual : Kernel or RowResiduals
-        From results of the ``acceleration`` evaluator and the solution to how well it satisfies the system.
+    The solvers map results of the ``acceleration`` evaluator to accelerations and multipliers (`solve`), and to
+    accelerations only (`accelerate`); `back`, with those of the ``drift`` evaluator after them, to corrections of
+    coordinates and of velocities; `residual` maps results and the solution to the residual of the system.
     """
     layout = model.layout
     n, width, velocities = layout.coordinates, layout.width, layout.velocities

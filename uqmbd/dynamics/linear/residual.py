@@ -19,20 +19,12 @@ TERMS = 4
 
 @dataclass(frozen=True)
 class RowResiduals:
-    """The sum ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``, as `residual_kernel` computes it of small systems.
+    """The sum ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``, as `residual_kernel` computes it for small systems."""
 
-    Attributes
-    ----------
-    rows, columns, entries : array of int, shape (nnz,)
-        Places of the entries, and which of the given values each of them is.
-    right : array of int, shape (size,)
-        Which of the given values each entry of the right-hand side is; -1: zero.
-    """
-
-    rows: Index
-    columns: Index
-    entries: Index
-    right: Index
+    rows: Index  # (nnz,): row of each entry
+    columns: Index  # (nnz,): column of each entry
+    entries: Index  # (nnz,): index of each entry among the given values
+    right: Index  # (size,): index of each entry of the right-hand side among the given values; -1: zero
 
     def write(self, writer: Writer, given: Index, solution: Index) -> Index:
         """Write it; the row of the sum, for rows of the given values and of the solution."""

@@ -22,22 +22,12 @@ PIVOT = 0.1
 
 @dataclass(frozen=True)
 class SparsePattern:
-    """A pattern of systems.
+    """Sparsity pattern of systems."""
 
-    Attributes
-    ----------
-    rows, columns : array of int, shape (nnz,)
-        Place of each entry, sorted by rows, none of which is empty.
-    source : array of int, shape (nnz,)
-        Which of the values that are given with a system it is.
-    size : int
-        Number of unknowns.
-    """
-
-    rows: Index
-    columns: Index
-    source: Index
-    size: int
+    rows: Index  # (nnz,): sorted; no row is empty
+    columns: Index  # (nnz,)
+    source: Index  # (nnz,): index of each entry among the values that are given with a system
+    size: int  # number of unknowns
 
     @cached_property
     def starts(self) -> Index:
@@ -52,19 +42,7 @@ class SparsePattern:
         return order, self.rows[order], pointers
 
     def product(self, values: Array, x: Array) -> Array:
-        """``A_k x_k``.
-
-        Parameters
-        ----------
-        values : array, shape (K, value)
-            Given with each system.
-        x : array, shape (K, size)
-            Vectors.
-
-        Returns
-        -------
-        array, shape (K, size)
-        """
+        """Return the products ``A_k x_k`` (K, size) of systems, given by values (K, value), with vectors (K, size)."""
         result = np.empty_like(x)
         for first in range(0, len(x), BLOCK):
             part = slice(first, first + BLOCK)
@@ -73,13 +51,7 @@ class SparsePattern:
         return result
 
     def factorise(self, values: Array) -> Factors:
-        """Factorise each system by SuperLU, its columns ordered for little fill.
-
-        Parameters
-        ----------
-        values : array, shape (K, value)
-            Given with each system.
-        """
+        """Factorise each system, given by values (K, value), by SuperLU, with its columns ordered for low fill."""
         import scipy.sparse
         import scipy.sparse.linalg
 
@@ -102,18 +74,10 @@ class SparsePattern:
 
 @dataclass(frozen=True)
 class Factors:
-    """Factorised systems.
+    """Factorised systems."""
 
-    Attributes
-    ----------
-    factors : tuple
-        SciPy's object of each system; None where it is singular.
-    scales : array, shape (K, size)
-        By which its rows were divided.
-    """
-
-    factors: tuple[Any, ...]
-    scales: Array
+    factors: tuple[Any, ...]  # SciPy's object of each system; None where it is singular
+    scales: Array  # (K, size): divisors of its rows
 
     def solve(self, right: Array) -> Array:
         """Solve for right-hand sides (K, size); NaN where a system is singular."""

@@ -34,24 +34,14 @@ system is.  One solution takes longer, and a stack of them about as long: measur
 
 @dataclass(frozen=True)
 class System:
-    """Where the results of the ``acceleration`` evaluator stand in the symmetric index-1 system.
+    """Map from results of the ``acceleration`` evaluator to the symmetric index-1 system."""
 
-    Attributes
-    ----------
-    rows, columns, source : array of int, shape (nnz,)
-        Place of each entry, sorted by rows, and the result that it is.
-    motion : array of int, shape (size,)
-        Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero.
-    drift : array of int, shape (2, size)
-        Which result of the ``drift`` evaluator each entry of the right-hand sides of the projections of coordinates and
-        of velocities is; -1: zero.
-    """
-
-    rows: Index
-    columns: Index
-    source: Index
+    rows: Index  # (nnz,): row of each entry, sorted
+    columns: Index  # (nnz,): column of each entry
+    source: Index  # (nnz,): result that each entry is
     size: int
-    motion: Index
+    motion: Index  # (size,): result that each entry of the right-hand side is; -1: zero
+    # (2, size): result of the ``drift`` evaluator for the projections of coordinates, of velocities; -1: zero
     drift: Index
     elimination: Elimination | None = None
     fronts: Fronts | None = None
@@ -101,15 +91,10 @@ def _taken(values: Array, which: Index) -> Array:
 
 
 def index1_system(model: Model, typical: Array | None) -> System:
-    """Lay out the index-1 system of a model.
+    """Return the index-1 system of a model with kept equations.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    typical : array, shape (S, result), or None
-        Results of the ``acceleration`` evaluator for which the order of elimination is chosen; None: systems are solved
-        by LAPACK.
+    The order of elimination is chosen for `typical` results of the ``acceleration`` evaluator (S, result); None: LAPACK
+    solves the systems.
     """
     derivation.debug("choosing the order of elimination")
     evaluators, layout = model.evaluators, model.layout

@@ -31,23 +31,9 @@ def unroll(
 ) -> Kernel | None:
     """Compile an elimination, or return None if it has too many operations.
 
-    The kernel computes, from the given values, the wanted unknowns, of one right-hand side after the other: infinite or
-    NaN where a pivot vanishes.
-
-    Parameters
-    ----------
-    elimination : Elimination
-        Order of elimination.
-    rows, columns : array of int, shape (entry,)
-        Places of the entries.
-    entries : array of int, shape (entry,)
-        Which of the given values each of them is.
-    rights : array of int, shape (R, size)
-        Which of the given values each entry of a right-hand side is; -1: zero.
-    given : int
-        Number of values that are given with a system.
-    wanted : int
-        The first so many unknowns are wanted.
+    From `given` values the kernel computes the first `wanted` unknowns, of one right-hand side after the other:
+    infinite or NaN where a pivot vanishes.  The arrays `entries` (entry,) and `rights` (R, size) are the indices of
+    matrix entries and right-hand sides among the given values; -1: zero.
     """
     operations, solution = eliminated(elimination, rows, columns, entries, rights, given, wanted)
     if not worth_while(operations):
@@ -89,14 +75,10 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
 def eliminated(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
 ) -> tuple[list[Operation], list[int]]:
-    """Write an elimination down; the arguments are those of `unroll`.
+    """Return the operations of an elimination, and the numbers of the wanted unknowns.
 
-    Returns
-    -------
-    operations : list of Operation
-        Each makes one new value, numbered after the given ones.
-    solution : list of int
-        Numbers of the wanted unknowns, of one right-hand side after the other.
+    The arguments are those of `unroll`.  Each operation makes one value, numbered after the given ones; the unknowns
+    follow by right-hand side.
     """
     value: dict[tuple[int, int], int] = {}
     operations: list[Operation] = []

@@ -43,24 +43,12 @@ JACOBIAN_NUMBERS = 2_000_000
 
 @dataclass(frozen=True)
 class ProjectedStart:
-    """Consistent initial coefficients.
+    """Consistent initial coefficients."""
 
-    Attributes
-    ----------
-    state : array, shape (P, 2 coordinate + state)
-        Of coordinates, auxiliary states and velocities.
-    accelerations : array, shape (P, coordinate)
-        Their coefficients.
-    multipliers : array, shape (P, kept)
-        Of the kept equations.
-    corrections : int
-        Newton steps that the projected constraints needed.
-    """
-
-    state: Array
-    accelerations: Array
-    multipliers: Array
-    corrections: int
+    state: Array  # (P, 2 coordinate + state): of coordinates, auxiliary states and velocities
+    accelerations: Array  # (P, coordinate)
+    multipliers: Array  # (P, kept): of the kept equations
+    corrections: int  # Newton steps that the projected constraints needed
 
 
 class Projection:

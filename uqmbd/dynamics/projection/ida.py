@@ -27,20 +27,11 @@ SPARSE_TO = 400
 
 @dataclass
 class Run:
-    """What an implicit integration yields.
+    """Result of an implicit integration."""
 
-    Attributes
-    ----------
-    coefficients : array, shape (P, T, 2 coordinate + state)
-        NaN from the time on at which it stopped.
-    message : str
-        Why it stopped, or empty.
-    counters : dict
-        Residuals, Jacobians or their products, factorisations, preconditioner solutions.
-    """
-
-    coefficients: Array
-    message: str = ""
+    coefficients: Array  # (P, T, 2 coordinate + state): NaN from the time at which it stopped
+    message: str = ""  # why it stopped, or empty
+    # residuals, Jacobians or their products, factorisations, preconditioner solutions
     counters: dict[str, float] = field(default_factory=dict)
 
 
@@ -154,24 +145,11 @@ def implicit(
     linear_solver: LinearSolver = "auto",
     watch: Watch | None = None,
 ) -> Run:
-    """Integrate the coefficients by IDA.
+    """Integrate the coefficients by IDA, at output times (T,), s.
 
-    Parameters
-    ----------
-    projected : Projection
-        What to integrate.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    linear_solver : str
-        ``dense``, ``sparse``, or Krylov with a preconditioner: the exact Jacobians of all nodes, or their mean.
-    watch : callable, optional
-        Asked ten times on the way with the coefficients so far; true: stop.
-
-    Returns
-    -------
-    Run
+    The linear solver is dense, sparse, or Krylov with a preconditioner: the exact Jacobians of all nodes, or their
+    mean. The callable `watch` is called ten times with the coefficients so far, and stops the integration by returning
+    True.
     """
     if linear_solver == "auto" and projected.unknowns > SPARSE_TO:
         # the mean is cheaper where it converges, the nodes are safe

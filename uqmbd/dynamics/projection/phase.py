@@ -295,12 +295,10 @@ class PhaseMotion:
 
 
 def require_phase(projected: Projection) -> None:
-    """Refuse what happens at moments in time, which are at another phase in each realisation, and what is too large.
+    """Raise `uqmbd.StudyError` for mechanisms that exclude a phase as the independent variable.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        What is in the way.
+    Samples of controllers and impacts occur at another phase in each realisation; large mechanisms exceed the limit of
+    the explicit integrator.
     """
     model = projected.model
     where = f"mechanism {model.name!r}: with a phase as the independent variable"

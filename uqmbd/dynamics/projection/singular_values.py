@@ -44,24 +44,12 @@ CLOSE = 0.998
 
 
 def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weights: Array) -> tuple[Array, Array]:
-    """Find the smallest singular value of projected Jacobians, and the smallest of those at the nodes.
+    """Return the smallest singular values (T,) of projected Jacobians, and the smallest of those at the nodes (T,).
 
-    Parameters
-    ----------
-    jacobians : array, shape (T, K, m, n)
-        At the nodes, of full rank as a rule; m is at least 1 and at most n.
-    psi, adjoint : array, shapes (K, P) and (P, K)
-        Of the projection.
-    weights : array, shape (K,)
-        Of the rule.
-
-    Returns
-    -------
-    projected : array, shape (T,)
-        To 0.5 %, but to rounding where the iteration does not converge, as for a singular matrix, or has missed the
-        smallest one.
-    nodal : array, shape (T,)
-        Exact values of nodes that no other undercuts by more than 0.1 %.
+    The Jacobians (T, K, m, n) have full rank as a rule, with 1 <= m <= n; psi (K, P), adjoint (P, K) and weights (K,).
+    Projected values are accurate to 0.5 %; they are accurate to rounding where the iteration does not converge, as for
+    a singular matrix, or has missed the smallest one.  Nodal values are exact values of nodes that no other undercuts
+    by more than 0.1 %.
     """
     grams = jacobians @ jacobians.swapaxes(2, 3)
     mean = np.einsum("k,tkab->tab", weights, grams)

@@ -63,37 +63,19 @@ BALANCED = 1e-9
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Poses of K realisations in which all forces balance.
+    """Poses of K realisations in which all forces balance."""
 
-    Attributes
-    ----------
-    q, s : array, shape (K, ...)
-        All coordinates and the auxiliary states.
-    messages : tuple of str
-        Empty where an equilibrium was found, else the reason.
-    stable : array of bool, shape (K,)
-        Whether no direction has negative stiffness.
-    iterations : array of int, shape (K,)
-        Steps that were taken.
-    """
-
-    q: Array
-    s: Array
-    messages: tuple[str, ...]
-    stable: Mask
-    iterations: Index
+    q: Array  # (K, coordinate)
+    s: Array  # auxiliary states (K, state)
+    messages: tuple[str, ...]  # empty where an equilibrium was found, else the reason
+    stable: Mask  # (K,): whether no direction has negative stiffness
+    iterations: Index  # (K,)
 
 
 def equilibrium_start(drawn: Batch) -> Start:
-    """Make initial states in static equilibrium.
+    """Return initial states in static equilibrium of K realisations, which are assembled from the drawn pose.
 
-    Velocities are those that the script states; the others are solved for with the smallest norm, which is rest unless
-    drivers move.
-
-    Parameters
-    ----------
-    drawn : Batch
-        K realisations, assembled from the drawn pose.
+    Velocities are those that the script states; the others have the least norm, which is rest unless drivers move.
     """
     model, parameters, time = drawn.model, drawn.parameters, drawn.model.time
     found = static_equilibria(drawn)

@@ -32,46 +32,22 @@ WORDS = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio", "shape
 
 @dataclass(frozen=True)
 class ModeValue:
-    """One number of a mode.
+    """One number of a mode."""
 
-    Attributes
-    ----------
-    quantity : {"frequency", "damping_ratio", "shape"}
-        What it is.
-    number : int
-        Of the mode, from 1, among those that oscillate.
-    pose : {"equilibrium", "start", "steady"}
-        About which pose.
-    moved : tuple of int
-        Of a shape: quantity and reference, among what moves.
-    part : {"real", "imaginary"}
-        Of a shape.
-    name : str
-        As the user wrote it.
-    """
-
-    quantity: str
-    number: int
-    pose: str
-    moved: tuple[int, int] = (0, 0)
-    part: str = "real"
-    name: str = ""
+    quantity: str  # "frequency", "damping_ratio" or "shape"
+    number: int  # of the mode, from 1, among the oscillating ones
+    pose: str  # "equilibrium", "start" or "steady"
+    moved: tuple[int, int] = (0, 0)  # of a shape: indices of quantity and reference among the moving quantities
+    part: str = "real"  # of a shape: "real" or "imaginary"
+    name: str = ""  # as the user wrote it
 
 
 @dataclass(frozen=True)
 class ModeMap:
-    """What is needed of modes.
+    """Compiled numbers of modes."""
 
-    Attributes
-    ----------
-    values : tuple of ModeValue
-        In order.
-    moving : OutputMap
-        Quantities whose changes in modes are needed, with their derivatives.
-    """
-
-    values: tuple[ModeValue, ...]
-    moving: OutputMap
+    values: tuple[ModeValue, ...]  # in order
+    moving: OutputMap  # quantities whose changes in modes are needed, with their derivatives
 
     @property
     def poses(self) -> frozenset[str]:
@@ -81,25 +57,9 @@ class ModeMap:
     def evaluate(
         self, value: ModeValue, batch: Batch, modes: Modes, states: Sequence[tuple[Array, Array]]
     ) -> tuple[Array, list[str]]:
-        """Evaluate one number of a mode.
+        """Return one number of a mode of K realisations about its pose (K,), and the reasons where it is NaN.
 
-        Parameters
-        ----------
-        value : ModeValue
-            Which.
-        batch : Batch
-            K realisations.
-        modes : Modes
-            Of them, about the pose of the value.
-        states : sequence of tuple of array
-            Of each realisation its states (S, width), and their times (S,) after the start.
-
-        Returns
-        -------
-        values : array, shape (K,)
-            NaN where there is none.
-        reasons : list of str
-            Why there is none, or empty.
+        Each realisation has states (S, width) at times (S,) after the start, s.
         """
         places, reasons = _places(modes, value)
         if value.quantity != "shape":
@@ -127,14 +87,9 @@ class ModeMap:
 
 
 def mode_map(wanted: Sequence[ScalarSymbol | ModeShape], compiled: Callable[[Sequence[Output]], OutputMap]) -> ModeMap:
-    """Compile what is needed of modes.
+    """Compile frequencies, damping ratios and shapes of modes.
 
-    Parameters
-    ----------
-    wanted : sequence
-        Symbols of frequencies and damping ratios, and shapes.
-    compiled : callable
-        That compiles outputs with their derivatives.
+    The function `compiled` compiles outputs with their derivatives.
     """
     moving = sorted({e for x in wanted if isinstance(x, ModeShape) for e in x.moved}, key=str)
     values = []
@@ -170,16 +125,10 @@ def _places(modes: Modes, value: ModeValue) -> tuple[NDArray[np.int64], list[str
 def _ratio(
     eigenvalues: NDArray[np.complex128], shapes: NDArray[np.complex128], place: int, gradients: Array
 ) -> complex | str:
-    """Ratio of how far two quantities move in a mode of one realisation, or why it has none.
+    """Return the ratio of the motion of two quantities in the mode `place` of one realisation, or why there is none.
 
-    Parameters
-    ----------
-    eigenvalues, shapes : array of complex, shape (mode,) and (time, mode, coordinate)
-        Of the realisation.
-    place : int
-        Of the mode.
-    gradients : array, shape (time, 2, coordinate)
-        Derivatives of the quantity and of the reference.
+    Eigenvalues (mode,), shapes (time, mode, coordinate), and derivatives of quantity and reference
+    (time, 2, coordinate).
     """
     if not np.isfinite(gradients).all():
         return "a quantity has no derivative by the coordinates in this pose"

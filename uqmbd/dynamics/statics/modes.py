@@ -35,20 +35,13 @@ ZERO = 1e-11
 
 @dataclass(frozen=True)
 class Modes:
-    """Eigenvalues of K linearised realisations.
+    """Eigenvalues and mode shapes of K linearised realisations."""
 
-    Attributes
-    ----------
-    eigenvalues : array of complex, shape (K, mode)
-        1/s.  Of a pair of conjugates the one with positive imaginary part; sorted by absolute value; NaN behind the
-        last mode of a realisation that has fewer than others.
-    shapes : tuple of array of complex, shape (time, mode, coordinate)
-        Of each realisation the changes of all coordinates in its modes, up to a factor of each mode: about a pose at
-        rest at one time, about a steady motion at the times at which it is examined, without their exponential.  NaN
-        of rigid-body modes.
-    """
-
+    # (K, mode), 1/s: of a conjugate pair the one with positive imaginary part, by absolute value; NaN after the last
+    # mode of a realisation with fewer modes
     eigenvalues: NDArray[np.complex128]
+    # of each realisation (time, mode, coordinate), up to a factor of each mode: about a pose at rest at one time, about
+    # a steady motion at the examined times, without their exponential; NaN of rigid-body modes
     shapes: tuple[NDArray[np.complex128], ...]
 
     @property
@@ -67,20 +60,10 @@ class Modes:
 
 
 def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
-    """Linearise each realisation of an ensemble about a pose at rest.
+    """Linearise K realisations about poses at rest (K, coordinate) that satisfy the constraints.
 
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    q, s : array, shape (K, ...)
-        All coordinates and the auxiliary states, consistent with the constraints.
-
-    Returns
-    -------
-    Modes
-        A mode for each degree of freedom; one that is damped so much that it does not oscillate gives two.  NaN where
-        a pose is not finite or a mass is not positive.
+    There is a mode for each degree of freedom; an overdamped one gives two.  Modes are NaN where a pose is not finite
+    or a mass is not positive.
     """
     rest, every = RestEquations(ensemble), np.arange(len(ensemble))
     layout = ensemble.model.layout
@@ -171,14 +154,9 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> Pairs:
 
 
 def eigenpairs(matrix: Array, zeros: int, twice: int) -> Pairs:
-    """Eigenvalues and vectors of a matrix, one of each pair of conjugates, sorted; NaN the vectors of those at zero.
+    """Return sorted eigenvalues and vectors of a first-order matrix (n, n), one of each conjugate pair.
 
-    Parameters
-    ----------
-    matrix : array, shape (n, n)
-        Of a system of first order.
-    zeros, twice : int
-        Eigenvalues at zero, and those of them that are double.
+    There are `zeros` eigenvalues at zero, whose vectors are NaN; `twice` of them are double.
     """
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values.astype(complex), vectors.astype(complex)

@@ -33,17 +33,7 @@ def apply(matrices: Array, vectors: Array) -> Array:
 
 
 def tangents(gradient: Array) -> Array:
-    """Orthonormal bases of the directions in which constraints let coordinates move.
-
-    Parameters
-    ----------
-    gradient : array, shape (K, m, n)
-        ``D``, of full rank.
-
-    Returns
-    -------
-    array, shape (K, n, n - m)
-    """
+    """Return orthonormal bases (K, n, n - m) of the null spaces of full-rank constraint gradients (K, m, n)."""
     count, m, n = gradient.shape
     if not m:
         return np.tile(np.eye(n), (count, 1, 1))
@@ -53,30 +43,14 @@ def tangents(gradient: Array) -> Array:
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces, constraints and the way auxiliary states go, of K states at rest.
+    """Forces, constraints and rates of auxiliary states, of K states at rest."""
 
-    Attributes
-    ----------
-    force : array, shape (K, n)
-        Applied generalised forces ``Q`` on the unknown coordinates.
-    phi : array, shape (K, m)
-        Constraints.
-    rates : array, shape (K, k)
-        Of the auxiliary states.
-    gradient : array, shape (K, m, n)
-        ``D``.
-    carry : array, shape (K, k, n)
-        ``T``: change of the auxiliary states with the coordinates.
-    settle : array, shape (K, k)
-        Change of the auxiliary states that relax, to their equilibrium.
-    """
-
-    force: Array
-    phi: Array
-    rates: Array
-    gradient: Array
-    carry: Array
-    settle: Array
+    force: Array  # (K, n): applied generalised forces Q on the unknown coordinates
+    phi: Array  # (K, m): constraints
+    rates: Array  # (K, k): of the auxiliary states
+    gradient: Array  # (K, m, n): D
+    carry: Array  # (K, k, n): T, derivative of the auxiliary states by the coordinates
+    settle: Array  # (K, k): change of the relaxing auxiliary states to their equilibrium
 
     def select(self, members: Index) -> Forces:
         """Take some of the states."""
@@ -111,13 +85,7 @@ def _normal(gradient: Array, right: Array) -> Array:
 
 
 class RestEquations:
-    """Realisations at rest.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        With an assembled start, which gives the frozen coordinates.
-    """
+    """Equations of realisations at rest, whose assembled start gives the frozen coordinates."""
 
     def __init__(self, ensemble: Batch) -> None:
         self.model, self.parameters = ensemble.model, ensemble.block
@@ -150,14 +118,9 @@ class RestEquations:
         return result
 
     def forces(self, members: Index, q: Array, s: Array) -> Forces:
-        """Evaluate forces and constraints at rest.
+        """Evaluate forces and constraints at rest of members (K,), at coordinates (K, n) and auxiliary states (K, k).
 
-        Parameters
-        ----------
-        members : array of int, shape (K,)
-            Which realisations.
-        q, s : array, shape (K, n) and (K, k)
-            Unknown coordinates, and auxiliary states.
+        The coordinates are the unknown ones.
         """
         layout = self.model.layout
         where = layout.slices

@@ -54,29 +54,17 @@ def _right_product(x: Array) -> Array:
 
 @dataclass(frozen=True)
 class Screws:
-    """The steady motion of one realisation.
-
-    Attributes
-    ----------
-    model : Model
-        Of the realisation.
-    places, quaternions, velocities : array, shape (body, 3) or (body, 4)
-        At the initial time, as in space.
-    turning, spin, moving : array, shape (body, 3)
-        Angular velocities ``W`` of frames (world axes), spins (body axes), and ``U``.
-    s, rates : array, shape (state,)
-        Auxiliary states, and their constant rates.
-    """
+    """The steady motion of one realisation."""
 
     model: Model
-    places: Array
-    quaternions: Array
-    velocities: Array
-    turning: Array
-    spin: Array
-    moving: Array
-    s: Array
-    rates: Array
+    places: Array  # (body, 3): at the initial time, as in space
+    quaternions: Array  # (body, 4): at the initial time
+    velocities: Array  # (body, 3): at the initial time
+    turning: Array  # (body, 3): angular velocities W of frames, world axes
+    spin: Array  # (body, 3): body axes
+    moving: Array  # (body, 3): U
+    s: Array  # (state,): auxiliary states
+    rates: Array  # (state,): constant rates of the auxiliary states
 
     @property
     def fastest(self) -> float:

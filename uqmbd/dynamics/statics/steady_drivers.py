@@ -25,16 +25,9 @@ EVEN = 1e-7
 
 
 def later_times(model: Model, parameters: Array, fastest: float) -> Array:
-    """Return the times after the initial one at which a steady motion still has to go on, s, ascending.
+    """Return ascending times after the initial one, s, at which a steady motion must continue.
 
-    Parameters
-    ----------
-    model : Model
-        Built.
-    parameters : array, shape (parameter,)
-        Of one realisation.
-    fastest : float
-        Largest angular velocity, rad/s.
+    The parameters (parameter,) are those of one realisation.  The largest angular velocity is `fastest`, rad/s.
     """
     window = max(WINDOW, TURNS * 2 * np.pi / fastest) if fastest > 1e-3 else WINDOW
     found = window * np.geomspace(1e-3, 1.0, SAMPLES)

@@ -68,22 +68,7 @@ class _Instant:
 
 
 def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, list[str]]:
-    """Linearise each realisation of an ensemble about its steady motion.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    motions : SteadyMotions
-        Of each.
-
-    Returns
-    -------
-    modes : Modes
-        NaN where there are none.
-    messages : list of str
-        Why there are none, or empty.
-    """
+    """Linearise K realisations about their steady motions; return modes, NaN where there are none, and the reasons."""
     found: list[Solved] = []
     messages = list(motions.messages)
     nothing = no_modes(ensemble.model.layout.coordinates)

@@ -53,23 +53,13 @@ CONTROLLED = (
 
 @dataclass(frozen=True)
 class SteadyMotions:
-    """Steady motions of K realisations.
+    """Steady motions of K realisations."""
 
-    Attributes
-    ----------
-    q, s, v : array, shape (K, ...)
-        Coordinates, auxiliary states and velocities at the initial time.
-    screws : tuple of Screws or None
-        How the bodies of each realisation go on; None where there is no steady motion.
-    messages : tuple of str
-        Empty where a steady motion was found, else the reason.
-    """
-
-    q: Array
-    s: Array
-    v: Array
-    screws: tuple[Screws | None, ...]
-    messages: tuple[str, ...]
+    q: Array  # (K, coordinate), at the initial time
+    s: Array  # auxiliary states (K, state), at the initial time
+    v: Array  # (K, coordinate), at the initial time
+    screws: tuple[Screws | None, ...]  # later motion of the bodies of each realisation; None: no steady motion
+    messages: tuple[str, ...]  # empty where a steady motion was found, else the reason
 
     def select(self, members: Index) -> SteadyMotions:
         """Take those of some realisations."""
@@ -78,14 +68,9 @@ class SteadyMotions:
 
 
 def steady_motions(ensemble: Batch) -> SteadyMotions:
-    """Find the steady motion of every realisation, from where it starts.
+    """Find the steady motion of K realisations from their start.
 
-    A start that is steady itself, with the velocities that are stated, is taken as it is.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
+    A start that is steady itself, with the stated velocities, is used unchanged.
     """
     model, start = ensemble.model, ensemble.start
     q, s, v = start.q.copy(), start.s.copy(), start.v.copy()

@@ -67,21 +67,7 @@ def _relative(model: Model, q: Array, *, ground: bool) -> Array:
 
 
 def steady_speeds(model: Model, q: Array, s: Array, time: float, parameters: Array, order: tuple[str, ...]) -> Array:
-    """Velocities (K, n) at poses, by the rule of this module.
-
-    Parameters
-    ----------
-    model : Model
-        Built.
-    q, s : array, shape (K, ...)
-        Coordinates and auxiliary states.
-    time : float
-        s.
-    parameters : array, shape (K, parameter)
-        All of each realisation.
-    order : tuple of str
-        One of `ORDERS`.
-    """
+    """Return velocities (K, n) at poses (K, n), by the rule of this module; `order` is one of `ORDERS`, time in s."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     kept = model.layout.kept
     rows, values = [found["d"][:, kept], *statement_rows(model, q)], [-found["phi_t"][:, kept]]

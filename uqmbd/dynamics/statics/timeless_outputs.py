@@ -61,23 +61,12 @@ CHANGES = 1e-5
 
 @dataclass(frozen=True)
 class ScalarValues:
-    """Outputs without a time of K realisations.
+    """Outputs without a time of K realisations."""
 
-    Attributes
-    ----------
-    values : array, shape (K, scalar)
-        NaN where a realisation has none.
-    status : array of int, shape (K,)
-        Of the kind `Status`; OTHER: no such value, as no equilibrium or fewer modes.
-    messages : tuple of str
-        Reasons.
-    censored : array of bool, shape (K, scalar)
-        What does not happen until the last output time in a realisation that has not failed: NaN, too.
-    """
-
-    values: Array
-    status: Index
-    messages: tuple[str, ...]
+    values: Array  # (K, scalar): NaN where a realisation has none
+    status: Index  # (K,): `Status`; OTHER: no such value, as no equilibrium or fewer modes
+    messages: tuple[str, ...]  # reasons
+    # (K, scalar): events that do not occur up to the last output time in a realisation that has not failed: NaN
     censored: Mask
 
     @classmethod
@@ -93,43 +82,20 @@ class ScalarValues:
 
 @dataclass(frozen=True)
 class ScalarMap:
-    """Compiled outputs without a time.
+    """Compiled outputs without a time."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        As the user wrote them.
-    modal : ModeMap
-        What is needed of modes: frequencies (Hz), damping ratios, shapes.
-    motion : tuple of str
-        What is needed of an integration, by name.
-    resting : OutputMap
-        Expressions that are evaluated at static equilibrium.
-    steady : OutputMap
-        Expressions that are evaluated in steady motion.
-    summed : SummaryMap
-        What sums the motion up.
-    summed_in : tuple of (str, str)
-        Of each of these, an output that it is in, and how a message shows it.
-    kernel : Kernel
-        Of ``(modal, motion, resting, steady, summed, inputs)``.
-    reaching : tuple of tuple of int
-        Of each output the arguments of the kernel that a realisation may not reach: first times, and times of events.
-    late : tuple of str
-        Of each output, what to say of a realisation that does not.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    modal: ModeMap
-    motion: tuple[str, ...]
-    resting: OutputMap
-    steady: OutputMap
-    summed: SummaryMap
-    summed_in: tuple[tuple[str, str], ...]
-    kernel: Kernel
+    names: tuple[str, ...]  # as the user wrote them
+    units: tuple[str, ...]  # as the user wrote them
+    modal: ModeMap  # required numbers of modes: frequencies (Hz), damping ratios, shapes
+    motion: tuple[str, ...]  # names of the required results of an integration
+    resting: OutputMap  # expressions that are evaluated at static equilibrium
+    steady: OutputMap  # expressions that are evaluated in steady motion
+    summed: SummaryMap  # summaries of the motion
+    summed_in: tuple[tuple[str, str], ...]  # for each summary an output that contains it, and its text in messages
+    kernel: Kernel  # of (modal, motion, resting, steady, summed, inputs)
+    # for each output the arguments that a realisation may not reach: first times, and times of events
     reaching: tuple[tuple[int, ...], ...]
-    late: tuple[str, ...]
+    late: tuple[str, ...]  # for each output the message on a realisation that does not reach them
 
     @property
     def needs_motion(self) -> bool:
@@ -165,15 +131,7 @@ def scalar_map(
     inputs: Sequence[RandomVariable],
     sizes: tuple[int, int, int],
 ) -> ScalarMap | None:
-    """Compile outputs without a time; None if there are none.
-
-    Parameters
-    ----------
-    outputs : sequence of Output
-        What to compile.
-    instances, places, order, inputs, sizes
-        As of `uqmbd.dynamics.equations.outputs.output_map`.
-    """
+    """Compile outputs without a time, with arguments as of `output_map`; None if there are no outputs."""
     if not outputs:
         return None
     free = sorted({s for o in outputs for s in o.expression.free_symbols if isinstance(s, ScalarSymbol)}, key=str)
@@ -259,26 +217,12 @@ def scalars_of(
     wanted: ScalarMap | None = None,
     never: float | None = None,
 ) -> ScalarValues:
-    """Evaluate the outputs without a time of every realisation.
+    """Evaluate the outputs without a time of K realisations; by default those of the model.
 
-    Poses are those of the realisations' own start, and the static equilibria and steady motions that are found from
-    there; time is held at the initial one, except in steady motions.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    trajectories : Trajectories, optional
-        Their motion, where the outputs need it (``model.scalars.needs_motion``).
-    wanted : ScalarMap, optional
-        What to evaluate; by default the outputs of the model.
-    never : float, optional
-        Time, s, that stands in for first times, and events, that do not happen; by default what depends on them is NaN.
-
-    Returns
-    -------
-    ScalarValues
-        A realisation that lacks one of the values has none of them.
+    Poses are those of the start of each realisation, and the static equilibria and steady motions found from there;
+    time is the initial one, except in steady motions.  The motion is required where ``model.scalars.needs_motion``.
+    The time `never`, s, replaces first times and events that do not occur; by default outputs that depend on them are
+    NaN.  A realisation that lacks one of the values has none of them.
     """
     model = ensemble.model
     seen: ScalarMap = wanted or model.scalars

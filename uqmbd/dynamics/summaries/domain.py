@@ -53,24 +53,13 @@ DEEPEST = 40
 
 @dataclass(frozen=True)
 class Domain:
-    """What has to hold where expressions are finite real numbers.
+    """Conditions under which expressions are finite real numbers."""
 
-    Attributes
-    ----------
-    parts : OutputMap or None
-        Of the expressions; None: they are finite real numbers everywhere.
-    conditions : tuple of tuple of (int, bool)
-        Of each expression: which part, and whether it has to be other than zero; else it has to be zero or above.
-    timed : Timed or None
-        Those of the expressions that are of time and inputs alone.
-    exact : tuple of bool
-        Which parts are: they have no error of the integration.
-    """
-
-    parts: OutputMap | None
+    parts: OutputMap | None  # of the expressions; None: they are finite real numbers everywhere
+    # of each expression: index of a part, and whether it must differ from zero; else it must not be negative
     conditions: tuple[tuple[tuple[int, bool], ...], ...]
-    timed: Timed | None = None
-    exact: tuple[bool, ...] = ()
+    timed: Timed | None = None  # expressions of time and inputs alone
+    exact: tuple[bool, ...] = ()  # whether a part is one of them: it has no integration error
 
     @property
     def needs(self) -> list[Need]:
@@ -81,14 +70,9 @@ class Domain:
 def domain_map(
     written: Sequence[Expr], followed: Sequence[Expr], compiled: Callable[[list[Output]], OutputMap]
 ) -> Domain:
-    """Compile what has to hold where expressions are finite real numbers.
+    """Compile the conditions under which expressions are finite real numbers.
 
-    Parameters
-    ----------
-    written, followed : sequence of expressions
-        As the user wrote them, and what is computed of each.
-    compiled : callable
-        Makes a map of outputs.
+    The expressions are `written` by the user, and evaluated in the form `followed`; `compiled` makes a map of outputs.
     """
     found = []
     for expression, shown in zip(written, followed, strict=True):
@@ -122,20 +106,10 @@ def not_finite_since(parts: Parts, column: int) -> Array:
 def outside_since(
     motion: Motion, outputs: OutputMap, columns: Sequence[int], domain: Domain, parts: Parts, allowed: Array
 ) -> Array:
-    """Find when expressions leave their domain first, s, of each realisation, shape (R, expression); infinite: never.
+    """Return when expressions first leave their domain, s, (R, expression); infinite: never.
 
-    Parameters
-    ----------
-    motion : Motion
-    outputs : OutputMap
-        The expressions.
-    columns : sequence of int
-        Which of them each expression of the domain is.
-    domain : Domain
-    parts : Parts
-        Of the parts of the expressions, resolved.
-    allowed : array, shape (R, part)
-        Of the polynomials.
+    The expressions of the domain are the `columns` of the outputs; the polynomials of their resolved `parts` have the
+    tolerances `allowed` (R, part).
     """
     since = np.full((len(parts.first), len(columns)), np.inf)
     slack = np.where(domain.exact, 1.0, SAME / SHARE) * allowed
@@ -281,18 +255,10 @@ def _unbounded(motion: Motion, outputs: OutputMap, column: int, zeros: _Zeros, s
 
 @dataclass(frozen=True)
 class Unresolved:
-    """Parts on which the polynomials of an output are wrong by more than its tolerance, and nothing makes them better.
+    """Parts on which the polynomials of an output exceed its tolerance, and bisection does not reduce their error."""
 
-    Attributes
-    ----------
-    which : array of int, shape (U,)
-        Parts.
-    error : array, shape (U,)
-        By how much; infinite where the values grow as far as the part can be divided.
-    """
-
-    which: Index
-    error: Array
+    which: Index  # (U,): parts
+    error: Array  # (U,); infinite where the values grow as far as the part can be divided
 
     def since(self, parts: Parts, some: Mask) -> Array:
         """Find the first of some of them, s, of each realisation, shape (R,); infinite: there is none."""

@@ -20,19 +20,10 @@ of peaks one after the other differ by several of them."""
 
 
 def extremes(parts: Parts, tolerance: Array, column: int, sign: float) -> tuple[Array, Array]:
-    """Find the largest (sign 1) or smallest (-1) value of an output, and when, of each realisation, shape (R,) each.
+    """Return the largest (sign 1) or smallest (-1) value of an output, and its time, s, of each realisation: (R,) each.
 
-    Of several that are the same within `SAME` tolerances of the integration it is the first.
-
-    Parameters
-    ----------
-    parts : Parts
-        Resolved.
-    tolerance : array, shape (R, O)
-        Of the polynomials.
-    column : int
-        Of the output.
-    sign : float
+    Of several values that agree within `SAME` tolerances of the integration it is the first.  The parts are resolved;
+    the polynomials have tolerances (R, O).
     """
     most, least, error = (parts.of(name, column) for name in ("most", "least", "error"))
     high = most if sign > 0 else -least

@@ -22,15 +22,7 @@ AT_ONCE = 1 << 9
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion of realisations.
-
-    Attributes
-    ----------
-    batch : Batch
-        The realisations.
-    course : Course
-        Their steps.
-    """
+    """The motion of realisations, by their steps."""
 
     batch: Batch
     course: Course

@@ -21,13 +21,7 @@ MANY = 64
 
 
 def exponential_types(expression: sympy.Expr) -> tuple[sympy.Expr, ...] | None:
-    """Return numbers the largest of which is the exponential type of an expression of time, rad/s; None: not known.
-
-    Examples
-    --------
-    >>> exponential_types(2 * sympy.sin(3 * t) * sympy.cos(5 * t) + t**2), exponential_types(sympy.exp(-(t**2)))
-    ((0, 8), None)
-    """
+    """Return numbers, the largest of which is the exponential type of an expression of time, rad/s; None: unknown."""
     found = _growth(expression)
     return None if found is None or found[1] > DEGREE else tuple(found[0])
 

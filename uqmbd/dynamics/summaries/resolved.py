@@ -56,17 +56,10 @@ VALUES_AT_ONCE = 1 << 18
 
 @dataclass(frozen=True)
 class Timed:
-    """Outputs of time and inputs alone, whose rate of change no state determines.
-
-    Attributes
-    ----------
-    outputs : OutputMap
-    rates : OutputMap or None
-        Bounds on how fast they change, rad/s, of inputs alone; None: nothing is known.
-    """
+    """Outputs of time and inputs alone, whose rate of change no state determines."""
 
     outputs: OutputMap
-    rates: OutputMap | None
+    rates: OutputMap | None  # bounds on their rate of change, rad/s, of inputs alone; None: unknown
 
 
 def values_at(coefficients: Array, places: Array) -> Array:
@@ -79,15 +72,9 @@ def values_at(coefficients: Array, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class Parts:
-    """Parts of the steps of a motion, in order, with values of outputs.
+    """Parts of the steps of a motion, in order, with values of outputs."""
 
-    Attributes
-    ----------
-    table : PartTable
-        What is known of them; it is used again for others.
-    """
-
-    table: PartTable
+    table: PartTable  # their data; reused for other parts
 
     @cached_property
     def order(self) -> Index:
@@ -146,16 +133,7 @@ class Parts:
 
 
 def part_table(outputs: OutputMap, rtol: float, needs: Sequence[Need]) -> PartTable:
-    """Make room for parts on which outputs are resolved.
-
-    Parameters
-    ----------
-    outputs : OutputMap
-    rtol : float
-        Relative tolerance of the integration.
-    needs : sequence of Need
-        What is asked for.
-    """
+    """Return a table for the parts on which outputs are resolved, with the relative tolerance of the integration."""
     return PartTable(len(outputs.names), needs, max(SHARE * rtol, ROUNDING))
 
 
@@ -166,18 +144,10 @@ def resolved(
     timed: Timed | None = None,
     since: Array | None = None,
 ) -> Parts:
-    """Resolve outputs along a motion as far as is needed; what was in the table is lost.
+    """Resolve outputs along a motion as far as required; the previous content of the table is lost.
 
-    Parameters
-    ----------
-    motion : Motion
-    outputs : OutputMap
-    table : PartTable
-    timed : Timed, optional
-        Those of the outputs that are of time and inputs alone.
-    since : array, shape (R,), optional
-        Time from which on an output is no finite real number, s; infinite: nowhere.  Parts begin there, for what is not
-        finite is not divided.
+    The outputs of time and inputs alone are `timed`.  From the times `since` (R,), s, on an output is not a finite real
+    number (infinite: never); parts begin there, because values that are not finite are not divided.
     """
     begun = _begun(motion.course)
     if timed is not None:

@@ -32,27 +32,14 @@ AT_ONCE = 128
 
 @dataclass(frozen=True)
 class SummaryMap:
-    """Compiled expressions that are summed up over a motion.
+    """Compiled expressions that are summarised over a motion."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        As they are written.
-    kinds : tuple of str
-        What of its expression each is (`Summary.kind`).
-    columns : tuple of int
-        Which output each sums up, of `along`; of `ending` where only the last value counts.
-    along, ending : OutputMap
-    domain : Domain
-        What has to hold where the expressions are finite real numbers.
-    """
-
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    columns: tuple[int, ...]
+    names: tuple[str, ...]  # as written
+    kinds: tuple[str, ...]  # of each summary (`Summary.kind`)
+    columns: tuple[int, ...]  # output that each summarises, of `along`; of `ending` where only the last value counts
     along: OutputMap
     ending: OutputMap
-    domain: Domain
+    domain: Domain  # conditions under which the expressions are finite real numbers
 
     @property
     def needs_path(self) -> bool:
@@ -101,45 +88,21 @@ def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], Out
 
 
 class Reason(NamedTuple):
-    """Why a realisation has no value.
-
-    Attributes
-    ----------
-    status : Status
-    number : int
-        Of the value, among those that are asked for.
-    fault, text : str
-        What is wrong with it, and with its expression: the ends of sentences, without full stops.
-    """
+    """Reason why a realisation has no value."""
 
     status: Status
-    number: int
-    fault: str
-    text: str
+    number: int  # of the value, among the required ones
+    fault: str  # what is wrong with it: the end of a sentence, without a full stop
+    text: str  # what is wrong with its expression: the same
 
 
 def summarised(
     batch: Batch, seen: SummaryMap, trajectories: Trajectories, members: Index
 ) -> tuple[Array, list[Reason | None]]:
-    """Sum the motions of some realisations up.
+    """Summarise the motions of realisations (M,) that were integrated to the last time.
 
-    Parameters
-    ----------
-    batch : Batch
-        K realisations.
-    seen : SummaryMap
-        What is asked for.
-    trajectories : Trajectories
-        Their motion, with its path where that is needed.
-    members : array of int, shape (M,)
-        Realisations that were integrated to the last time.
-
-    Returns
-    -------
-    found : array, shape (M, summary)
-        NaN: a value that is not reached, or is none.
-    reasons : list of Reason or None
-        Of each member: why one of the values is none.
+    Return values (M, summary), NaN where a value is not reached or undefined, and for each member the reason if one of
+    the values is undefined, else None.  The trajectories hold the motion between output times where that is needed.
     """
     found, reasons = np.full((len(members), len(seen.names)), np.nan), list[Reason | None]([None] * len(members))
     if seen.ending.names and len(members):
@@ -176,18 +139,10 @@ def summarised(
 
 
 def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, rough: Array | None = None) -> None:
-    """Note of realisations, by row, why they have no value, unless a reason is known.
+    """Note why realisations `rows` (R,) have no value `number`, unless a reason is already known.
 
-    Parameters
-    ----------
-    reasons : list of Reason or None
-    rows : array of int, shape (R,)
-    number : int
-        Of the value.
-    lost : array, shape (R,)
-        Since when its expression is no finite real number, s; infinite: never.
-    rough : array, shape (R,), optional
-        Since when it is not resolved, s; infinite: never.
+    Its expression is not a finite real number since `lost` (R,), s, and not resolved since `rough` (R,), s; infinite:
+    never.
     """
     for since, status, fault, text in (
         (
@@ -211,19 +166,9 @@ def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, r
 
 
 def _rough_since(parts: Parts, column: int, allowed: Array, kind: int, values: Array) -> Array:
-    """Find since when an output is not resolved where that changes what is asked for, s, shape (R,).
+    """Find since when an output is not resolved where that changes the required result, s, (R,).
 
-    Parameters
-    ----------
-    parts : Parts
-    column : int
-        Of the output.
-    allowed : array, shape (R, O)
-        Tolerances of the polynomials.
-    kind : int
-        Of what is asked for (`Need.kind`).
-    values : array, shape (R,)
-        What was found: of `REACHED`, the time.
+    The polynomials have tolerances (R, O); `kind` is `Need.kind`; `values` (R,) were found: for `REACHED`, times.
     """
     rough = unresolved(parts, column, allowed[:, column])
     if not len(rough.which):
@@ -246,26 +191,11 @@ def _rough_since(parts: Parts, column: int, allowed: Array, kind: int, values: A
 def running_minimum(
     batch: Batch, outputs: OutputMap, trajectories: Trajectories, domain: Domain
 ) -> tuple[Array, list[Reason | None]]:
-    """Find the smallest values of outputs so far, at the output times and between them.
+    """Find the running minima of outputs (K, output, T), at the output times and between them, on both sides of jumps.
 
-    Parameters
-    ----------
-    batch : Batch
-        K realisations.
-    outputs : OutputMap
-        Of states, time and inputs.
-    trajectories : Trajectories
-        Their motion, with its path (``integrate(..., between=True)``).
-    domain : Domain
-        What has to hold where the outputs are finite real numbers.
-
-    Returns
-    -------
-    found : array, shape (K, output, T)
-        From the first time to each output time, on both sides of jumps; NaN where a realisation failed, and where the
-        output is no finite real number.
-    reasons : list of Reason or None
-        Of each realisation: why one of the outputs is none.
+    They are NaN where a realisation failed, and where the output is not a finite real number.  Return also for each
+    realisation the reason if one of the outputs is undefined, else None.  The trajectories hold the motion between
+    output times (``integrate(..., between=True)``).
     """
     times = np.asarray(trajectories.times, dtype=float)
     found = np.full((len(batch), len(outputs.names), len(times)), np.nan)
