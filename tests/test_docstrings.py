@@ -50,6 +50,16 @@ UNITS = {
 """Parameters and fields of these names have these units, which their description says, or whose they are."""
 
 
+INTERNALS = (
+    "uqmbd/compiled",
+    "uqmbd/dynamics",
+    "uqmbd/mechanism",
+    "uqmbd/progress",
+    "uqmbd/units",
+)
+"""Folders in which names that are not public have short docstrings, without sections."""
+
+
 RETURNED = frozenset(returned())
 
 
@@ -258,4 +268,46 @@ def test_times_angles_and_masses_have_units():
                 said = rf"(?<![\w/^]){re.escape(unit)}(?![\w/^])|units of|in seconds|^int|of int|as (for|of) "
                 if re.fullmatch(names, key) and not re.search(said, text, re.I):
                     wrong[f"{name}: {key}"] = text
+    assert wrong == {}
+
+
+def _documented_names():
+    """Return (module, qualified name) of public names, of classes that they return, and of the bases of all these."""
+    found = set()
+    for thing in PUBLIC.values():
+        members = thing.__mro__ if inspect.isclass(thing) else (inspect.unwrap(thing),)
+        found |= {(x.__module__, x.__qualname__) for x in members}
+    return found
+
+
+def with_sections(tree, public):
+    """Return the qualified names in a module that are not public and whose docstrings have sections."""
+
+    def visit(node, prefix, inside):
+        for child in getattr(node, "body", []):
+            if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+                name = prefix + child.name
+                exempt = name in public or (inside and not child.name.startswith("_"))
+                if not exempt and set(sections(ast.get_docstring(child))) != {""}:
+                    yield name
+                yield from visit(child, f"{name}.", exempt and isinstance(child, ast.ClassDef))
+
+    return list(visit(tree, "", False))
+
+
+def test_sections_of_internals_are_found():
+    text = '"""Do it.\n\n    Parameters\n    ----------\n    x : float\n    """'
+    tree = ast.parse(f"class A:\n    {text}\n    def f():\n        {text}\n    def _g():\n        {text}\n")
+    assert with_sections(tree, set()) == ["A", "A.f", "A._g"] and with_sections(tree, {"A"}) == ["A._g"]
+
+
+@pytest.mark.parametrize("folder", INTERNALS)
+def test_docstrings_of_internals_have_no_sections(folder):
+    base, public, wrong = ROOT / "plugins" if folder.startswith("plugins/") else ROOT, _documented_names(), {}
+    paths = [path for path in sorted((ROOT / folder).rglob("*.py")) if "templates" not in path.parts]
+    assert paths
+    for path in paths:
+        module = ".".join(path.relative_to(base).with_suffix("").parts).removesuffix(".__init__")
+        known = {name for home, name in public if home == module}
+        wrong |= {module: found} if (found := with_sections(ast.parse(path.read_text("utf-8")), known)) else {}
     assert wrong == {}
