@@ -27,7 +27,7 @@ __all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of", "undetermine
 class MarginValues:
     """Margins of K realisations."""
 
-    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: known only at the end
+    # (K, requirement, T): smallest margin up to each output time; NaN: failed; +inf: not known before the end
     running: Array
     status: Index  # (K,): `Status` of the motion and the margins
     messages: tuple[str, ...]  # reasons

@@ -19,8 +19,8 @@ TIE = 1e-11
 def lemke(matrix: Array, offset: Array) -> Array | None:
     """Find ``z >= 0`` with ``w = matrix z + offset >= 0`` and ``z . w = 0``; None where the method ends on a ray.
 
-    The matrix is (n, n), the offset (n,).  Ties are broken lexicographically, which excludes cycles (R.  W.  Cottle,
-    J.-S. Pang, R.  E.  Stone, The Linear Complementarity Problem, SIAM 2009, section 4.4).
+    The matrix is (n, n), the offset (n,).  Ties are broken lexicographically, which excludes cycles (R. W. Cottle,
+    J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, SIAM 2009, section 4.4).
 
     >>> lemke(np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-5.0, -6.0])).round(12).tolist()
     [1.333333333333, 2.333333333333]
