@@ -143,7 +143,7 @@ def violated(
     """Find motions that violate equations dropped as redundant: they were independent, but singular at the start.
 
     States are (K, T, width), NaN where there are none; `lengths` (K, equation) are those of the gradients of the
-    equations. Return for each realisation concerned the index of the first such time, and a message.
+    equations.  Return for each realisation concerned the index of the first such time, and a message.
     """
     layout = model.layout
     if layout.rank == layout.constraints:

@@ -148,7 +148,7 @@ def implicit(
     """Integrate the coefficients by IDA, at output times (T,), s.
 
     The linear solver is dense, sparse, or Krylov with a preconditioner: the exact Jacobians of all nodes, or their
-    mean. The callable `watch` is called ten times with the coefficients so far, and stops the integration by returning
+    mean.  The callable `watch` is called ten times with the coefficients so far, and stops the integration by returning
     True.
     """
     if linear_solver == "auto" and projected.unknowns > SPARSE_TO:
