@@ -29,10 +29,23 @@ DRIFT = 1e-3
 
 
 class Coupled:
-    """The projected system of a model, with a correction from its last solutions.
+    """The projected system of a model, with what its last solutions taught.
 
-    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` holds the parameters of the
-    nodes (K, parameter).  The driver solves, and counts, in `systems`.
+    Parameters
+    ----------
+    model : Model
+        With its index-1 system.
+    psi : array, shape (K, P)
+        Basis at the nodes.
+    adjoint : array, shape (P, K)
+        ``Psi^T W``.
+    block : array, shape (K, parameter)
+        Parameters of the nodes.
+
+    Attributes
+    ----------
+    systems : CoupledSystems
+        What the driver works on, and counts.
     """
 
     def __init__(self, model: Model, psi: Array, adjoint: Array, block: Array) -> None:
@@ -53,9 +66,12 @@ class Coupled:
         return {"systems": systems, "iterations": iterations, "direct": direct, "krylov": krylov}
 
     def dynamics(self, tolerance: float) -> Dynamics:
-        """Return the equations of motion for the explicit integrator.
+        """Describe the motion for the explicit integrator.
 
-        Iterations for the accelerations end at a relative change of `tolerance`.
+        Parameters
+        ----------
+        tolerance : float
+            Relative size of the last change of the accelerations.
         """
         layout = self.layout
         self.systems.tolerances(tolerance, DRIFT)
@@ -63,10 +79,21 @@ class Coupled:
         return self.systems.dynamics(layout.velocities, self.nodal.rated, moving, constrained=bool(layout.rank))
 
     def solve(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
-        """Return accelerations and multipliers (P, size), and rates of the auxiliary states (P, state), at a time in s.
+        """Accelerations and multipliers (P, size), and rates of the auxiliary states (P, state).
 
-        The state (P, width) holds coefficients.  Iterations for the accelerations end at a relative change of
-        `tolerance`; the results are NaN where they do not converge.
+        Parameters
+        ----------
+        state : array, shape (P, width)
+            Coefficients.
+        time : float
+            s.
+        tolerance : float
+            Relative size of the last change of the accelerations.
+
+        Returns
+        -------
+        found, rates : array
+            NaN where the iteration does not converge.
         """
         self.systems.tolerances(tolerance, tolerance)
         found, rated = self.systems.rate(time, state)
