@@ -122,14 +122,11 @@ LONGEST = 60
 
 
 def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
-    """Return what results say of their mechanism, each as JSON.
+    """Return the attributes of results on their mechanism, each as JSON.
 
-    Returns
-    -------
-    dict of str to str
-        ``parts``: bodies, and components with their types, from which `uqmbd compare` tells which only one of two
-        mechanisms has.  ``model``: parameters of both, in words.  ``over``: outputs that are drawn over other ones.
-        ``limits``: requirements that say of an output over time that it stays below or above a number.
+    ``parts`` are bodies, and components with their types, by which `uqmbd compare` finds those of only one of two
+    mechanisms; ``model`` the parameters of both, in words; ``over`` outputs that are plotted over others; ``limits``
+    requirements that an output over time stays below or above a number.
     """
     components = {c.name: type(c).__name__ for c in mechanism.components.values()}
     components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}

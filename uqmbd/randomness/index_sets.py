@@ -108,8 +108,6 @@ def index_set(
 def sort_indices(rows: Index) -> Index:
     """Sort rows by their total degree, then so that earlier columns come first.
 
-    Examples
-    --------
     >>> sort_indices(np.array([[0, 1], [1, 0], [0, 0]])).tolist()
     [[0, 0], [1, 0], [0, 1]]
     """
@@ -118,10 +116,8 @@ def sort_indices(rows: Index) -> Index:
 
 
 def whole_number(value: object, what: str, least: int) -> int:
-    """Return `value` as an int, or say what was expected.
+    """Return `value` as an int; raise StudyError if it is no whole number of at least `least`.
 
-    Examples
-    --------
     >>> whole_number(3, "order", 0)
     3
     >>> whole_number(-1, "order", 0)

@@ -47,20 +47,11 @@ def warn_of_surrogates(
     *,
     timeless: bool = False,
 ) -> None:
-    """Warn of the outputs of a method whose surrogate states a large error, or whose mean no realisation comes near.
+    """Warn of outputs whose surrogate states a large error, or whose mean is outside the range of the realisations.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        Of one kind of outputs of a method; without a surrogate there is nothing to report.
-    label : str
-        Of the method.
-    rtol : float
-        Tolerance of the integration.
-    realised : tuple of array (O, T), array (O, T) and int, optional
-        Smallest and largest value of the realisations of the method, and their number.
-    timeless : bool
-        Whether the outputs have no times, and stand at one as if they had.
+    `node` holds one kind of outputs of a method; without a surrogate there is nothing to report. `realised` holds the
+    smallest and largest values (O, T) of the realisations, and their number. `timeless` outputs have no times, but a
+    time axis of length one.
     """
     statistics, surrogates = node.children["statistics"].to_dataset(), stored_surrogates(node)
     if not surrogates and "verification_error" not in statistics:

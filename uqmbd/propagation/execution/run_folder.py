@@ -52,26 +52,10 @@ _held: set[tuple[Path, int]] = set()
 
 @contextlib.contextmanager
 def claimed(folder: Path | None) -> Iterator[None]:
-    """Hold a folder for one run, while the context lasts and the process lives; a thread may hold it several times.
+    """Lock a folder for one run, while the context lasts and the process lives; a thread may lock it several times.
 
-    The operating system ends the claim with the process, however that ends.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        Made if it does not exist; None: nothing is held.
-
-    Raises
-    ------
-    StudyError
-        If another run holds it: its process, and the way out.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as place, claimed(Path(place)), claimed(Path(place)):
-    ...     print("ours")
-    ours
+    The folder is made if it does not exist; None: nothing is locked. The operating system ends the lock with the
+    process. Raise StudyError if another run holds it: its process, and the remedy.
     """
     if folder is None:
         yield
@@ -212,30 +196,12 @@ def _taken(folder: Path, owner: str) -> StudyError:
 
 
 def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: Collection[str] = ()) -> Path | None:
-    """Move the results of an earlier run out of the way; what uqmbd did not write is left where it is.
+    """Move the results of an earlier run away and return their folder, or None; files of others stay where they are.
 
-    Results that are in the manifest go to ``previous``, in the place of those that are there.  Others that uqmbd can
-    have written go to a new folder ``previous-N``.
-
-    Parameters
-    ----------
-    folder : Path
-        That of a run.
-    needed : collection of str
-        Names that the run will write.
-    stores : collection of str
-        Names of stores of samples that it may write, or go on with.
-
-    Returns
-    -------
-    Path or None
-        Where they are now; None: there are none.
-
-    Raises
-    ------
-    StudyError
-        If one of these names, or that of the chunks of a run, is taken by something else, before anything is moved:
-        which, and the way out.
+    Results in the manifest go to ``previous``, replacing those there. Others that uqmbd can have written go to a new
+    folder ``previous-N``. `needed` are the names that the run will write, `stores` those of stores of samples that it
+    may write or continue. Raise StudyError, before anything is moved, if one of these names, or that of the chunks of a
+    run, belongs to something else.
     """
     check_unfinished(folder)
     check_names(folder, stores)

@@ -105,10 +105,8 @@ class Sizing:
 
 
 def readable(size: int) -> str:
-    """Return a number of bytes for people.
+    """Return a number of bytes as text for messages.
 
-    Examples
-    --------
     >>> readable(950), readable(12_300), readable(2_000_000_000)
     ('1 kB', '12 kB', '2 GB')
     """

@@ -231,10 +231,8 @@ def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike)
 
 
 def tensor_rule(rules: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Return nodes, shape (K, d), and weights, shape (K,), of the product of one-dimensional rules.
+    """Return nodes (K, d) and weights (K,) of the product of one-dimensional rules.
 
-    Examples
-    --------
     >>> tensor_rule([(np.array([1.0, 2.0]), np.array([0.5, 0.5])), (np.array([3.0]), np.array([1.0]))])[0].tolist()
     [[1.0, 3.0], [2.0, 3.0]]
     """

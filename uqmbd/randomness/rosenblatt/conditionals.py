@@ -58,18 +58,10 @@ class Conditional(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """A family of chaospy with its own parameters: the formulas.
+    """Family of chaospy with its own parameters: the formulas."""
 
-    Parameters
-    ----------
-    family : chaospy.SimpleDistribution
-        Whose formulas are evaluated.
-    parameters : tuple of (str, Expression)
-        By their names in the formulas.
-    """
-
-    family: Any
-    parameters: tuple[tuple[str, Expression], ...]
+    family: Any  # distribution whose formulas are evaluated
+    parameters: tuple[tuple[str, Expression], ...]  # by their names in the formulas
 
     @property
     def discrete(self) -> bool:
@@ -144,21 +136,12 @@ class Core:
 
 @dataclass(frozen=True, eq=False)
 class AffineConditional:
-    """The distribution of ``shift + scale * y``.
+    """Distribution of ``shift + scale * y``."""
 
-    Parameters
-    ----------
-    inner : Conditional
-        That of y.
-    shift, scale : Expression
-    turns : bool
-        Whether the scale may be negative: in arithmetic it may, as a parameter of a family it must not.
-    """
-
-    inner: Conditional
+    inner: Conditional  # distribution of y
     shift: Expression
     scale: Expression
-    turns: bool = False
+    turns: bool = False  # whether the scale may be negative: in arithmetic, but not as a parameter of a family
 
     @property
     def discrete(self) -> bool:
@@ -216,14 +199,7 @@ class AffineConditional:
 
 @dataclass(frozen=True, eq=False)
 class Spanned:
-    """A distribution of bounded support, stretched to other ends.
-
-    Parameters
-    ----------
-    inner : Conditional
-    lower, upper : Expression
-        The ends.
-    """
+    """Distribution of bounded support, stretched to other ends."""
 
     inner: Conditional
     lower: Expression
@@ -271,13 +247,7 @@ class Spanned:
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """A truncated distribution; a bound that is left out is None.
-
-    Parameters
-    ----------
-    inner : Conditional
-    lower, upper : Expression or None
-    """
+    """Truncated distribution; a bound that is left out is None."""
 
     inner: Conditional
     lower: Expression | None
@@ -334,18 +304,13 @@ class Cut:
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """A monotone function of a continuous variable: a power, the power of a number, a logarithm.
+    """Monotone function of a continuous variable y.
 
-    Parameters
-    ----------
-    inner : Conditional
-    kind : {"power", "exponential", "logarithm"}
-        ``y ** number``, ``number ** y``, or the logarithm of y to the base.
-    number : float
+    It is ``y ** number``, ``number ** y``, or the logarithm of y to the base `number`.
     """
 
     inner: Conditional
-    kind: str
+    kind: str  # "power", "exponential" or "logarithm"
     number: float
 
     @property
@@ -403,13 +368,7 @@ class Mapped:
 
 
 def decoded_conditional(data: Any) -> Conditional:
-    """Return the distribution that ``encoded`` of one wrote.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return the distribution from its ``encoded`` form; raise ValueError for other data."""
     kind, *parts = data
     if kind == "core":
         import chaospy

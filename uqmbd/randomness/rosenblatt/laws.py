@@ -49,23 +49,12 @@ class JointLaw(Protocol):
         """Map components to independent uniform variables; of single values to the middle of their probability."""
 
     def encoded(self) -> Any:
-        """Return it as numbers, texts and lists.
-
-        Raises
-        ------
-        NotUnderstood
-            If it holds functions of a user.
-        """
+        """Return it as numbers, texts and lists; raise NotUnderstood if it holds functions of a user."""
 
 
 @dataclass(frozen=True, eq=False)
 class Single:
-    """One variable.
-
-    Parameters
-    ----------
-    law : Conditional
-    """
+    """Distribution of one variable."""
 
     law: Conditional
 
@@ -112,34 +101,19 @@ class Single:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Components of a chain that are drawn together.
+    """Components of a chain that are drawn together."""
 
-    Parameters
-    ----------
-    columns : tuple of int
-        Their places in the chain.
-    law : JointLaw
-        Their distribution, given those of earlier steps.
-    """
-
-    columns: tuple[int, ...]
-    law: JointLaw
+    columns: tuple[int, ...]  # their indices in the chain
+    law: JointLaw  # their distribution, given those of earlier steps
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Distributions one after the other, whose parameters may depend on those before.
-
-    Parameters
-    ----------
-    steps : tuple of Step
-        Whose parameters name places among the first variables of a larger distribution, followed by the own ones.
-    outside : int
-        How many variables of the larger distribution these are; 0 for a chain that is a whole.
-    """
+    """Consecutive distributions, whose parameters may depend on earlier ones."""
 
     steps: tuple[Step, ...]
-    outside: int = 0
+    """Parameters name indices of the first variables of a larger distribution, followed by those of the chain."""
+    outside: int = 0  # number of these variables of the larger distribution; 0 for a chain that is a whole
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -196,13 +170,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Copulated:
-    """Uniform variables that a copula makes dependent, as those of another distribution.
-
-    Parameters
-    ----------
-    copula : Copula
-    margins : JointLaw
-    """
+    """Uniform variables that a copula makes dependent, as those of another distribution."""
 
     copula: Copula
     margins: JointLaw
@@ -250,18 +218,11 @@ class Copulated:
 
 @dataclass(frozen=True, eq=False)
 class AffineJoint:
-    """Components that are shifted and scaled.
-
-    Parameters
-    ----------
-    inner : JointLaw
-    shift, scale : tuple of Expression
-        Of each component; scales may be negative.
-    """
+    """Shifted and scaled components."""
 
     inner: JointLaw
     shift: tuple[Expression, ...]
-    scale: tuple[Expression, ...]
+    scale: tuple[Expression, ...]  # of each component, may be negative
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -313,13 +274,7 @@ class AffineJoint:
 
 
 def decoded_law(data: Any) -> JointLaw:
-    """Return the distribution that ``encoded`` of one wrote.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return the distribution from its ``encoded`` form; raise ValueError for other data."""
     kind, *parts = data
     if kind == "single":
         return Single(decoded_conditional(parts[0]))

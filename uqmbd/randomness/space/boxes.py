@@ -146,16 +146,7 @@ class GermBox:
 
 
 def located(boxes: Sequence[GermBox], germs: ArrayLike) -> NDArray[np.int64]:
-    """Return in which of some boxes germ points (K, d) lie, shape (K,); -1: in none.
-
-    Examples
-    --------
-    >>> import chaospy, uqmbd
-    >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(0, 2))]))
-    >>> located(GermBox.whole(space).split(0), [[-0.5], [0.0], [0.1], [1.0]]).tolist()
-    [0, 0, 1, 1]
-    """
+    """Return the index (K,) of the box that contains each germ point (K, d); -1: none."""
     points = np.asarray(germs, dtype=float)
     found = np.full(len(points), -1, dtype=np.int64)
     for k, box in enumerate(boxes):
