@@ -171,7 +171,7 @@ ROWS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
             if find_spec("openturns")
             else {}
         ),
-        "surrogate": {"surrogate": Collocation(order=2, verify=2), "max_realisations": 500, "target_cov": 0.2},
+        "surrogate": {"surrogate": Collocation(order=2, verify=2), "max_realisations": 3000, "target_cov": 0.2},
     },
 }
 """Options of each method that is registered, by what they are called here."""
