@@ -27,6 +27,9 @@ __all__ = [
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_BREAKS = frozenset("\t\n\r\u2028\u2029")
+"""What breaks tables and messages."""
+
 RESERVED_LABELS = frozenset(
     {
         "comparison",
@@ -114,7 +117,7 @@ def check_name(name: object, what: str) -> str:
     if not name.strip():
         raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
     mark = "'/', which separates groups in result files" if "/" in name else unwritable(name)
-    if not mark and len(name.splitlines()) > 1 or set(name) & {*"\t\n\r\u2028\u2029"}:
+    if not mark and len(name.splitlines()) > 1 or set(name) & _BREAKS:
         mark = "tabs or ends of lines, which break tables and messages"
     if mark:
         raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
@@ -186,6 +189,8 @@ def check_units(units: object, where: str) -> str:
         raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
     if mark := unwritable(units):
         raise StudyError(f"{where}: units is {units!r}; units cannot contain {mark}.")
+    if set(units) & _BREAKS:
+        raise StudyError(f"{where}: units is {units!r}; units cannot contain tabs or ends of lines.")
     from uqmbd.units import spelling, warn  # which `uqmbd --help` does not need
 
     if told := spelling(where, units):

@@ -108,7 +108,7 @@ def calibrate(
     """
     given = checked_records(records, study)
     require_sampler()
-    if on not in ("surrogate", "mechanism"):
+    if not isinstance(on, str) or on not in ("surrogate", "mechanism"):
         raise uqmbd.StudyError(f"calibrate: on is {on!r}; expected 'surrogate' or 'mechanism'.")
     if realisations is None:
         realisations = max(FEW, EACH * len(study.mechanism.inputs))
@@ -169,7 +169,7 @@ MANY = 10**8
 
 def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str, Any]) -> None:
     """Refuse options that cannot be used."""
-    if noise not in ("normal", "student"):
+    if not isinstance(noise, str) or noise not in ("normal", "student"):
         raise uqmbd.StudyError(f"calibrate: noise is {noise!r}; expected 'normal' or 'student'.")
     least = {"realisations": 1, "draws": 100, "chains": 2, "seed": 0}
     for name, value in numbers.items():

@@ -8,6 +8,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array
+from uqmbd_calibration.records.wording import number, numbers
 
 __all__ = ["Bias"]
 
@@ -42,12 +43,9 @@ class Bias:
     length: float | None = None
 
     def __post_init__(self) -> None:
-        for name, value in (("sd", self.sd), ("length", self.length)):
-            if name == "length" and value is None:
-                continue
-            number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-            if not number or not 0 < float(value or 0) < np.inf:
-                raise uqmbd.StudyError(f"Bias: {name} is {value!r}; expected a positive number, as Bias(sd=0.001).")
+        number(self.sd, "Bias", "sd", positive=True)
+        if self.length is not None:
+            number(self.length, "Bias", "length", positive=True)
 
     def modes(self, times: object) -> Array:
         """Return functions of time (T, k) whose sums, with standard normal coefficients, are distributed as the bias.
@@ -57,7 +55,9 @@ class Bias:
         times : array_like, shape (T,)
             s, increasing.
         """
-        at = np.asarray(times, dtype=float)
+        at = numbers(times, "Bias", "times")
+        if not np.isfinite(at).all():
+            raise uqmbd.StudyError("Bias: times are not all finite; expected numbers, s.")
         if self.length is None or len(at) < 2:
             return np.full((len(at), 1), float(self.sd))
         # at points a third of the length apart the process is known: between them its deviation is below 1e-3 sd

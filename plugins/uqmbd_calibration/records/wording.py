@@ -13,6 +13,9 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 
+MANY = 10**8
+"""Numbers of a record, at most: more do not fit into memory with all that is made of them."""
+
 __all__ = [
     "check_known_names",
     "check_mapping",
@@ -127,6 +130,8 @@ def numbers(values: object, where: str, what: str) -> Array:
             found = found.astype(float)
     if found is None or found.dtype.kind not in "iuf":
         raise uqmbd.StudyError(f"{where}: {what} are {short(values)}; expected numbers.")
+    if found.size > MANY:
+        raise uqmbd.StudyError(f"{where}: {what} have the shape {found.shape}; expected at most {MANY} numbers.")
     if found.ndim != 1:
         raise uqmbd.StudyError(f"{where}: {what} have the shape {found.shape}; expected one dimension.")
     array: Array = np.ma.filled(found.astype(float), np.nan)

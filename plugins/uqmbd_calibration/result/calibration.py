@@ -15,6 +15,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import load, save
+from uqmbd_calibration.records.wording import short
 from uqmbd_calibration.result.checks import named_strays
 from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 
@@ -146,7 +147,7 @@ class Calibration:
         """
         ending = f"[{machine}]"
         machines = sorted({name.split("[", 1)[1][:-1] for name in self.names if name.endswith("]")})
-        if machine and machine not in machines or (machines and not machine):
+        if not isinstance(machine, str) or (machine and machine not in machines) or (machines and not machine):
             raise uqmbd.StudyError(
                 f"Calibration.variables: machine is {machine!r}; "
                 + (f"expected one of {', '.join(map(repr, machines))}." if machines else "no input is individual.")
@@ -154,9 +155,10 @@ class Calibration:
         chosen = [name for name in self.names if not name.endswith("]") or name.endswith(ending)]
         if inputs is not None:
             known = [name.removesuffix(ending) for name in chosen]
-            if not inputs or any(name not in known for name in inputs):
+            names = list(inputs) if isinstance(inputs, (list, tuple, set, frozenset)) else []
+            if not names or any(not isinstance(name, str) or name not in known for name in names):
                 raise uqmbd.StudyError(
-                    f"Calibration.variables: inputs is {list(inputs)!r}; expected some of "
+                    f"Calibration.variables: inputs is {short(inputs)}; expected a sequence with some of "
                     f"{', '.join(map(repr, known))}."
                 )
             chosen = [name for name, one in zip(chosen, known, strict=True) if one in inputs]

@@ -153,7 +153,8 @@ class Study:
     def _checked(self, propagators: Any) -> tuple[Propagator, ...]:
         if isinstance(propagators, (Propagator, type)):
             propagators = (propagators,)
-        if isinstance(propagators, (str, bytes)) or not isinstance(propagators, Iterable):
+        array = hasattr(propagators, "dtype")  # of numbers, and may be a huge one
+        if array or isinstance(propagators, (str, bytes, Mapping)) or not isinstance(propagators, Iterable):
             raise StudyError(
                 f"study {self.name!r}: propagators is {propagators!r}; expected a list such as "
                 "[MonteCarlo(samples=500, seed=1)]."
