@@ -177,14 +177,15 @@ def sample_dataset(
     check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
     drawn = real_numbers("inputs", inputs)
     check_shape("inputs", drawn, (count, len(labels.inputs)), ("sample", "input"))
-    flags = np.zeros(count, dtype=np.int32) if status is None else np.array(status, dtype=np.int32)
-    check_shape("status", flags, (count,), ("sample",))
+    stated = np.zeros(count) if status is None else real_numbers("status", status)
+    check_shape("status", stated, (count,), ("sample",))
     reasons = [""] * count if messages is None else [str(m) for m in messages]
     if len(reasons) != count:
         raise StudyError(f"'messages' must hold one text for each of the {count} samples; found {len(reasons)}.")
-    unknown = sorted(set(np.unique(flags).tolist()) - set(meanings))
+    unknown = sorted(set(np.unique(stated).tolist()) - set(meanings))
     if unknown:
-        raise StudyError(f"Status {unknown[0]} has no meaning; known are {dict(meanings)}.")
+        raise StudyError(f"Status {unknown[0]:g} has no meaning; known are {dict(meanings)}.")
+    flags = stated.astype(np.int32)
 
     finite = np.isfinite(values.reshape(count, -1)).all(axis=1)
     for k in np.flatnonzero(~finite & (flags == Status.OK)):
@@ -283,7 +284,9 @@ def statistics_dataset(
     unknown = np.full(labels.shape, np.nan)
     optional = {"skewness": skewness, "kurtosis": kurtosis, "quantile": quantile}
     silent = [name for name, value in optional.items() if value is None]
-    levels = np.array(DEFAULT_PROBABILITIES if probability is None else probability, dtype=float)
+    levels = real_numbers("probability", DEFAULT_PROBABILITIES if probability is None else probability)
+    if levels.ndim != 1 or not ((levels >= 0) & (levels <= 1)).all():
+        raise StudyError(f"'probability' is {probability!r:.80}; expected a row of numbers between 0 and 1.")
     plain: dict[str, ArrayLike | None] = {
         "mean": mean,
         "std": std,

@@ -78,7 +78,7 @@ def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
         raise StudyError(f"{name!r} is complex, {array[at]} at index {at}; expected real numbers.")
     try:
         return np.array(value, dtype=float, copy=copy or None)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise StudyError(f"{name!r} is {type(value).__name__}, which contains non-numeric values.") from None
 
 
