@@ -23,8 +23,8 @@ __all__ = [
     "format_quantity",
     "format_share",
     "minus",
-    "power_of_ten",
     "place_of",
+    "power_of_ten",
     "reciprocal_units",
     "typeset_units",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -191,4 +191,4 @@ class _Once:
 
 def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
     """Return a problem whose progress begins once, however often realisations are asked for, with the most of them."""
-    return replace(problem, progress=_Once(problem.progress, most))
+    return problem.using(progress=_Once(problem.progress, most))

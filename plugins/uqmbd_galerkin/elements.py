@@ -6,7 +6,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -140,7 +140,7 @@ def galerkin_elements(
 
     `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
-    quiet = replace(problem, progress=_Quiet(problem.progress))
+    quiet = problem.using(progress=_Quiet(problem.progress))
     problem.progress.start(problem.label, uqmbd.extend.AtMost(limits.computed))
     work = _Elements(quiet, *how)
     refined = uqmbd.extend.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)

@@ -154,8 +154,8 @@ class PairedControl:
         times = problem.times if problem.over is None else problem.over
         if reason := mismatch(control.study, units, names, times):
             raise uqmbd.StudyError(f"{problem.label}: {reason}.")
-        made = control.study.problem(method, problem.executor, problem.progress)
-        self._cheap = _of_kind(replace(made, clock=problem.clock, spending=problem.spending), problem, names)
+        made = control.study.problem(method, problem.runner.executor, problem.progress)
+        self._cheap = _of_kind(made.using(clock=problem.runner.clock, spending=problem.runner.spending), problem, names)
         own = [output.name for output in self._cheap.labels.outputs]
         if missing := [name for name in names if name not in own]:
             raise uqmbd.StudyError(
@@ -176,8 +176,8 @@ class PairedControl:
     def _stream(self, values: Array, label: str) -> Iterator[tuple[Array, Mask]]:
         """Compute it at inputs of the study that is controlled: responses (K, C), and which succeeded."""
         label = f"{self._problem.label}: {label}"
-        store = self._problem.checkpoint and replace(self._problem.checkpoint, label=label)
-        problem = replace(self._cheap, label=label, checkpoint=store)
+        own = self._problem.runner.of(label)
+        problem = replace(self._cheap, label=label).using(checkpoint=own.checkpoint)
         for part in problem.stream(values[:, self._columns]):
             good = part.good
             self.realisations += len(good)
@@ -185,9 +185,9 @@ class PairedControl:
             for name, number in part.counters.items():
                 self.counters[name] = self.counters.get(name, 0) + number
             yield part.response[:, self._outputs].reshape(len(good), -1), good
-            if self._problem.ledger is not None:
+            if self._problem.runner.ledger is not None:
                 # a budget of time is for it, too; one of realisations is for those of the study
-                self._problem.ledger.begin()
+                self._problem.runner.ledger.begin()
 
     def standardised(self, first: int, count: int) -> Array:
         """Return it at the next samples, less the centre, in units (count, C)."""
@@ -239,7 +239,7 @@ class PairedControl:
 
 def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: tuple[str, ...]) -> uqmbd.extend.Problem:
     """Return the problem of the control whose outputs are of the kind of another problem's, and nothing besides."""
-    made = replace(made, model=replace(made.model, margins=None), progress=problem.progress)
+    made = replace(made, model=replace(made.model, margins=None)).using(progress=problem.progress)
     if problem.kind == "outputs":
         return replace(made, model=replace(made.model, scalars=None))
     if problem.kind == "requirements":

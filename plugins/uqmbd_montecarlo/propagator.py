@@ -312,7 +312,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
     ) -> xr.Dataset:
         independent = uqmbd.extend.sampling_design(self.sampling).independent
         if everything is None:
-            statistics = statistics_of_samples(samples, independent=independent, each=problem.each)
+            statistics = statistics_of_samples(samples, independent=independent, each=problem.runner.each)
         else:
             moments = found.moments.statistics(independent=independent)
             statistics = statistics_dataset(problem.labels, **moments, **everything.statistics())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -81,20 +81,17 @@ def run_sobol(
     """
     count, dimension = len(values) // 2, len(problem.inputs)
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)
-    late = Counter(problem.observed.missing)
+    late = Counter(problem.runner.observed.missing)
     if any(late.values()):
         # of all outputs that are asked for together, in which case those that always happen are asked for again
         beside = dict.fromkeys(names, "another output that is asked for with it does not happen in some realisations")
-        without = beside | _late({names[k]: late[k] for k in late}, problem.observed.counted)
+        without = beside | _late({names[k]: late[k] for k in late}, problem.runner.observed.counted)
         unknown = np.full((2, 2, dimension, *problem.labels.shape), np.nan)
         indices = SobolIndices(unknown[0, 0], unknown[1, 0], unknown[:, 0], unknown[:, 1])
         return SobolRun(_variables(indices, problem.labels, without), *nothing, replicates, without)
     first, second = pairs
-    label = f"{problem.label}: Sobol' indices"
-    checkpoint = problem.checkpoint and replace(problem.checkpoint, label=label)
     # these realisations are no samples of the inputs: they do not count where an output does not happen
-    seen = type(problem.observed)()
-    other = replace(problem, label=label, checkpoint=checkpoint, observed=seen)
+    other = problem.part(f"{problem.label}: Sobol' indices")
     sums: PickFreeze | None = None
     failures, wall_time, reasons, counters = 0, 0.0, Counter[str](), dict[str, float]()
     step = rows_at_once(count, dimension, keep)
@@ -117,18 +114,19 @@ def run_sobol(
         counters |= {name: counters.get(name, 0) + number for name, number in found.counters.items()}
         if reason := found.most_frequent_reason():
             reasons[reason] += found.failures
-    problem.observed.counters.update(seen.counters)
+    problem.runner.observed.counters.update(other.runner.observed.counters)
+    late = other.runner.observed.missing
     used = 0 if sums is None else int(sums.rows.sum())
     reason = reasons.most_common(1)[0][0] if reasons else ""
     few = sums is None or np.count_nonzero(sums.rows) < 2
     if sums is None or few or failures > max_failures * dimension * count:
         raise uqmbd.IntegrationError(
-            f"{label}: {failures} of {dimension * count} realisations failed, and {used} of {count} rows of the design "
-            "are whole; rows of 2 blocks of the design are needed at least, and "
+            f"{other.label}: {failures} of {dimension * count} realisations failed, and {used} of {count} rows of the "
+            "design are whole; rows of 2 blocks of the design are needed at least, and "
             f"max_failures = {max_failures:g} must not be exceeded. "
             f"Most frequent reason: {reason or 'an output is not finite'}"
         )
-    without = _late({names[k]: seen.missing[k] for k in seen.missing}, dimension * count)
+    without = _late({names[k]: late[k] for k in late}, dimension * count)
     about = used, count - used, dimension * count, failures, reason
     variables = _variables(sums.indices(), problem.labels, without)
     return SobolRun(variables, *about, counters, wall_time, replicates, without)

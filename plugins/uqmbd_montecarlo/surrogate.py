@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,9 +35,7 @@ def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uq
     if isinstance(control, PolynomialChaos):
         found = Surrogate(control)
     else:
-        label = f"{problem.label}: control"
-        checkpoint = problem.checkpoint and replace(problem.checkpoint, label=label)
-        node = control.propagate(replace(problem, label=label, checkpoint=checkpoint))
+        node = control.propagate(problem.part(f"{problem.label}: control").using(observed=problem.runner.observed))
         if "chaos" not in node.children:
             raise uqmbd.StudyError(
                 f"{problem.label}: the control {control.name!r} gives no polynomial chaos; "

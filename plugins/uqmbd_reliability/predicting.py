@@ -41,9 +41,8 @@ def predictor(
 ) -> Predictor:
     """Train a surrogate of the margins by a method; raise StudyError if the method gives none."""
     margins = problem if problem.kind == "requirements" else problem.of_requirements()
-    label = f"{problem.label}: surrogate"
-    checkpoint = margins.checkpoint and replace(margins.checkpoint, label=label)
-    node = method.propagate(replace(margins, label=label, checkpoint=checkpoint, answers_requirements=False))
+    part = margins.part(f"{problem.label}: surrogate").using(observed=margins.runner.observed)
+    node = method.propagate(replace(part, answers_requirements=False))
     chaos = surrogate(node, times=[len(problem.times if problem.over is None else problem.over) - 1])
     return Predictor(
         chaos.evaluate_germs,

@@ -247,7 +247,7 @@ class Reliability(uqmbd.extend.Propagator):
         )
         return problem.node(
             self,
-            statistics_of_samples(samples, each=problem.each),
+            statistics_of_samples(samples, each=problem.runner.each),
             samples,
             realisations=total,
             wall_time=pilot.wall_time if runs is None else runs.wall_time,

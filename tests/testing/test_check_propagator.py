@@ -136,7 +136,7 @@ class Foreign(Collocated):
     """Other workers, other numbers."""
 
     def propagate(self, problem):
-        return super().propagate(replace(problem, rtol=problem.rtol if problem.executor is None else 1e-5))
+        return super().propagate(replace(problem, rtol=problem.rtol if problem.runner.executor is None else 1e-5))
 
 
 class Deaf(MonteCarlo):
@@ -255,7 +255,7 @@ class Elsewhere(Plain):
     """Computes without the study's means."""
 
     def realised(self, problem, values):
-        parts = [replace(problem, checkpoint=None, executor=None).realise(values[k : k + 1]) for k in range(3)]
+        parts = [problem.using(checkpoint=None, executor=None).realise(values[k : k + 1]) for k in range(3)]
         return replace(
             parts[0],
             response=np.concatenate([p.response for p in parts]),
@@ -270,7 +270,7 @@ class Interminable(Plain):
         try:
             return problem.realise(values)
         except BaseException:  # noqa: B036
-            return replace(problem, progress=Silently()).realise(values)
+            return problem.using(progress=Silently()).realise(values)
 
 
 class Thawed(MonteCarlo):

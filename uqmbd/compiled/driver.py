@@ -20,12 +20,13 @@ from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array
 
 __all__ = [
-    "Coupled",
     "ENCOUNTERS",
     "PARTS",
     "POOL",
     "RECORDED",
+    "SOURCES",
     "Contacts",
+    "Coupled",
     "Course",
     "Encounters",
     "Equations",
@@ -34,7 +35,6 @@ __all__ = [
     "Pool",
     "Problem",
     "Program",
-    "SOURCES",
     "Seen",
     "Segments",
     "Source",

@@ -51,7 +51,6 @@ from uqmbd.dynamics.statics import (
 from uqmbd.dynamics.summaries import running_minimum
 
 __all__ = [
-    "Risk",
     "Capabilities",
     "Capability",
     "Check",
@@ -70,6 +69,7 @@ __all__ = [
     "PhaseMotion",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
+    "Risk",
     "ScalarMap",
     "ScalarValues",
     "Segment",

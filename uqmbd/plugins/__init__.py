@@ -41,8 +41,8 @@ from uqmbd.plugins.registry import (
 )
 
 __all__ = [
-    "Command",
     "KINDS",
+    "Command",
     "Kind",
     "PluginInfo",
     "Registry",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Model
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["Existence", "POINTS", "affordable", "existence_of", "grows", "idle_inputs", "nothing_random"]
+__all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "idle_inputs", "nothing_random"]
 
 
 def nothing_random(inputs: JointInput, mechanism: str) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,7 +19,7 @@ from uqmbd.dynamics import built_in_names
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
 from uqmbd.progress import Silent
-from uqmbd.propagation.execution import AGAIN, Observed, integrated_by
+from uqmbd.propagation.execution import AGAIN, integrated_by
 from uqmbd.propagation.problem import Problem
 from uqmbd.status import Status
 from uqmbd.typing import Array
@@ -121,14 +122,14 @@ def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
     Where a method that solves for all together has done so by another integrator (`by`) than its realisations, these
     are integrated by that one.
     """
-    seen = problem.observed
+    seen = problem.runner.observed
     known = integrated_by(seen.counters, problem.integrator).get("integrated_by", "").split(", ")
     others = [name for name in by.split(", ") if name in built_in_names() and name not in known]
     if seen.values and not others:
         return np.array(seen.values), np.array(seen.responses)
     own = _silent(problem, "once", integrator=others[0] if others else problem.integrator)
     own.realise(np.array(seen.values) if seen.values else _points(problem))
-    return np.array(own.observed.values), np.array(own.observed.responses)
+    return np.array(own.runner.observed.values), np.array(own.runner.observed.responses)
 
 
 def _points(problem: Problem) -> Array:
@@ -140,20 +141,10 @@ def _points(problem: Problem) -> Array:
     return problem.inputs.from_uniform((0.5 + steps) % 1.0)
 
 
-def _silent(problem: Problem, what: str, **changes: object) -> Problem:
+def _silent(problem: Problem, what: str, **changes: Any) -> Problem:
     """Return a problem beside: nobody is told, and its chunks have a place of their own."""
-    label = f"{problem.label}: {what}"
-    checkpoint = problem.checkpoint and replace(problem.checkpoint, label=label)
-    return replace(
-        problem,
-        label=label,
-        checkpoint=checkpoint,
-        executor=None,
-        progress=Silent(),
-        # of margins no error is measured
-        model=replace(problem.model, margins=None),
-        known=problem.beside.setdefault(what, {}),
-        observed=Observed(),
-        ledger=None,
-        **changes,  # type: ignore[arg-type]  # names and types of fields
-    )
+    part = problem.part(f"{problem.label}: {what}")
+    known = problem.runner.again.setdefault(what, {})
+    silent = part.using(executor=None, progress=Silent(), known=known, ledger=None)
+    # of margins no error is measured
+    return replace(silent, model=replace(problem.model, margins=None), **changes)

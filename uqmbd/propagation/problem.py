@@ -1,12 +1,12 @@
-"""The problem that a propagator is given.
+"""The problem that a propagator is given: inputs, outputs and times as data, and the runner that computes them.
 
-Length: this is one class, the whole of what methods know of a study.
+Length: every method is public, with its parameters, errors and units.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,38 +18,25 @@ import numpy as np
 from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, capabilities_of, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
-from uqmbd.progress import Progress, Silent, stage
+from uqmbd.progress import Progress, stage
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
     Arrays,
-    Checkpoint,
-    Chunk,
-    Clock,
     History,
-    Kept,
     Kind,
-    Known,
-    Ledger,
     Margins,
     Observed,
     Packed,
     Realisations,
-    Spending,
     chunk_size,
-    compute_chunk,
     event_histories,
-    executor_for,
     fingerprint,
-    in_order,
-    log_realisations,
-    lost_chunk,
     needs_motion,
-    run_tasks,
-    threads_of,
 )
 from uqmbd.propagation.inputs import Existence, nothing_random
 from uqmbd.propagation.method_node import labels_of, method_node
-from uqmbd.propagation.reduction import Reduction, Reductions, Work
+from uqmbd.propagation.reduction import Reduction, Reductions
+from uqmbd.propagation.runner import Runner
 from uqmbd.randomness import GermSpace, JointInput, RandomVariable
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array
@@ -62,7 +49,7 @@ __all__ = ["Problem", "Realisations"]
 
 @dataclass(frozen=True)
 class Problem:
-    """Inputs, outputs and times of a study, and the means to compute realisations.
+    """Inputs, outputs and times of a study, and the runner that computes realisations.
 
     Attributes
     ----------
@@ -87,12 +74,8 @@ class Problem:
         Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
     model : Model
         Equations and outputs, compiled.
-    executor : concurrent.futures.Executor, optional
-        Who computes; None: this process.
-    progress : Progress
-        Who is told.
-    checkpoint : Checkpoint, optional
-        Where finished chunks are kept.
+    runner : Runner
+        Executor, progress, checkpoint, ledger, clock and cache.
 
     Examples
     --------
@@ -123,9 +106,7 @@ class Problem:
     rtol: float
     integrator: str
     model: Model = field(repr=False)
-    executor: Executor | None = field(default=None, repr=False)
-    progress: Progress = field(default_factory=Silent, repr=False)
-    checkpoint: Checkpoint | None = field(default=None, repr=False)
+    runner: Runner = field(default_factory=Runner, repr=False, compare=False)
     kind: Kind = "outputs"
     over: Array | None = field(default=None, repr=False)
     chosen: tuple[str, ...] | None = None
@@ -136,18 +117,29 @@ class Problem:
     """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
     existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
     """Which moments of the outputs exist."""
-    known: Known = field(default_factory=dict, repr=False, compare=False)
-    """Outputs without a time, and margins, that were computed beside the others, by the inputs: or where they are."""
-    beside: dict[str, Known] = field(default_factory=dict, repr=False, compare=False)
-    """The same, of realisations that are integrated once more, by what for."""
-    clock: Clock = field(default_factory=Clock, repr=False, compare=False)
-    """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
-    spending: Spending = field(default_factory=Spending, repr=False, compare=False)
-    """What the method spends, in parts; see `timed`."""
-    observed: Observed = field(default_factory=Observed, repr=False, compare=False)
-    """Realisations from which the error of the integration is measured."""
-    ledger: Ledger | None = field(default=None, repr=False, compare=False)
-    """What a run with a budget may compute, and what it has computed for other sizes of the method."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what was an attribute of the problem and is one of its runner, with a warning, until 0.2."""
+        now = {"beside": "again"}.get(name, name)
+        if now not in ("again", "checkpoint", "each", "executor", "known", "ledger", "observed", "spending"):
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        text = f"problem.{name} is problem.runner.{now} now; the old name is removed in version 0.2."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return getattr(self.runner, now)
+
+    @property
+    def progress(self) -> Progress:
+        """Receives how much of the work is done."""
+        return self.runner.progress
+
+    def clock(self) -> float:
+        """Return seconds, with those that an interrupted run has spent on what need not be computed again."""
+        return self.runner.clock()
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of the run's files, if it has one."""
+        return self.runner.folder
 
     @property
     def timeless(self) -> bool:
@@ -169,21 +161,40 @@ class Problem:
 
     def choosing(self, names: tuple[str, ...]) -> Problem:
         """Return the problem of some outputs without a time; where one does not happen, a realisation is censored."""
-        return replace(self, chosen=names, observed=Observed())
+        return replace(self, chosen=names).using(observed=Observed())
 
     def of_requirements(self) -> Problem:
         """Return the problem whose outputs are the margins of the requirements, the smallest until each time."""
         return replace(self._of("requirements"), existence=Existence({}, {}, {}))
 
     def _of(self, kind: Kind, **changes: Any) -> Problem:
-        label, whole = f"{self.label}-{kind}", self._whole
-        checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
-        about = {"label": label, "checkpoint": checkpoint, "observed": Observed(), "times": whole, **changes}
-        return replace(self, kind=kind, over=whole, chosen=None, **about)
+        whole = self.whole_times
+        about = {"kind": kind, "over": whole, "chosen": None, "times": whole, **changes}
+        return replace(self.part(f"{self.label}-{kind}"), **about)
+
+    def part(self, label: str) -> Problem:
+        """Return the problem of a part of the work, whose label and stored chunks are its own.
+
+        Parameters
+        ----------
+        label : str
+            Of the part, as ``f"{problem.label}: control"``.
+        """
+        return replace(self, label=label, runner=self.runner.of(label))
+
+    def using(self, **changes: Any) -> Problem:
+        """Return the same problem with another executor, progress, checkpoint, ledger, clock or record.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `uqmbd.extend.Runner`, as ``executor=None``.
+        """
+        return replace(self, runner=replace(self.runner, **changes))
 
     @property
-    def _whole(self) -> Array:
-        """Output times of the study, shape (T,)."""
+    def whole_times(self) -> Array:
+        """Output times of the study, whatever the kind of outputs, shape (T,), s."""
         return self.times if self.over is None else self.over
 
     def watching(self, times: Array | None = None) -> Problem:
@@ -192,9 +203,8 @@ class Problem:
         model = replace(self.watched or self.model, margins=None)
         if times is not None:
             model, times = replace(model, scalars=None), np.array(times, dtype=float)
-        return replace(
-            self, model=model, watched=None, times=self.times if times is None else times, observed=Observed()
-        )
+        other = replace(self, model=model, watched=None, times=self.times if times is None else times)
+        return other.using(observed=Observed())
 
     def with_inputs(self, variables: Iterable[RandomVariable]) -> Problem:
         """Return the problem with other distributions of some inputs, as after a calibration.
@@ -222,7 +232,7 @@ class Problem:
         return labels_of(self.model, self.inputs, self.times, self.kind, self.chosen)
 
     @cached_property
-    def _packed(self) -> Packed:
+    def packed(self) -> Packed:
         """The model, for workers."""
         return Packed.of(self.model)
 
@@ -280,7 +290,7 @@ class Problem:
         own = self if self.kind == "requirements" else replace(self.of_requirements(), label=self.label)
         found = own.realise(values)
         if own is not self:
-            self.observed.counters.update(own.observed.counters)
+            self.runner.observed.counters.update(own.runner.observed.counters)
         return Margins.of(found, own.labels.shape)
 
     def stream(self, values: Array) -> Iterator[Realisations]:
@@ -298,33 +308,12 @@ class Problem:
         Realisations
             Of the next rows.
         """
-        values = self._checked(values)
-        if not len(values):
-            return
-        self.progress.start(self.label, len(values))
-        begin = asked = self.clock()
-        size = self.chunk_of(len(values))
-        parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
-        workers = executor_for(self.executor, unlocked=self._unlocked)
-        work = in_order(parts, workers, self._kept.find, self._task, self._kept.keep, self._lost)
-        for part, chunk in zip(parts, work, strict=True):
-            now = self.clock()
-            self.spending.realised(now - asked)
-            found = Realisations.of(part, chunk, now - begin)
-            if self.chosen is not None:
-                found = found.choosing(self.model.scalars, self.chosen)
-            self.observed.add(found)
-            log_realisations(self.label, self.kind, found)
-            yield found
-            begin, asked = now, self.clock()
-            self.progress.advance(self.label, len(chunk.status))
-            if self.ledger is not None and part is not parts[-1]:
-                self.ledger.begin()
-        self.progress.finish(self.label)
+        checked = self._checked(values)
+        return self.runner.stream(self, checked) if len(checked) else iter(())
 
     def chunk_of(self, count: int) -> int:
         """Return how many of so many realisations are computed together, the same for all kinds of outputs."""
-        return chunk_size(count, len(self._whole) * (len(self.model.outputs.names) + self.model.layout.width))
+        return chunk_size(count, len(self.whole_times) * (len(self.model.outputs.names) + self.model.layout.width))
 
     @property
     def joins(self) -> bool:
@@ -358,31 +347,7 @@ class Problem:
             An iterable of `Reduced`, in the order of the rows: the same bits for any number of workers.  Its attribute
             ``store`` is then the `uqmbd.results.SampleStore` of all responses, or None without a folder.
         """
-        work = Work(
-            label=self.label,
-            method=self.origin or self.label,
-            kind=self.kind,
-            chosen=self.chosen,
-            model=self.model,
-            inputs=self.inputs,
-            times=self._whole,
-            rtol=self.rtol,
-            integrator=self.integrator,
-            packed=self._packed,
-            fingerprint=self._common,
-            answers_requirements=self.answers_requirements,
-            unlocked=self._unlocked,
-            executor=self.executor,
-            progress=self.progress,
-            checkpoint=self.checkpoint,
-            clock=self.clock,
-            spending=self.spending,
-            ledger=self.ledger,
-            observed=self.observed,
-            chunk_size=self.chunk_of,
-            kept=self._kept,
-        )
-        return Reductions(work, self._checked(values), function, arguments, keep)
+        return Reductions(self, self._checked(values), function, arguments, keep)
 
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
         """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
@@ -406,14 +371,7 @@ class Problem:
         uqmbd.IntegrationError
             If a task ends the worker that does it, and another one, too: its number and function.
         """
-        work = (self.label, self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
-        asked = self.clock()
-        for done, found in enumerate(run_tasks(*work, function, tasks), 1):
-            self.spending.realised(self.clock() - asked)
-            yield found
-            asked = self.clock()
-            if self.ledger is not None and done < len(tasks):
-                self.ledger.begin()
+        return self.runner.run(self, function, tasks)
 
     def timed(self, part: str) -> AbstractContextManager[None]:
         """Record what is spent within as a part of the wall time of the method.
@@ -440,27 +398,7 @@ class Problem:
         --------
         ``with problem.timed("fitting"): coefficients = solve(matrix, response)``
         """
-        return self.spending.part(part, self.clock)
-
-    def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
-        """Apply a function to pieces in order, like `map`, in threads where the study has workers.
-
-        For arithmetic of NumPy on large arrays, as statistics are; the results do not depend on who computes.
-
-        Parameters
-        ----------
-        function : callable
-            Of one piece; it gives the same whatever else runs.
-        pieces : sequence
-            What it is applied to.
-
-        Returns
-        -------
-        iterator
-            Results in the order of the pieces.
-        """
-        threads = threads_of(self.executor) if len(pieces) > 1 else None
-        return map(function, pieces) if threads is None else threads.map(function, pieces)
+        return self.runner.spending.part(part, self.runner.clock)
 
     def require_random(self) -> None:
         """Raise a `uqmbd.StudyError` where nothing is random.
@@ -544,49 +482,22 @@ class Problem:
         return event_histories(self.run, self._checked(values), ends, self.rtol, *about)
 
     @property
-    def _unlocked(self) -> bool:
+    def unlocked(self) -> bool:
         """Whether realisations are computed without the interpreter: no events, no controllers, no statics alone."""
         model, cls = self.model, integrator_class(self.integrator)
         moves = needs_motion(model, self.kind)
         return capabilities_of(cls).releases_gil and moves and not (model.events or model.controls)
 
-    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[Packed, Array, Array, float, str, Kind]]:
-        return compute_chunk, (self._packed, part, self._whole, self.rtol, self.integrator, self.kind)
-
     @cached_property
-    def _kept(self) -> Kept:
-        """What is known of the chunks already."""
-        return Kept(
-            kind=self.kind,
-            partial=self.chosen is not None,
-            margins=not self.answers_requirements,
-            fingerprint=self._fingerprint,
-            joins=self.joins,
-            known=self.known,
-            checkpoint=self.checkpoint,
-            ledger=self.ledger,
-            clock=self.clock,
-        )
-
-    def _lost(self, part: Array, reason: str) -> Chunk:
-        """Return a chunk that killed its workers; it is not stored: a run that goes on tries it again."""
-        return self._kept.note(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind), lost=True)
-
-    @property
-    def folder(self) -> Path | None:
-        """Folder of the run's files, if it has one."""
-        return self.checkpoint.folder if self.checkpoint else None
-
-    @cached_property
-    def _common(self) -> bytes:
+    def common_identity(self) -> bytes:
         """What the numbers of chunks of all kinds depend on."""
-        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), (self._whole.tobytes(),))
+        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), (self.whole_times.tobytes(),))
 
     @cached_property
-    def _fingerprint(self) -> bytes:
+    def identity(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
         if self.over is None:
-            return self._common
+            return self.common_identity
         kind = (self.kind, self.over.tobytes())
         return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), kind)
 

@@ -50,6 +50,7 @@ from uqmbd.results.tree import scalar_nodes, study_tree
 from uqmbd.status import Status
 
 __all__ = [
+    "STATUS_MEANINGS",
     "Accessor",
     "AlignedChaos",
     "Answer",
@@ -57,7 +58,6 @@ __all__ = [
     "PiecewiseChaos",
     "PolynomialChaos",
     "QuasiPeriodicChaos",
-    "STATUS_MEANINGS",
     "SampleStore",
     "StatedAccuracy",
     "Status",

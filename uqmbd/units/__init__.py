@@ -9,9 +9,9 @@ from uqmbd.units.told import warn
 from uqmbd.units.unit import PURE, Dimension, Unit, in_words
 
 __all__ = [
+    "PURE",
     "SPELLINGS",
     "TABLE",
-    "PURE",
     "Dimension",
     "Unit",
     "advice_on",

@@ -16,15 +16,15 @@ from uqmbd_calibration.inference.searching import search, spread_over_prior
 from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, Unknown, Unknowns
 
 __all__ = [
+    "FREEDOM",
+    "LEVEL_SPREAD",
     "Bias",
     "Block",
     "Case",
     "Check",
     "Direction",
     "Draws",
-    "FREEDOM",
     "Inferred",
-    "LEVEL_SPREAD",
     "Level",
     "Mode",
     "OperatingPoint",

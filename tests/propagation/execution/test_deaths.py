@@ -183,7 +183,7 @@ def test_answers_say_who_has_computed():
             said.append(future.result())
             return future
 
-    replace(problem, executor=Here()).realise(np.full((64, 1), 1.0))
+    problem.using(executor=Here()).realise(np.full((64, 1), 1.0))
     (answer,) = said
     assert isinstance(answer, Answer)
     assert answer.worker.process == os.getpid() and answer.worker.machine == machine_type()

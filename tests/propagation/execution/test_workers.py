@@ -137,12 +137,12 @@ def test_statistics_are_computed_in_threads_of_this_process():
         return piece, os.getpid()
 
     with Crew(2) as crew, crew.at_work() as staff:
-        many = replace(problem, executor=staff)
-        assert list(many.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
+        many = problem.using(executor=staff)
+        assert list(many.runner.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
         assert not staff.started
-        assert list(many.each(lambda _: threading.current_thread(), [1])) == [threading.main_thread()]
+        assert list(many.runner.each(lambda _: threading.current_thread(), [1])) == [threading.main_thread()]
     for executor in (None, Recorder()):
-        alone = replace(problem, executor=executor).each(lambda _: threading.current_thread(), [1, 2])
+        alone = problem.using(executor=executor).runner.each(lambda _: threading.current_thread(), [1, 2])
         assert list(alone) == 2 * [threading.main_thread()]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import chaospy
@@ -74,7 +74,7 @@ def study(*, more: bool = False, scale: float = 1.0) -> uqmbd.Study:
 
 
 def run(method: uqmbd.extend.Propagator, clock: Clock, **options: bool) -> xr.DataTree:
-    return run_method(method, replace(study(**options).problem(method), clock=clock))
+    return run_method(method, study(**options).problem(method).using(clock=clock))
 
 
 @settings(max_examples=25, deadline=None)

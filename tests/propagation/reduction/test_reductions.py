@@ -139,7 +139,7 @@ def test_realisations_are_computed_once_and_nothing_of_them_is_held(
     swing(more=more).run(executor, folder=tmp_path)
     assert executor.computed == 10 and executor.sent == 0
     (one,) = problems
-    assert not one.known
+    assert not one.runner.known
 
 
 @pytest.mark.parametrize("who", ["threads", "not shared", pytest.param("processes", marks=pytest.mark.thorough)])

@@ -17,7 +17,6 @@ from uqmbd.dynamics.assembly.undefined import ahead
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
 
 __all__ = [
-    "gradient_lengths",
     "Rank",
     "Start",
     "ahead",
@@ -25,6 +24,7 @@ __all__ = [
     "dead_end",
     "dropped_in_dead_centre",
     "gradient",
+    "gradient_lengths",
     "independent_rows",
     "named",
     "not_unique",

@@ -17,7 +17,7 @@ from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.typing import Array, Index
 
-__all__ = ["Kind", "Layout", "ParameterMap", "RESULTS", "argument_names", "state_arguments"]
+__all__ = ["RESULTS", "Kind", "Layout", "ParameterMap", "argument_names", "state_arguments"]
 
 
 Kind = str

@@ -23,11 +23,11 @@ from uqmbd.dynamics.integration.sundials import solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
 __all__ = [
+    "RELAXED",
     "Counters",
     "Leg",
     "Pace",
     "Prescribed",
-    "RELAXED",
     "Segment",
     "SegmentedMotion",
     "Solved",
@@ -46,10 +46,10 @@ __all__ = [
     "over_allowed",
     "pace",
     "path_through",
-    "settled",
     "position_jumps",
     "prescribed_by",
     "residuals",
+    "settled",
     "solve",
     "speed_jumps",
     "step_limits",

@@ -17,9 +17,9 @@ from uqmbd.dynamics.linear.pivoting import lemke
 from uqmbd.dynamics.linear.programs import Programs
 
 __all__ = [
-    "Programs",
-    "RESIDUAL",
     "RANK_TOLERANCE",
+    "RESIDUAL",
+    "Programs",
     "System",
     "accelerations",
     "excess",

@@ -25,7 +25,7 @@ from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
 from uqmbd.typing import Array, Index
 
-__all__ = ["Fronts", "FrontalSolver", "frontal"]
+__all__ = ["FrontalSolver", "Fronts", "frontal"]
 
 
 @dataclass(frozen=True)

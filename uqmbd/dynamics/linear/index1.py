@@ -13,8 +13,8 @@ from uqmbd.typing import Array
 
 __all__ = [
     "DENSE_LIMIT",
-    "RESIDUAL",
     "RANK_TOLERANCE",
+    "RESIDUAL",
     "System",
     "accelerations",
     "excess",

@@ -63,7 +63,7 @@ __all__ = [
     "range_text",
     "require_effects",
     "settle",
-    "told_by",
     "stated_in_bodies",
+    "told_by",
     "unseen_in",
 ]

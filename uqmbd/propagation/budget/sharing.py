@@ -314,7 +314,7 @@ class Within:
         with warnings.catch_warnings(record=True) as said, self.crew.at_work() as executor:
             warnings.simplefilter("always")
             problem = self.study.problem(method, executor, self.progress, self.folder)
-            node = run_method(method, replace(problem, ledger=ledger))
+            node = run_method(method, problem.using(ledger=ledger))
         self._said[method.node_name] = said
         return node
 

@@ -25,7 +25,7 @@ from uqmbd.results.storage import FOLDER, how_to_go_on, make
 from uqmbd.typing import Array
 from uqmbd.version import __version__
 
-__all__ = ["Checkpoint", "FOLDER", "Kept", "Known", "fingerprint"]
+__all__ = ["FOLDER", "Checkpoint", "Kept", "Known", "fingerprint"]
 
 
 def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:

@@ -64,7 +64,7 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     """
     sizes = format_count(len(problem.inputs), "input"), format_count(len(problem.times), "output time")
     methods.info("%s: begins, %s, %s", problem.label, *sizes)
-    with problem.spending.whole(problem.clock) as spent:
+    with problem.runner.spending.whole(problem.clock) as spent:
         found = with_units(_run_all(propagator, problem, check))
     found.attrs.update(spent)
     if methods.isEnabledFor(logging.INFO):
@@ -98,7 +98,7 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
         run = partial(_run, propagator, check=check and one.kind != "requirements")
-        with problem.spending.whole(problem.clock) as spent:
+        with problem.runner.spending.whole(problem.clock) as spent:
             found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
         found.attrs.update(spent)
         if given.answers_requirements:
@@ -134,29 +134,29 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
     while sure:
         one = problem.choosing(sure)
         found, _, told = _one(run, one)
-        late = [name for k, name in enumerate(sure) if one.observed.missing[k]]
+        late = [name for k, name in enumerate(sure) if one.runner.observed.missing[k]]
         if found is not None and not late:
             nodes.append(found)
             _tell(told)
             break
         sure = tuple(name for name in sure if name not in late)
     shares, refused = dict.fromkeys(sure, 0.0), dict[str, str]()
-    trials = dict.fromkeys(sure, _trials(nodes[0], one.observed) if sure else 0.0)
+    trials = dict.fromkeys(sure, _trials(nodes[0], one.runner.observed) if sure else 0.0)
     for name in every:
         if name in sure:
             continue
         one = problem.choosing((name,))
         found, why, told = _one(run, one)
-        if found is not None and (not one.observed.missing or "samples" in found.children):
+        if found is not None and (not one.runner.observed.missing or "samples" in found.children):
             _tell(told)  # what is refused needs no warnings of how it was found
-        missing, counted = one.observed.missing[0], one.observed.counted
+        missing, counted = one.runner.observed.missing[0], one.runner.observed.counted
         samples = any("samples" in node.children for node in ([found] if found is not None else nodes))
         sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
         # what a surrogate is made of is no sample of the inputs
         shares[name] = missing / counted if missing == counted or samples or not missing else np.nan
-        trials[name] = counted if samples else _trials(found, one.observed) if found is not None else 0.0
+        trials[name] = counted if samples else _trials(found, one.runner.observed) if found is not None else 0.0
         if found is None or (missing and not sampled):
-            refused[name] = why = _late(one.observed, why, few=few)
+            refused[name] = why = _late(one.runner.observed, why, few=few)
             warnings.warn(f"{problem.label}: output {name!r} has no statistics: {why}.", StudyWarning, stacklevel=3)
             found = _nothing(propagator, one)
         nodes.append(found)
@@ -184,7 +184,7 @@ def _one(
         try:
             found, why = run(problem), ""
         except IntegrationError as error:
-            if not problem.observed.missing:
+            if not problem.runner.observed.missing:
                 raise
             found, why = None, str(error)
     return found, why, told
@@ -219,7 +219,7 @@ def _nothing(propagator: Propagator, problem: Problem) -> xr.DataTree:
     """Make a node without numbers."""
     unknown = np.full(problem.labels.shape, np.nan)
     statistics = statistics_dataset(problem.labels, mean=unknown, std=unknown)
-    return problem.node(propagator, statistics, realisations=problem.observed.counted)
+    return problem.node(propagator, statistics, realisations=problem.runner.observed.counted)
 
 
 def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr.Dataset, xr.DataTree]:
@@ -241,12 +241,12 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
 def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
     """Run a method on one kind of outputs; however many parts it computes, its progress ends once."""
     progress = UntilTheEnd(problem.progress)
-    problem = replace(problem, progress=progress)
+    problem = problem.using(progress=progress)
     with one_thread():
         node = _checked(propagator, problem, propagator.propagate(problem))
-    for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
+    for name, value in integrated_by(problem.runner.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
-    if machines := machine_attribute(problem.observed.counters):
+    if machines := machine_attribute(problem.runner.observed.counters):
         node.attrs.update(machines)
         warnings.warn(
             f"{problem.label}: realisations were computed on machines of more than one type, or of another than this: "
@@ -262,7 +262,7 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
     # in its place: a tree copies what is put into it
     statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
     if problem.kind != "requirements":  # intervals of their probabilities hold the error of the surrogate
-        about = problem.label, problem.rtol, problem.observed.extent
+        about = problem.label, problem.rtol, problem.runner.observed.extent
         warn_of_surrogates(node, *about, timeless=problem.timeless)
     return node
 

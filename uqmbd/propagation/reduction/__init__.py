@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.propagation.reduction.reduced import Reduced, Reduction
-from uqmbd.propagation.reduction.reductions import Reductions, Work, store_name
+from uqmbd.propagation.reduction.reductions import Reductions, store_name
 
-__all__ = ["Reduced", "Reduction", "Reductions", "Work", "store_name"]
+__all__ = ["Reduced", "Reduction", "Reductions", "store_name"]

@@ -6,26 +6,16 @@ import hashlib
 import pickle
 import re
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Model
-from uqmbd.progress import Progress
 from uqmbd.propagation.execution import (
-    Checkpoint,
     Chunk,
-    Clock,
-    Kept,
     Kind,
-    Ledger,
-    Observed,
     Packed,
-    Spending,
-    executor_for,
     in_order,
     log_realisations,
     lost_chunk,
@@ -40,40 +30,12 @@ from uqmbd.propagation.reduction.reduced import (
     reduce_chunk,
     store_chunk,
 )
-from uqmbd.randomness import JointInput
+from uqmbd.propagation.runner import Task
 from uqmbd.results import SampleStore
 from uqmbd.results.storage import Record, UnfinishedStore
 from uqmbd.typing import Array
 
-__all__ = ["Reductions", "Work", "store_name"]
-
-
-@dataclass(frozen=True)
-class Work:
-    """Data of a problem whose realisations are reduced; names are those of `uqmbd.extend.Problem`."""
-
-    label: str
-    method: str  # label of the running method; `label` is that of this part of its work
-    kind: Kind
-    chosen: tuple[str, ...] | None
-    model: Model
-    inputs: JointInput
-    times: Array  # (T,) output times of the study, for every kind
-    rtol: float
-    integrator: str
-    packed: Packed  # the model, for workers
-    fingerprint: bytes  # all that the numbers of all kinds depend on except inputs
-    answers_requirements: bool
-    unlocked: bool  # whether realisations are computed without the interpreter lock
-    executor: Executor | None
-    progress: Progress
-    checkpoint: Checkpoint | None
-    clock: Clock
-    spending: Spending
-    ledger: Ledger | None
-    observed: Observed
-    chunk_size: Callable[[int], int]  # of a number of realisations
-    kept: Kept  # known chunks, and those that are computed with them
+__all__ = ["Reductions", "store_name"]
 
 
 def store_name(label: str) -> str:
@@ -117,7 +79,8 @@ class Reductions:
 
     Parameters
     ----------
-    work : Work
+    problem : Problem
+        Whose runner computes them.
     values : array, shape (K, input)
     function, arguments : callable, tuple
     keep : int
@@ -144,37 +107,40 @@ class Reductions:
     True
     """
 
-    def __init__(self, work: Work, values: Array, function: Reduction, arguments: tuple[Any, ...], keep: int) -> None:
-        self._work, self._values, self._keep = work, values, keep
+    def __init__(
+        self, problem: Task, values: Array, function: Reduction, arguments: tuple[Any, ...], keep: int
+    ) -> None:
+        self._problem, self._runner, self._values, self._keep = problem, problem.runner, values, keep
+        self._method, self._known_chunks = problem.origin or problem.label, problem.runner.kept(problem)
         self._function, self._arguments = function, arguments
         text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
-        text.update(pickle.dumps((arguments, work.chosen)))
+        text.update(pickle.dumps((arguments, problem.chosen)))
         self._asked = text.hexdigest()[:32]
         self._stores: dict[Kind, UnfinishedStore] = {}
         self.store: SampleStore | None = None
 
     def __iter__(self) -> Iterator[Reduced]:
-        work, values = self._work, self._values
+        problem, runner, values = self._problem, self._runner, self._values
         if not len(values):
             return
-        size = work.chunk_size(len(values))
-        identity = self._identity(work.kind, size)
+        size = problem.chunk_of(len(values))
+        identity = self._identity(problem.kind, size)
         self._stores = self._made(size)
-        own = self._stores.get(work.kind)
-        again = work.clock.knows(identity)
-        work.progress.start(work.label, len(values))
-        begin, recovered = work.clock(), 0.0
+        own = self._stores.get(problem.kind)
+        again = runner.clock.knows(identity)
+        runner.progress.start(problem.label, len(values))
+        begin, recovered = runner.clock(), 0.0
         asked = begin
         pieces = Pieces(values, size)
-        workers = executor_for(work.executor, unlocked=work.unlocked)
+        workers = runner.workers(problem)
         answers = in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
         # where a budget ends it, what workers have finished is kept at once
         with closing(answers):
             for piece, answer in zip(pieces, answers, strict=True):
-                now = work.clock()
+                now = runner.clock()
                 spent = 0.0 if answer.computed or again else answer.chunk.seconds
                 recovered += spent
-                work.spending.realised(now - asked + spent)
+                runner.spending.realised(now - asked + spent)
                 found = Reduced(
                     piece.first,
                     piece.values,
@@ -186,37 +152,37 @@ class Reductions:
                     dict(answer.chunk.counters),
                     now - begin + spent,
                 )
-                work.observed.count(found.realisations, answer.missing)
-                log_realisations(work.label, work.kind, found.realisations)
-                work.observed.take(piece.values[answer.seen], answer.responses)
+                runner.observed.count(found.realisations, answer.missing)
+                log_realisations(problem.label, problem.kind, found.realisations)
+                runner.observed.take(piece.values[answer.seen], answer.responses)
                 if own is not None:
                     own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
                 yield found
-                begin, asked = now, work.clock()
-                work.progress.advance(work.label, len(found.status))
-                if work.ledger is not None and piece.number + 1 < len(pieces):
-                    work.ledger.begin()
+                begin, asked = now, runner.clock()
+                runner.progress.advance(problem.label, len(found.status))
+                if runner.ledger is not None and piece.number + 1 < len(pieces):
+                    runner.ledger.begin()
         if own is not None:
             self.store = own.finish()
-        work.clock.recover(identity, recovered)
-        work.progress.finish(work.label)
+        runner.clock.recover(identity, recovered)
+        runner.progress.finish(problem.label)
 
     def _made(self, size: int) -> dict[Kind, UnfinishedStore]:
         """Open the stores of what is computed: of its own kind, and of those beside it that are asked for later."""
-        work = self._work
-        if work.checkpoint is None:
+        problem, runner = self._problem, self._runner
+        if runner.checkpoint is None:
             return {}
-        kinds: list[Kind] = [work.kind]
-        if work.kind == "outputs" and work.model.scalars is not None:
+        kinds: list[Kind] = [problem.kind]
+        if problem.kind == "outputs" and problem.model.scalars is not None:
             kinds.append("scalars")
         if self._margins:
             kinds.append("requirements")
         found: dict[Kind, UnfinishedStore] = {}
-        checkpoint = replace(work.checkpoint, label=work.method)
+        checkpoint = replace(runner.checkpoint, label=self._method)
         for kind in kinds:
-            name = store_name(work.label) if kind == work.kind else None
-            times = work.times[:1] if kind == "scalars" else work.times
-            axes = labels_of(work.model, work.inputs, times, kind, None)
+            name = store_name(problem.label) if kind == problem.kind else None
+            times = problem.whole_times[:1] if kind == "scalars" else problem.whole_times
+            axes = labels_of(problem.model, problem.inputs, times, kind, None)
             about = (name, self._identity(kind, size), len(self._values), size, axes)
             found[kind] = UnfinishedStore(checkpoint.folder, checkpoint.place, *about)
         return found
@@ -224,27 +190,27 @@ class Reductions:
     @property
     def _margins(self) -> bool:
         """Whether the margins are those of a problem that is still to come."""
-        work = self._work
-        first = work.kind == "outputs" or (work.kind == "scalars" and not work.model.outputs.names)
-        return first and work.model.margins is not None and not work.answers_requirements
+        problem = self._problem
+        first = problem.kind == "outputs" or (problem.kind == "scalars" and not problem.model.outputs.names)
+        return first and problem.model.margins is not None and not problem.answers_requirements
 
     def _identity(self, kind: Kind, size: int) -> str:
         """Name a store: one of more samples that begin alike goes on with it."""
         text = hashlib.sha256(self._values[0].tobytes())
-        text.update(self._work.fingerprint)
-        text.update(self._work.method.encode())
+        text.update(self._problem.common_identity)
+        text.update(self._method.encode())
         text.update(f"{kind} {self._values.shape[1]} {size}".encode())
         return text.hexdigest()[:32]
 
     def _order(self, piece: Piece, record: Record | None, stored: Chunk | None) -> Order:
-        work = self._work
+        problem = self._problem
         known = record is not None and self._is_of(record)
         checksum = None if record is None else int(record[0]["checksum"])
         shelves = {
-            kind: store.shelf(piece.number, checksum if kind == work.kind else None)
+            kind: store.shelf(piece.number, checksum if kind == problem.kind else None)
             for kind, store in self._stores.items()
         }
-        about = (work.chosen, max(0, self._keep - piece.first), shelves, self._margins, stored, known)
+        about = (problem.chosen, max(0, self._keep - piece.first), shelves, self._margins, stored, known)
         return Order(piece.first, self._function, self._arguments, *about)
 
     def _is_of(self, record: Record) -> bool:
@@ -253,28 +219,28 @@ class Reductions:
 
     def _known(self, piece: Piece) -> Handover | None:
         """Reduce a chunk that is held: it was computed beside others, or for another size of the method."""
-        work = self._work
-        if not self._stores and (chunk := work.kept.held(piece.values)) is not None:
-            return reduce_chunk(work.packed, piece.values, chunk, self._order(piece, None, None))
-        if work.ledger is None:
+        problem, runner, known = self._problem, self._runner, self._known_chunks
+        if not self._stores and (chunk := known.held(piece.values)) is not None:
+            return reduce_chunk(problem.packed, piece.values, chunk, self._order(piece, None, None))
+        if runner.ledger is None:
             return None
-        if self._stored(piece) is not None and self._stores[work.kind].shelf(piece.number).path.exists():
-            work.ledger.reuse(len(piece.values))
-        elif (found := work.ledger.find(piece.values, work.kept.key, join=work.kept.joins)) is not None:
-            work.ledger.reuse(len(piece.values))
-            answer = store_chunk(work.packed, piece.values, found, work.kind, self._order(piece, None, None))
+        if self._stored(piece) is not None and self._stores[problem.kind].shelf(piece.number).path.exists():
+            runner.ledger.reuse(len(piece.values))
+        elif (found := runner.ledger.find(piece.values, known.key, join=known.joins)) is not None:
+            runner.ledger.reuse(len(piece.values))
+            answer = store_chunk(problem.packed, piece.values, found, problem.kind, self._order(piece, None, None))
             return self._kept(piece, answer, found.seconds)
         else:
-            work.ledger.begin(len(piece.values))
+            runner.ledger.begin(len(piece.values))
         return None
 
     def _stored(self, piece: Piece) -> tuple[Record, Chunk] | None:
         """Return what is known of a chunk that is stored and can be used."""
-        work = self._work
-        own = self._stores.get(work.kind)
+        problem = self._problem
+        own = self._stores.get(problem.kind)
         record = None if own is None else own.record(piece.number)
         # margins are not stored: what a function makes of them is, or they are computed
-        if record is None or (work.answers_requirements and not self._is_of(record)):
+        if record is None or (problem.answers_requirements and not self._is_of(record)):
             return None
         if record[0].get("inputs") != _digest(piece.values):
             return None
@@ -282,42 +248,45 @@ class Reductions:
 
     def _lost(self, piece: Piece, reason: str) -> Handover:
         """Return a chunk that killed its workers; a run that goes on tries it again."""
-        work = self._work
-        full = lost_chunk(work.model, len(piece.values), work.times, reason, work.kind)
-        answer = store_chunk(work.packed, piece.values, full, work.kind, self._order(piece, None, None))
+        problem = self._problem
+        full = lost_chunk(problem.model, len(piece.values), problem.whole_times, reason, problem.kind)
+        answer = store_chunk(problem.packed, piece.values, full, problem.kind, self._order(piece, None, None))
         return self._kept(piece, answer, 0.0, lost=True)
 
     def _task(self, piece: Piece) -> tuple[Callable[..., Handover], tuple[Any, ...]]:
-        work = self._work
         order = self._order(piece, *(self._stored(piece) or (None, None)))
-        return compute_reduced, (work.packed, piece.values, work.times, work.rtol, work.integrator, work.kind, order)
+        return compute_reduced, (*self._computed(piece), order)
+
+    def _computed(self, piece: Piece) -> tuple[Packed, Array, Array, float, str, Kind]:
+        """Arguments of `compute_chunk`."""
+        problem = self._problem
+        about = (problem.rtol, problem.integrator, problem.kind)
+        return problem.packed, piece.values, problem.whole_times, *about
 
     def _finished(self, piece: Piece, answer: Handover, seconds: float) -> Handover:
         """Note a chunk that a worker has computed, or read."""
-        if self._work.ledger is not None and answer.computed:
-            self._work.ledger.finish(len(piece.values))
+        if self._runner.ledger is not None and answer.computed:
+            self._runner.ledger.finish(len(piece.values))
         return self._kept(piece, answer, seconds)
 
     def _kept(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
         """Note a chunk that was computed, and hold what was computed beside it; one that was read has its result."""
-        work = self._work
+        problem = self._problem
         if answer.unread:
             order = self._order(piece, *(self._stored(piece) or (None, None)))
-            answer = compute_reduced(
-                work.packed, piece.values, work.times, work.rtol, work.integrator, work.kind, replace(order, here=True)
-            )
+            answer = compute_reduced(*self._computed(piece), replace(order, here=True))
         if not answer.computed:
-            own = self._stores[work.kind]
+            own = self._stores[problem.kind]
             record = own.record(piece.number) if answer.result is None else None
             return answer if record is None else replace(answer, result=record[1])
         for kind, (checksum, content) in answer.files.items():
-            mine = kind == work.kind
+            mine = kind == problem.kind
             chunk = answer.chunk if mine else answer.beside[kind]
             about = _about(chunk, checksum, seconds if mine else 0.0) | ({"asked": self._asked} if mine else {})
             about |= {"inputs": _digest(piece.values)} | ({"lost": True} if lost else {})
             self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
         if not self._stores:
-            work.kept.hold(piece.values, answer.beside)
+            self._known_chunks.hold(piece.values, answer.beside)
         return replace(answer, beside={}, files={})
 
 

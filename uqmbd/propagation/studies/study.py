@@ -310,6 +310,7 @@ class Study:
         """
         from uqmbd.propagation.execution import Checkpoint
         from uqmbd.propagation.problem import Problem
+        from uqmbd.propagation.runner import Runner
 
         warn_once(self.mechanism, self.model, stacklevel=2)
         return Problem(
@@ -323,10 +324,8 @@ class Study:
             integrator=self.integrator,
             model=self.model,
             watched=self._watched(propagator),
-            executor=executor,
             existence=self.mechanism.remembered("existence", lambda: existence_of(self.mechanism)),
-            progress=told(progress),
-            checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
+            runner=Runner(executor, told(progress), Checkpoint(folder, propagator.node_name) if folder else None),
         )
 
     def _watched(self, propagator: Propagator) -> Model | None:

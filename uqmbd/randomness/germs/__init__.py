@@ -9,10 +9,10 @@ from uqmbd.randomness.germs.truncated import cumulated, median, truncated
 
 __all__ = [
     "COUNT",
-    "Discretised",
-    "Germ",
     "KNOTS",
     "LARGEST",
+    "Discretised",
+    "Germ",
     "cumulated",
     "discretise",
     "discretise_quantiles",

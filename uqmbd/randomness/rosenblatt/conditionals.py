@@ -22,7 +22,7 @@ from uqmbd.randomness.rosenblatt.bisection import bisected
 from uqmbd.randomness.rosenblatt.expressions import Expression, NotUnderstood, decoded, encoded, evaluated, used
 from uqmbd.typing import Array
 
-__all__ = ["Conditional", "Core", "Cut", "Mapped", "AffineConditional", "Spanned", "decoded_conditional"]
+__all__ = ["AffineConditional", "Conditional", "Core", "Cut", "Mapped", "Spanned", "decoded_conditional"]
 
 
 COLLECTION = "chaospy.distributions.collection."

@@ -13,7 +13,7 @@ from uqmbd.randomness.rosenblatt.expressions import Expression, decoded, encoded
 from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
 from uqmbd.typing import Array
 
-__all__ = ["Chain", "Copulated", "JointLaw", "AffineJoint", "Single", "Step", "decoded_law"]
+__all__ = ["AffineJoint", "Chain", "Copulated", "JointLaw", "Single", "Step", "decoded_law"]
 
 
 class JointLaw(Protocol):

@@ -8,10 +8,10 @@ from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.randomness.space.transforms import Coupled
 
 __all__ = [
+    "TRANSFORMS",
     "Coupled",
     "GermBox",
     "GermSpace",
     "Marginal",
-    "TRANSFORMS",
     "located",
 ]

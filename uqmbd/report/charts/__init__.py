@@ -24,6 +24,8 @@ from uqmbd.report.charts.paper import paper
 from uqmbd.report.charts.thinning import thinned
 
 __all__ = [
+    "MARKS",
+    "MOST_TIMES",
     "Axis",
     "Band",
     "Boxes",
@@ -32,8 +34,6 @@ __all__ = [
     "Curve",
     "Kind",
     "Look",
-    "MARKS",
-    "MOST_TIMES",
     "Span",
     "Strands",
     "Views",

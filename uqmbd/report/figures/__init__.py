@@ -73,11 +73,11 @@ from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities, scalar
 
 __all__ = [
     "ENOUGH",
-    "Indices",
     "LARGEST",
     "LIMIT",
     "MOST_SCALARS",
     "OF_GERMS",
+    "Indices",
     "Reason",
     "Results",
     "Samples",

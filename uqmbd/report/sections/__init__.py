@@ -24,8 +24,8 @@ __all__ = [
     "bands_of",
     "environment",
     "most_uncertain",
-    "precision_sentences",
     "only_density",
     "over_chart",
+    "precision_sentences",
     "ranked",
 ]

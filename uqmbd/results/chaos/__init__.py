@@ -26,6 +26,7 @@ from uqmbd.results.chaos.surrogates import (
 )
 
 __all__ = [
+    "SPREAD_FLOOR",
     "AlignedChaos",
     "AlignedElement",
     "ComposedChaos",
@@ -38,7 +39,6 @@ __all__ = [
     "PolynomialChaos",
     "QuasiPeriodicChaos",
     "QuasiPeriodicElement",
-    "SPREAD_FLOOR",
     "StoredSurrogate",
     "Surrogate",
     "chaos_from_dataset",

@@ -14,15 +14,15 @@ from uqmbd.results.comparison.verdicts import AGREES, COARSE, DIFFERS, FEW, REFE
 
 __all__ = [
     "AGREES",
-    "REFERENCE",
     "COARSE",
     "DIFFERS",
     "FEW",
-    "IntegrationShare",
     "NO_SPREAD",
+    "REFERENCE",
     "STILL",
-    "StatedAccuracy",
     "UNDER_RESOLVED",
+    "IntegrationShare",
+    "StatedAccuracy",
     "align",
     "choose_reference",
     "compare",

@@ -35,8 +35,8 @@ from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
 __all__ = [
     "FIGURES",
     "FOLDER",
-    "WITHIN",
     "PREVIOUS",
+    "WITHIN",
     "Record",
     "SampleChunk",
     "SampleStore",

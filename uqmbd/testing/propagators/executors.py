@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any
 
-__all__ = ["Interruption", "Interrupter", "Recorder"]
+__all__ = ["Interrupter", "Interruption", "Recorder"]
 
 
 class Recorder(Executor):

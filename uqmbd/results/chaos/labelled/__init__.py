@@ -8,11 +8,11 @@ from uqmbd.results.chaos.labelled.statistics import StatedErrors, surrogate_stat
 
 __all__ = [
     "DERIVATIVE",
+    "VALUE",
     "Frame",
     "Named",
     "Points",
     "StatedErrors",
-    "VALUE",
     "labelled_array",
     "points_of",
     "surrogate_statistics",

@@ -1,0 +1,213 @@
+"""Who computes the realisations of a problem, where finished work is stored, and what is recorded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from uqmbd.dynamics import Model
+from uqmbd.progress import Progress, Silent
+from uqmbd.propagation.execution import (
+    Arrays,
+    Checkpoint,
+    Chunk,
+    Clock,
+    Kept,
+    Kind,
+    Known,
+    Ledger,
+    Observed,
+    Packed,
+    Realisations,
+    Spending,
+    compute_chunk,
+    executor_for,
+    in_order,
+    log_realisations,
+    lost_chunk,
+    run_tasks,
+    threads_of,
+)
+from uqmbd.randomness import JointInput
+from uqmbd.typing import Array
+
+__all__ = ["Runner", "Task"]
+
+
+class Task(Protocol):
+    """What the runner needs of a problem; names as of `uqmbd.extend.Problem`."""
+
+    @property
+    def label(self) -> str:
+        """Label of the work."""
+
+    @property
+    def origin(self) -> str:
+        """Label of the method."""
+
+    @property
+    def kind(self) -> Kind:
+        """What the outputs are."""
+
+    @property
+    def chosen(self) -> tuple[str, ...] | None:
+        """Some of the outputs without a time, or None for all."""
+
+    @property
+    def model(self) -> Model:
+        """Equations and outputs, compiled."""
+
+    @property
+    def inputs(self) -> JointInput:
+        """Random variables."""
+
+    @property
+    def rtol(self) -> float:
+        """Relative tolerance of the integration."""
+
+    @property
+    def integrator(self) -> str:
+        """Name of the integrator."""
+
+    @property
+    def answers_requirements(self) -> bool:
+        """Whether the method answers requirements itself."""
+
+    @property
+    def whole_times(self) -> Array:
+        """Output times of the study (T,), s."""
+
+    @property
+    def packed(self) -> Packed:
+        """The model, for workers."""
+
+    @property
+    def identity(self) -> bytes:
+        """What the numbers of a chunk depend on besides its inputs."""
+
+    @property
+    def common_identity(self) -> bytes:
+        """What the numbers of chunks of all kinds depend on."""
+
+    @property
+    def joins(self) -> bool:
+        """Whether a realisation does not depend on those of its chunk."""
+
+    @property
+    def unlocked(self) -> bool:
+        """Whether realisations are computed without the interpreter."""
+
+    @property
+    def runner(self) -> Runner:
+        """Executor, checkpoint, ledger, clock and cache."""
+
+    def chunk_of(self, count: int) -> int:
+        """Return how many of so many realisations are computed together."""
+
+
+@dataclass(frozen=True)
+class Runner:
+    """Executor, checkpoint, ledger, clock and cache of a problem: what computes it, and what is recorded."""
+
+    executor: Executor | None = None
+    """Computes chunks and tasks; None: this process."""
+    progress: Progress = field(default_factory=Silent)
+    checkpoint: Checkpoint | None = None
+    """Where finished chunks are stored."""
+    ledger: Ledger | None = None
+    """What a run with a budget may compute, and what it has computed for other sizes of the method."""
+    clock: Clock = field(default_factory=Clock)
+    """Called, it returns seconds; it counts what an interrupted run has spent on what need not be computed again."""
+    spending: Spending = field(default_factory=Spending)
+    """What the method spends, in parts."""
+    observed: Observed = field(default_factory=Observed)
+    """Realisations from which the error of the integration is measured."""
+    known: Known = field(default_factory=dict)
+    """Outputs without a time, and margins, that were computed with the others, by inputs: or where they are stored."""
+    again: dict[str, Known] = field(default_factory=dict)
+    """The same, of realisations that are integrated once more, by purpose."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of the run's files, if it has one."""
+        return self.checkpoint.folder if self.checkpoint else None
+
+    def of(self, label: str) -> Runner:
+        """Return the runner of a part of the work: its chunks are stored under a label, and it observes its own."""
+        checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
+        return replace(self, checkpoint=checkpoint, observed=Observed())
+
+    def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
+        """Apply a function to pieces in order, like `map`, in threads where the study has workers.
+
+        For arithmetic of NumPy on large arrays, as statistics are; the results do not depend on the executor.
+        """
+        threads = threads_of(self.executor) if len(pieces) > 1 else None
+        return map(function, pieces) if threads is None else threads.map(function, pieces)
+
+    def stream(self, problem: Task, values: Array) -> Iterator[Realisations]:
+        """Compute the response to each row of inputs; see :meth:`uqmbd.extend.Problem.stream`."""
+        self.progress.start(problem.label, len(values))
+        begin = asked = self.clock()
+        size = problem.chunk_of(len(values))
+        parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
+        kept, packed = self.kept(problem), problem.packed
+        about = (problem.rtol, problem.integrator, problem.kind)
+
+        def task(part: Array) -> tuple[Callable[..., Chunk], tuple[Any, ...]]:
+            return compute_chunk, (packed, part, problem.whole_times, *about)
+
+        def lost(part: Array, reason: str) -> Chunk:
+            # it is not stored: a run that goes on tries it again
+            chunk = lost_chunk(problem.model, len(part), problem.whole_times, reason, problem.kind)
+            return kept.note(part, chunk, lost=True)
+
+        work = in_order(parts, self.workers(problem), kept.find, task, kept.keep, lost)
+        for part, chunk in zip(parts, work, strict=True):
+            now = self.clock()
+            self.spending.realised(now - asked)
+            found = Realisations.of(part, chunk, now - begin)
+            if problem.chosen is not None:
+                found = found.choosing(problem.model.scalars, problem.chosen)
+            self.observed.add(found)
+            log_realisations(problem.label, problem.kind, found)
+            yield found
+            begin, asked = now, self.clock()
+            self.progress.advance(problem.label, len(chunk.status))
+            if self.ledger is not None and part is not parts[-1]:
+                self.ledger.begin()
+        self.progress.finish(problem.label)
+
+    def run(self, problem: Task, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
+        """Compute tasks that are no realisations; see :meth:`uqmbd.extend.Problem.run`."""
+        work = (problem.label, problem.packed, problem.identity, self.executor, self.checkpoint, self.clock)
+        asked = self.clock()
+        for done, found in enumerate(run_tasks(*work, function, tasks), 1):
+            self.spending.realised(self.clock() - asked)
+            yield found
+            asked = self.clock()
+            if self.ledger is not None and done < len(tasks):
+                self.ledger.begin()
+
+    def workers(self, problem: Task) -> Executor | None:
+        """Return the executor for realisations: threads where they are computed without the interpreter."""
+        return executor_for(self.executor, unlocked=problem.unlocked)
+
+    def kept(self, problem: Task) -> Kept:
+        """Return the chunks of a problem that are known already."""
+        return Kept(
+            kind=problem.kind,
+            partial=problem.chosen is not None,
+            margins=not problem.answers_requirements,
+            fingerprint=problem.identity,
+            joins=problem.joins,
+            known=self.known,
+            checkpoint=self.checkpoint,
+            ledger=self.ledger,
+            clock=self.clock,
+        )
