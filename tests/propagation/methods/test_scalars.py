@@ -13,7 +13,7 @@ from scipy.integrate import quad
 
 import uqmbd
 import uqmbd.propagation.execution.chunks as chunks
-import uqmbd.propagation.problem as problems
+import uqmbd.propagation.runner as runners
 from uqmbd.extend import statistics_dataset
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
@@ -167,7 +167,7 @@ def watched(monkeypatch):
         seen.append(task[-1])
         return chunks.compute_chunk(*task)
 
-    monkeypatch.setattr(problems, "compute_chunk", compute)
+    monkeypatch.setattr(runners, "compute_chunk", compute)
     return seen
 
 
@@ -191,7 +191,7 @@ def test_an_interrupted_run_goes_on(monkeypatch, tmp_path, mixed):
         done.append(task)
         return chunks.compute_chunk(*task)
 
-    monkeypatch.setattr(problems, "compute_chunk", stop)
+    monkeypatch.setattr(runners, "compute_chunk", stop)
     with pytest.raises(KeyboardInterrupt):
         study.run(folder=tmp_path)
     seen = watched(monkeypatch)

@@ -53,10 +53,10 @@ class Slow(uqmbd.extend.Propagator):
         found = problem.realise(problem.inputs.means[None, :])
         for part, seconds in self.parts:
             if part == "other":
-                problem.clock.wait(seconds)
+                problem.runner.clock.wait(seconds)
             else:
                 with problem.timed(part):
-                    problem.clock.wait(seconds)
+                    problem.runner.clock.wait(seconds)
         mean = found.response[0]
         statistics = statistics_dataset(problem.labels, mean=mean, std=np.zeros_like(mean))
         return problem.node(self, statistics, realisations=1, wall_time=0.0)
