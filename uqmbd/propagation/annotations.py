@@ -69,30 +69,10 @@ class Bounds:
 
 
 def check_options(kind: type, options: dict[str, Any]) -> None:
-    """Raise where an option is none of the values that its field declares.
+    """Raise StudyError where an option is none of the values that its field in the dataclass declares.
 
     What is declared as a whole number, a number, a truth, a text or one of some words is looked at; anything else
     (sequences, objects) is left to the method itself.
-
-    Parameters
-    ----------
-    kind : type
-        A dataclass.
-    options : dict
-        As they are given.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Which option, what was given, what was expected.
-
-    Examples
-    --------
-    >>> from uqmbd_collocation import Collocation
-    >>> check_options(Collocation, {"index_set": "totl"})
-    Traceback (most recent call last):
-    uqmbd.errors.StudyError: Collocation: index_set is 'totl'; did you mean 'total'? Expected one of 'total', 'tensor',
-    'hyperbolic'.
     """
     declared = option_types(kind)
     for name, value in options.items():
@@ -122,8 +102,6 @@ def option_types(kind: type) -> dict[str, Any]:
 def plain(value: Any, annotation: Any) -> Any:
     """Return an option that fits its annotation as a plain number, or a tuple of these, where it has bounds.
 
-    Examples
-    --------
     >>> plain(np.int64(3), Annotated[int, Bounds(0)]), plain([1, 2], Annotated[tuple[float, ...], Bounds(0)])
     (3, (1.0, 2.0))
     """
