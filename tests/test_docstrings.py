@@ -70,9 +70,6 @@ INTERNALS = (
 )
 """Folders in which names that are not public have short docstrings, without sections."""
 
-NOT_YET = {"uqmbd.dynamics.linear.nodal", "uqmbd.dynamics.projection.coupled"}
-"""Modules in these folders whose internals still have sections; none may be added."""
-
 
 RETURNED = frozenset(returned())
 
@@ -324,5 +321,5 @@ def test_docstrings_of_internals_have_no_sections(folder):
         module = ".".join(path.relative_to(base).with_suffix("").parts).removesuffix(".__init__")
         known = {name for home, name in public if home == module}
         found = with_sections(ast.parse(path.read_text("utf-8")), known)
-        wrong |= {module: found} if found and module not in NOT_YET else {}
+        wrong |= {module: found} if found else {}
     assert wrong == {}

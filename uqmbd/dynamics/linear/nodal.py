@@ -22,21 +22,11 @@ Outside = Callable[[Array, bool], None]
 
 @dataclass(frozen=True)
 class Nodal:
-    """Systems ``A x = b`` of any nodes.
+    """Systems ``A x = b`` at any nodes."""
 
-    Attributes
-    ----------
-    systems : NodalSystems
-        As programs.
-    rated : array of int
-        Auxiliary states with a rate.
-    library : callable, optional
-        Makes what solves the systems where no program does; each has factors of its own.
-    """
-
-    systems: NodalSystems
-    rated: Index
-    library: Callable[[], Outside] | None
+    systems: NodalSystems  # as programs
+    rated: Index  # auxiliary states with a rate
+    library: Callable[[], Outside] | None  # returns a solver with separate factors where no program solves the systems
 
     @property
     def compiled(self) -> bool:

@@ -29,23 +29,10 @@ DRIFT = 1e-3
 
 
 class Coupled:
-    """The projected system of a model, with what its last solutions taught.
+    """The projected system of a model, with a correction from its last solutions.
 
-    Parameters
-    ----------
-    model : Model
-        With its index-1 system.
-    psi : array, shape (K, P)
-        Basis at the nodes.
-    adjoint : array, shape (P, K)
-        ``Psi^T W``.
-    block : array, shape (K, parameter)
-        Parameters of the nodes.
-
-    Attributes
-    ----------
-    systems : CoupledSystems
-        What the driver works on, and counts.
+    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` holds the parameters of the
+    nodes (K, parameter).  The driver solves, and counts, in `systems`.
     """
 
     def __init__(self, model: Model, psi: Array, adjoint: Array, block: Array) -> None:
@@ -66,12 +53,9 @@ class Coupled:
         return {"systems": systems, "iterations": iterations, "direct": direct, "krylov": krylov}
 
     def dynamics(self, tolerance: float) -> Dynamics:
-        """Describe the motion for the explicit integrator.
+        """Return the equations of motion for the explicit integrator.
 
-        Parameters
-        ----------
-        tolerance : float
-            Relative size of the last change of the accelerations.
+        Iterations for the accelerations end at a relative change of `tolerance`.
         """
         layout = self.layout
         self.systems.tolerances(tolerance, DRIFT)
@@ -79,21 +63,10 @@ class Coupled:
         return self.systems.dynamics(layout.velocities, self.nodal.rated, moving, constrained=bool(layout.rank))
 
     def solve(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
-        """Accelerations and multipliers (P, size), and rates of the auxiliary states (P, state).
+        """Return accelerations and multipliers (P, size), and rates of the auxiliary states (P, state), at a time in s.
 
-        Parameters
-        ----------
-        state : array, shape (P, width)
-            Coefficients.
-        time : float
-            s.
-        tolerance : float
-            Relative size of the last change of the accelerations.
-
-        Returns
-        -------
-        found, rates : array
-            NaN where the iteration does not converge.
+        The state (P, width) holds coefficients.  Iterations for the accelerations end at a relative change of
+        `tolerance`; the results are NaN where they do not converge.
         """
         self.systems.tolerances(tolerance, tolerance)
         found, rated = self.systems.rate(time, state)
