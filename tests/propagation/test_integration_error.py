@@ -260,7 +260,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
 
 def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
     """A driven angle has no spread to be compared with."""
-    from uqmbd.results.comparison import integration_shares
+    from uqmbd.results.assessment import integration_shares
 
     found = uqmbd.Study("s", crank(), TIMES, [MonteCarlo(samples=5, seed=1)]).run()["monte-carlo/statistics"]
     heading, tip = integration_shares(found.to_dataset())

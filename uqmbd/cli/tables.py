@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["console", "plain_table", "show_summary", "units_of", "with_spread"]
 
+RELIABILITY = 5  # lines on reliability, the least reliable quantities first; the report has all of them
 LINES = 20  # outputs in a table on the terminal; the report has all of them
 
 
@@ -62,7 +63,6 @@ def with_spread(mean: float, std: float) -> str:
 def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
     """Print each output at the end time, failures, wall times and where the files are."""
     from uqmbd.results import propagator_nodes, scalar_nodes
-    from uqmbd.results.requirements import differing
 
     nodes = propagator_nodes(tree)
     still = scalar_nodes(nodes)
@@ -92,9 +92,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     screen.print(table)
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
-    for sentence in differing(nodes):
-        screen.print(Text(f"{sentence}.", style="bold red"))
-    _show_recommendation(tree)
+    _show_assessment(screen, tree)
     width = max(map(len, files), default=0)
     for kind, path in files.items():
         # Not through rich, which would wrap a long path where it cannot be copied any more.
@@ -109,14 +107,10 @@ def _clock(node: xr.DataTree) -> str:
 
 def _integration(node: xr.DataTree) -> str:
     """Say how large the error of the time integration is, of the output with the largest."""
-    from uqmbd.results.comparison import worst_integration_share
+    from uqmbd.results.assessment import worst_integration_share
 
-    inner = [node, *(child for name, child in node.children.items() if name == "scalars")]
-    found = [worst_integration_share(one["statistics"].to_dataset()) for one in inner]
-    stated = [one for one in found if one is not None]
-    if not stated:
-        return "–"
-    return max(stated, key=lambda one: one.share if math.isfinite(one.share) else -1.0).words()
+    worst = worst_integration_share(node)
+    return "–" if worst is None else worst.words()
 
 
 def _failed(nodes: Iterable[xr.DataTree | None]) -> list[Text]:
@@ -127,13 +121,24 @@ def _failed(nodes: Iterable[xr.DataTree | None]) -> list[Text]:
     return [Text(f"{bad} of {all_}" if all_ else "", style="bold red" if bad else "") for bad, all_ in counts]
 
 
-def _show_recommendation(tree: xr.DataTree) -> None:
-    """Print which method to use, and what is to be said of the others."""
-    about = tree.children["comparison"].attrs if "comparison" in tree.children else {}
-    if about.get("recommendation"):
-        print(f"\n{about['recommendation']}\n")
-    if about.get("problem"):
-        print(f"\nThe methods could not be compared: {about['problem']}\n")
+def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
+    """Print how reliable outputs are, the least reliable first, which method to use, and what speaks against others."""
+    from uqmbd.results import assess
+
+    found = assess(tree)
+    for sentence in found.contradictions:
+        screen.print(Text(sentence, style="bold red"))
+    screen.print(Text("\nHow reliable is this result?", style="bold"))
+    table = plain_table("reliable", "what", "why")
+    for one in found.reliability[:RELIABILITY]:
+        table.add_row(Text(f"{one.sign} {one.word}"), Text(one.name), Text(one.reason))
+    screen.print(table)
+    if len(found.reliability) > RELIABILITY:
+        screen.print(f"... and {len(found.reliability) - RELIABILITY} more, none worse.")
+    if said := (*found.recommendation, *found.reasons):
+        print("", *said, "", sep="\n")
+    if problem := tree.children["comparison"].attrs.get("problem") if "comparison" in tree.children else None:
+        print(f"\nThe methods could not be compared: {problem}\n")
 
 
 def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTree]) -> None:

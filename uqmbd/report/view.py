@@ -13,6 +13,7 @@ import xarray as xr
 
 from uqmbd.errors import Finding, Severity
 from uqmbd.results import failed_methods, propagator_nodes, varies
+from uqmbd.results.assessment import Assessment, assess, own_statements
 from uqmbd.results.chaos import surrogate_parts
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
@@ -77,6 +78,11 @@ class Method:
         return float(self.node.attrs.get("wall_time", math.nan))
 
     @property
+    def population(self) -> str:
+        """Where the distributions of its inputs come from; empty: from the study."""
+        return str(self.node.attrs.get("population", ""))
+
+    @property
     def separate(self) -> bool:
         """Whether it computed realisations one by one, so that each has a cost; others solve all at once."""
         return self.realisations > 0 and "unknowns" not in self.node.attrs
@@ -133,6 +139,11 @@ class Method:
     def sampled(self) -> bool:
         """Whether it kept samples that succeeded."""
         return self.samples is not None and bool(np.any(self.samples["status"] == Status.OK))
+
+    @cached_property
+    def statements(self) -> dict[str, str]:
+        """What it states of its own error at each output, whatever others say."""
+        return dict(zip(self.names, own_statements(self.node), strict=True))
 
     def of(self, name: str) -> xr.Dataset:
         """Return the statistics of an output."""
@@ -223,6 +234,11 @@ class StudyResult:
         return {str(one["requirement"]): float(str(one["limit"])) for one in self.limits if one["output"] == name}
 
     @cached_property
+    def assessment(self) -> Assessment:
+        """Agreement of methods, stated errors, reliability of outputs, and the recommendation: of the whole tree."""
+        return assess(self.tree)
+
+    @cached_property
     def comparison(self) -> xr.Dataset | None:
         """Differences and verdicts of two methods or more."""
         found = dataset_of(self.tree, "comparison")
@@ -252,6 +268,11 @@ class StudyResult:
     def scalar_names(self) -> list[str]:
         """Names of all outputs without a time, in the order of the study."""
         return list(dict.fromkeys(name for method in self.scalars.values() for name in method.names))
+
+    def alike(self, label: str) -> StudyResult:
+        """Return the result of the methods whose inputs are distributed as those of a method."""
+        wanted = self.methods[label].population
+        return replace(self, methods={k: m for k, m in self.methods.items() if m.population == wanted})
 
     def holders(self, name: str) -> dict[str, Method]:
         """Return the methods that have this output over time."""

@@ -1,11 +1,21 @@
-"""Results as xarray data: the schema that every propagator fills, statistics, comparison of methods, and storage."""
+"""Results as xarray data: the schema that every propagator fills, statistics, assessment, and storage."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from uqmbd.results import chaos, comparison, requirements, schema, statistics, storage, tree
+from uqmbd.results import assessment, chaos, requirements, schema, statistics, storage, tree
 from uqmbd.results.accessor import Accessor
+from uqmbd.results.assessment import (
+    StatedAccuracy,
+    align,
+    assess,
+    choose_reference,
+    compare,
+    recommend,
+    relative_errors,
+    stated_accuracy,
+)
 from uqmbd.results.chaos import (
     AlignedChaos,
     ComposedChaos,
@@ -13,15 +23,6 @@ from uqmbd.results.chaos import (
     PolynomialChaos,
     QuasiPeriodicChaos,
     surrogate,
-)
-from uqmbd.results.comparison import (
-    StatedAccuracy,
-    align,
-    choose_reference,
-    compare,
-    recommend,
-    relative_errors,
-    stated_accuracy,
 )
 from uqmbd.results.requirements import (
     Answer,
@@ -63,6 +64,7 @@ __all__ = [
     "Status",
     "align",
     "answers",
+    "assess",
     "by_output",
     "choose_reference",
     "circular_mean",
@@ -116,7 +118,7 @@ def __getattr__(name: str) -> Any:
     if name in _MOVED:
         found, text = getattr(uqmbd.extend, name), f"is uqmbd.extend.{name} now"
     else:
-        folders = (chaos, comparison, requirements, schema, statistics, storage, tree)
+        folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
         held = [folder for folder in folders if name in folder.__all__]
         if not held:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The first screen says what was asked, why, and whether to believe it, by numbers that can be computed otherwise."""
+"""The first screen says what was asked, why, and how reliable it is, by numbers that can be computed otherwise."""
 
 import json
 import re
@@ -12,10 +12,8 @@ import xarray as xr
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd import extend, report, results
-from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.answers import ANSWERS
 from uqmbd.report.overview.asked import asked, in_view
-from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import of_history
 from uqmbd.report.view import StudyResult
 from uqmbd_collocation import Collocation
@@ -113,8 +111,8 @@ def test_a_requirement_is_met_where_all_methods_say_so():
         assert [row["name"] for row in rows] == ["one", "two", "any"]
         assert [row["verdict"] for row in rows][: len(verdicts)] == verdicts
     # their intervals have nothing in common: that is worst, and said first
-    lines = belief(StudyResult.of(tree))
-    assert lines[0].level == 0 and "contradict each other" in lines[0].text
+    lines = results.assess(tree).reliability
+    assert lines[0].level == 0 and "contradict each other" in lines[0].reason
     assert [line.level for line in lines] == sorted(line.level for line in lines)
 
 
@@ -148,20 +146,20 @@ def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(t
 
 @pytest.mark.parametrize("count", [20, 400])
 def test_what_a_method_with_few_samples_says_is_not_believed(count):
-    lines = belief(StudyResult.of(results.study_tree([sampled(count=count)], study="s", mechanism="m")))
+    lines = results.assess(results.study_tree([sampled(count=count)], study="s", mechanism="m")).reliability
     # 1.96 standard errors of a standard deviation of normal samples are 1.39 of it over the root of their number
     assert {line.level for line in lines} == ({0} if count == 20 else {1})
 
 
 def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(make_chaos):
     """It is not told to be used again as it was; nor is a requirement that was never violated by few samples."""
-    alone = StudyResult.of(results.study_tree([make_chaos("c", 1)], study="s", mechanism="m"))
-    (said,) = advice(alone)["words"]
-    assert min(line.level for line in belief(alone)) < 2 and "a higher order would lower it" in said
-    known = StudyResult.of(results.study_tree([make_chaos("c", 7)], study="s", mechanism="m"))
-    assert min(line.level for line in belief(known)) == 2 and advice(known)["words"] == []
+    alone = results.assess(results.study_tree([make_chaos("c", 1)], study="s", mechanism="m"))
+    (said,) = alone.recommendation
+    assert min(line.level for line in alone.reliability) < 2 and "a higher order would lower it" in said
+    known = results.assess(results.study_tree([make_chaos("c", 7)], study="s", mechanism="m"))
+    assert min(line.level for line in known.reliability) == 2 and known.recommendation == ()
     never = required(sampled(count=100), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.03, 0.03])
-    words = advice(StudyResult.of(results.study_tree([never], study="s", mechanism="m")))["words"]
+    words = results.assess(results.study_tree([never], study="s", mechanism="m")).recommendation
     assert "one, two: ten times as many realisations" in words[-1]
 
 
@@ -190,8 +188,8 @@ def test_outputs_before_and_after_a_calibration_stand_side_by_side():
     after.attrs["population"] = "what a record told"
     result = StudyResult.of(results.study_tree([before, after], study="s", mechanism="m"))
     assert [row["name"] for row in asked(result)["rows"]] == ["y (before)", "y (after)", "x (before)", "x (after)"]
-    lines = belief(result)
-    assert len(lines) == 4 and all("compared with nothing" in line.text for line in lines)
+    lines = result.assessment.reliability
+    assert len(lines) == 4 and all("compared with nothing" in line.reason for line in lines)
 
 
 def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
@@ -216,14 +214,14 @@ def test_an_output_is_told_by_the_method_that_knows_it():
     methods = [MonteCarlo(samples=100, seed=1), Collocation(order=2)]
     with pytest.warns(uqmbd.SurrogateWarning, match="exceeds 10% of the standard deviation: 'distance' from t = 1.5 s"):
         result = StudyResult.of(uqmbd.Study("s", mechanism, np.linspace(1, 2, 3), methods).run())
-    place, distance = sorted(belief(result), key=lambda line: line.name, reverse=True)
+    place, distance = sorted(result.assessment.reliability, key=lambda line: line.name, reverse=True)
     assert (place.level, distance.level) == (2, 0)
-    assert place.text.startswith("by collocation, stated error ") and "agrees with monte-carlo" in place.text
-    assert "by collocation" not in distance.text
+    assert place.reason.startswith("by collocation, stated error ") and "agrees with monte-carlo" in place.reason
+    assert "by collocation" not in distance.reason
     assert {row["name"]: row["method"] for row in asked(result)["rows"]} == {
         "place": "collocation",
         "distance": "monte-carlo",
     }
-    lead = advice(result)["words"][0]
+    lead = result.assessment.recommendation[0]
     assert lead.startswith("No other method is resolved well enough to check monte-carlo, the reference, on distance (")
     assert lead.endswith("collocation agrees with it on place.")

@@ -17,8 +17,11 @@ from rich.console import Console
 
 from uqmbd import RandomVariable, extend, report, results
 from uqmbd.cli.compare import show_comparison
+from uqmbd.cli.tables import show_summary
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.results import comparison
+from uqmbd.report.overview.answers import ANSWERS
+from uqmbd.report.view import StudyResult
+from uqmbd.results import assessment
 from uqmbd.wording import format_at_most, format_percent
 
 TIMES = np.linspace(0, 2, 6)
@@ -75,6 +78,53 @@ def trees(draw: st.DrawFn) -> xr.DataTree:
     return results.study_tree(nodes, study="s", mechanism="m")
 
 
+def console_of(tree: xr.DataTree, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, str]:
+    """Return what a run prints at its end, and what `uqmbd compare` prints: lines are not wrapped."""
+    said = []
+    for module, show in (
+        ("uqmbd.cli.tables", lambda: show_summary(tree, files={})),
+        ("uqmbd.cli.compare.compare", lambda: show_comparison([results.save(tree, folder / "results.nc")])),
+    ):
+        wide, plain = Console(file=io.StringIO(), width=2000, highlight=False), io.StringIO()
+        monkeypatch.setattr(f"{module}.console", lambda wide=wide: wide)
+        with contextlib.redirect_stdout(plain):
+            show()
+        said.append(wide.file.getvalue() + plain.getvalue())
+    return said[0], said[1]
+
+
+def check_that_all_say_the_same(tree: xr.DataTree, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The console, `uqmbd compare`, the first screen and notebooks print what `assess` returns, word for word."""
+    found, data = results.assess(tree), tree["comparison"].to_dataset()
+    if len(data["method"]) < 2:
+        with contextlib.redirect_stdout(io.StringIO()) as plain:
+            show_summary(tree, files={})
+        console, compared = " ".join(plain.getvalue().split()), ""
+    else:
+        console, compared = console_of(tree, folder, monkeypatch)
+    notebook = text_of(report.show(tree, []).html).replace("\N{NO-BREAK SPACE}", " ")
+    first = ANSWERS.content(StudyResult.of(tree))
+    assert first["reliability"] == found.reliability[: len(first["reliability"])]
+    assert first["next"]["words"] == found.recommendation
+    shown = found.reliability[:5] if compared else []  # of a single method the console wraps its lines
+    for one in shown:
+        (line,) = [line for line in console.splitlines() if one.reason in line and f" {one.name} " in line]
+        assert line.startswith(f"{one.sign} {one.word} ")
+    for one in found.reliability:
+        assert one.reason in notebook
+    for sentence in (*found.recommendation, *found.reasons):
+        assert " ".join(sentence.split()) in " ".join(console.split()) and " ".join(sentence.split()) in notebook
+    if not compared:
+        return
+    # labels of `uqmbd compare` begin with the letter of the file
+    lettered = re.compile(r"\b(chaos-\d|mc)\b")
+    for sentence in (*found.recommendation, *found.reasons):
+        assert lettered.sub(r"A \1", sentence) in compared
+    for one in found.judgements:
+        if one.method != found.reference:
+            assert lettered.sub(r"A \1", one.text) in compared
+
+
 def text_of(fragment: str) -> str:
     fragment = re.sub(r"<(style|script).*?</\1>", "", fragment, flags=re.S)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", fragment)).replace("&#39;", "'")
@@ -92,11 +142,12 @@ def table(page: str, label: str) -> list[list[str]]:
 @pytest.mark.thorough
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
-def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path) -> None:
+def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check_that_all_say_the_same(tree, tmp_path, monkeypatch)
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     page = page.replace("\N{NO-BREAK SPACE}", " ")
     data = tree["comparison"].to_dataset()
-    said = comparison.statements(tree, results.propagator_nodes(tree))
+    said = {(one.method, one.output): one.text for one in results.assess(tree).judgements}
     verdict = {
         (str(m), str(o)): (str(data["verdict_kind"].sel({"method": m, "output": o}).item()),
                            str(data["verdict"].sel({"method": m, "output": o}).item()))
@@ -150,7 +201,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path) -> None:
         assert f"{format_at_most(float(errors.max()))} of the standard deviation" in lead
     assert "to within" not in text_of(page)
     # what is to be believed follows from the verdict and the largest stated error of the most trusted method
-    trusted = (results.comparison.recommended(data) or (data.attrs["reference"],))[0]
+    trusted = (results.assessment.recommended(data) or (data.attrs["reference"],))[0]
     levels = []
     for level, line in re.findall(r'<li><span class="sign level-(\d)">(.*?)</li>', first, flags=re.S):
         output = re.search("<strong>(.*?)</strong>", line).group(1)
@@ -166,6 +217,13 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, tmp_path: Path) -> None:
     assert levels == sorted(levels)
 
 
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(tree=trees())
+def test_all_print_the_assessment(tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    check_that_all_say_the_same(tree, tmp_path, monkeypatch)
+
+
 @pytest.mark.thorough
 def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The table of `uqmbd compare` holds the statements of the comparison."""
@@ -177,7 +235,7 @@ def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("uqmbd.cli.compare.compare.console", lambda: wide)
     with contextlib.redirect_stdout(io.StringIO()):
         show_comparison([path])
-    own = comparison.own_statements(tree["pce"])[0]
+    own = assessment.own_statements(tree["pce"])[0]
     assert own.startswith("stated error of the surrogate above 1 % of the standard deviation from 0 s on, 3.0 % at 0 s")
     assert f"{own}; agrees with A mc" in wide.file.getvalue()
     assert tree["comparison"]["verdict"].sel({"method": "pce"}).values[0].startswith(f"{own}; agrees with mc")

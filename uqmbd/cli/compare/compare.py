@@ -137,7 +137,7 @@ def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None
 
 
 def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> None:
-    from uqmbd.results.comparison import NO_SPREAD
+    from uqmbd.results.assessment import NO_SPREAD
 
     reference = str(found.attrs["reference"])
     for label in (str(m) for m in found["method"].values):

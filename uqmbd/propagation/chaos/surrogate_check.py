@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import SurrogateWarning
+from uqmbd.results.assessment import COARSE
 from uqmbd.results.chaos import (
     SPREAD_FLOOR,
     reference_spread,
@@ -20,11 +21,8 @@ from uqmbd.results.statistics import integration_error, over_time
 from uqmbd.typing import Array, Mask
 from uqmbd.wording import format_percent
 
-__all__ = ["LIMIT", "warn_of_surrogates"]
+__all__ = ["warn_of_surrogates"]
 
-
-LIMIT = 0.1
-"""Stated error, over the standard deviation, above which a surrogate is reported."""
 
 FACTOR = 3.0
 """Errors up to so many integration errors are none of the surrogate: the latter are measured at few realisations."""
@@ -62,7 +60,7 @@ def warn_of_surrogates(
     error, wrong = _stated(node, statistics, rtol)
     if found := [_words(name, error[k], wrong[k], times) for k, name in enumerate(names) if wrong[k].any()]:
         warnings.warn(
-            f"{label}: the stated error of the surrogate exceeds {LIMIT:.0%} of the standard deviation: "
+            f"{label}: the stated error of the surrogate exceeds {COARSE:.0%} of the standard deviation: "
             f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed)}",
             SurrogateWarning,
             stacklevel=5,
@@ -91,7 +89,7 @@ def _stated(node: xr.DataTree, statistics: xr.Dataset, rtol: float) -> tuple[Arr
     # an output that the surrogate takes for constant is compared with its realisations
     seen = over_time(verified_std(node, statistics["std"].shape))
     spread = reference_spread(np.fmax(std, seen))
-    return error, (error > LIMIT) & (error * spread > FACTOR * integration_error(statistics, rtol))
+    return error, (error > COARSE) & (error * spread > FACTOR * integration_error(statistics, rtol))
 
 
 def _outside(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from uqmbd.report.figures.decay import (
     LARGEST,
-    LIMIT,
     coefficient_decay,
     decay_chart,
     errors_chart,
@@ -74,7 +73,6 @@ from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities, scalar
 __all__ = [
     "ENOUGH",
     "LARGEST",
-    "LIMIT",
     "MOST_SCALARS",
     "OF_GERMS",
     "Indices",

@@ -13,6 +13,7 @@ from uqmbd.report.figures.scales import percent_ends
 from uqmbd.report.figures.selection import Results, automatic_times, label_of
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
+from uqmbd.results.assessment import EXACT
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LARGEST",
-    "LIMIT",
     "coefficient_decay",
     "coefficient_parts",
     "decay_chart",
@@ -31,8 +31,6 @@ __all__ = [
 ]
 
 
-LIMIT = 0.01
-"""Error, relative to the standard deviation, up to which a surrogate is trusted."""
 LARGEST = "largest over time"
 """What the maximum over time of several curves is called."""
 _ROUNDING = 1e-15
@@ -105,7 +103,7 @@ def coefficient_parts(
         known(of_inputs),
         named,
         [k for k in slowest if k not in named],
-        (max(min(float(seen.min(initial=1.0)), LIMIT), 1e-15), max(float(seen.max(initial=1.0)), 1.0)),
+        (max(min(float(seen.min(initial=1.0)), EXACT), 1e-15), max(float(seen.max(initial=1.0)), 1.0)),
     )
 
 
@@ -146,7 +144,7 @@ def decay_chart(results: Results, output: str, *, times: Sequence[float] | None 
                 along=Axis(across, whole=True, told="", before=f"{word} "),
                 ends=percent_ends(found.ends),
                 log=True,
-                limits={"stated error": 100 * LIMIT},
+                limits={"stated error": 100 * EXACT},
                 digits=True,
                 start=count - 1,
             )
@@ -202,7 +200,7 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
     return paper(found)
 
 
-def horizon(times: Array, error: Array, limit: float = LIMIT) -> float | None:
+def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
     """Return the first time at which an error (T,) exceeds a limit; None if it never does.
 
     Examples
@@ -242,7 +240,7 @@ class StatedErrors(NamedTuple):
     ends: tuple[float, float]
 
 
-def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
+def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
     """Return what `verification` draws.
 
     Raises
@@ -276,7 +274,7 @@ def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
     )
 
 
-def errors_chart(results: Results, limit: float = LIMIT) -> Chart:
+def errors_chart(results: Results, limit: float = EXACT) -> Chart:
     """Chart the stated errors of a surrogate over time, in per cent of the standard deviation, of each output.
 
     Of many outputs the worst have a line of their own, and the largest error of the others is one more. Dots mark where
@@ -312,7 +310,7 @@ def errors_chart(results: Results, limit: float = LIMIT) -> Chart:
     )
 
 
-def verification(results: Results, *, limit: float = LIMIT) -> Figure:
+def verification(results: Results, *, limit: float = EXACT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
     The error at realisations that did not enter the surrogate, relative to the standard deviation, for each output. A

@@ -15,7 +15,7 @@ from uqmbd.report.drawing import constant
 from uqmbd.report.figures.density import DensityCurve, densities, density_chart, known_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
-from uqmbd.results.comparison import COARSE
+from uqmbd.results.assessment import COARSE
 from uqmbd.status import Status
 
 if TYPE_CHECKING:

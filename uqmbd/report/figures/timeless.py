@@ -15,7 +15,7 @@ from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.report.view import Method
 from uqmbd.results import scalar_nodes, surrogate
-from uqmbd.results.comparison import COARSE
+from uqmbd.results.assessment import COARSE
 from uqmbd.status import Status
 
 if TYPE_CHECKING:

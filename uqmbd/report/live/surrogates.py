@@ -22,6 +22,7 @@ from uqmbd.results import (
     propagator_nodes,
     surrogate,
 )
+from uqmbd.results.assessment import recommended
 from uqmbd.results.chaos import (
     AlignedElement,
     QuasiPeriodicElement,
@@ -30,7 +31,6 @@ from uqmbd.results.chaos import (
     spread_germs,
     surrogate_parts,
 )
-from uqmbd.results.comparison import recommended
 from uqmbd.typing import Array, Index
 from uqmbd.wording import typeset_units
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.report.notebook.charts import alive, motion_charts, noted, output_charts, surrogate_charts, too_large
-from uqmbd.report.notebook.tables import mechanism_tables, options_of, page, picture, table
+from uqmbd.report.notebook.tables import ROWS, mechanism_tables, options_of, page, picture, table
 from uqmbd.wording import format_duration, format_integer, format_number, typeset_units
 
 if TYPE_CHECKING:
@@ -129,7 +129,6 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     from uqmbd.report.sections import most_uncertain
     from uqmbd.report.view import StudyResult
     from uqmbd.results import answers
-    from uqmbd.results.requirements import differing
 
     result = StudyResult.of(tree)
     if not result.methods:
@@ -149,9 +148,15 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
         for label, m in result.scalars.items()
         for name, of in ((name, m.of(name)) for name in m.names if outputs is None or name in outputs)
     ]
-    said = [*result.problems, *(f"{sentence}." for sentence in differing(result.nodes)), *map(str, result.findings)]
+    found = result.assessment
+    said = [*result.problems, *found.contradictions, *map(str, result.findings), *found.recommendation, *found.reasons]
+    lines = [f"{one.sign} {one.word} {one.name}: {one.reason}" for one in found.reliability[:ROWS]]
+    rest = len(found.reliability) - len(lines)
+    lines += [f"{rest} more, none worse"] if rest else []
+    reliability = "".join(f"<li>{escape(line)}</li>" for line in lines)
     parts = [
         *(f"<p>{escape(text)}</p>" for text in said),
+        f"<p>How reliable is this result?</p><ul>{reliability}</ul>" if reliability else "",
         table("Methods", ("label", "realisations", "failed", "time"), methods),
         table("Requirements", ("requirement", "method", "violated with a probability of"), required),
         table("Outputs without a time", ("name", "method", "mean", "standard deviation", "units"), scalars),

@@ -11,7 +11,7 @@ from uqmbd.wording import format_number, typeset_units
 if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["mechanism_tables", "options_of", "page", "picture", "table"]
+__all__ = ["ROWS", "mechanism_tables", "options_of", "page", "picture", "table"]
 
 
 ROWS = 40

@@ -1,4 +1,4 @@
-"""The first screen of the report: what was asked, what matters, whether to believe it, and what to do next time."""
+"""The first screen of the report: what was asked, what matters, how reliable it is, and what to do next time."""
 
 from __future__ import annotations
 

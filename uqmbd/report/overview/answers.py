@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from uqmbd.report import figures
 from uqmbd.report.charts import Chart, Views, charted, several
-from uqmbd.report.overview.advice import advice
-from uqmbd.report.overview.asked import asked, in_view
-from uqmbd.report.overview.belief import belief
+from uqmbd.report.overview.asked import answer_of, asked, in_view
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.motion import mechanism_picture
-from uqmbd.report.overview.trusted import answer_of, holder_of, populations
 from uqmbd.report.sections import Content, TemplateSection, only_density
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers
-from uqmbd.results.requirements import differing
-from uqmbd.wording import format_count
+from uqmbd.wording import format_count, format_duration
 
 __all__ = ["ANSWERS"]
 
 LINES = 5
-"""Lines of what to believe, and bars of what matters, on the first screen."""
+"""Lines on reliability, and bars of what matters, on the first screen."""
 
 
 def content(result: StudyResult) -> Content:
@@ -27,9 +23,9 @@ def content(result: StudyResult) -> Content:
     shown = asked(result)
     name = in_view(result)
     found, of_what = _influences(result, shown, name)
-    lines = belief(result)
+    known = result.assessment
     return {
-        "problems": [*result.problems, *(f"{sentence}." for sentence in differing(result.nodes))],
+        "problems": [*result.problems, *known.contradictions],
         "failures": _failures(result),
         "asked": shown,
         "mechanism": mechanism_picture(result),
@@ -37,14 +33,21 @@ def content(result: StudyResult) -> Content:
         "in_view": name,
         "matters": None if found is None else _bars(found, of_what),
         "untold": _untold(result, shown),
-        "belief": [{"name": one.name, "level": one.level, "sign": one.sign, "word": one.word, "text": one.text}
-                   for one in lines[:LINES]],
-        "more_lines": max(len(lines) - LINES, 0),
-        "next": advice(result),
-    }  # fmt: skip
+        "reliability": known.reliability[:LINES],
+        "more_lines": max(len(known.reliability) - LINES, 0),
+        "next": {"methods": _costs(result), "words": known.recommendation},
+    }
 
 
 ANSWERS = TemplateSection("Answers", "answers", content)
+
+
+def _costs(result: StudyResult) -> list[Content]:
+    """Return what the recommended methods cost, or the only one."""
+    labels = result.assessment.recommended or (result.methods if len(result.methods) == 1 else ())
+    some = [result.methods[label] for label in labels]
+    counts = [f"{format_count(m.realisations, 'realisation')}, {format_duration(m.wall_time)}" for m in some]
+    return [{"label": method.label, "cost": cost} for method, cost in zip(some, counts, strict=True)]
 
 
 def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:
@@ -109,8 +112,7 @@ def _failures(result: StudyResult) -> list[str]:
 def _picture(result: StudyResult, name: str) -> Content | None:
     """Return the chart of the output in view, with its limit; without one, of what is asked."""
     if name:
-        found = [holder_of(part, name) for part in populations(result)]
-        holders = {method.label: method.node for method in found if method is not None}
+        holders = {one.method: result.methods[one.method].node for one in result.assessment.of(name)}
         limits = result.limits_of(name)
         said = "; dotted, what limits it" if limits else ""
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."

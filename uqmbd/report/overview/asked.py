@@ -10,15 +10,14 @@ import xarray as xr
 from uqmbd.names import ANY
 from uqmbd.report.figures import band_edges
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.trusted import answer_of, holder_of, populations
 from uqmbd.report.sections import Content, ranked
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results import answers
-from uqmbd.results.comparison import STILL
+from uqmbd.results import Answer, answers
+from uqmbd.results.assessment import STILL, Reliability
 from uqmbd.typing import Array
 from uqmbd.wording import format_cells, format_interval_ends, format_probability
 
-__all__ = ["asked", "in_view"]
+__all__ = ["answer_of", "asked", "in_view"]
 
 ROWS = 5
 """Rows of the first screen."""
@@ -35,22 +34,22 @@ def asked(result: StudyResult) -> Content:
         ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere; and
         ``allowed``: with which probability a requirement may be violated, or empty.
     """
-    allowed = _allowed(result)
+    allowed = result.tree.attrs.get("allowed_probability")
     if found := answers(result.nodes):
-        rows = [_requirement(result, name, allowed) for name in found]
+        rows = [_requirement(result, name) for name in found]
         # that any is violated is said last; most probable ones first
         rows.sort(key=lambda row: (row["name"] == ANY, -row["probability"]))
         more = len(rows) - ROWS
         shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
-        words = "" if allowed is None else format_probability(allowed)
+        words = "" if allowed is None else format_probability(float(allowed))
         return {"kind": "requirements", "rows": shown, "more": max(more, 0), "allowed": words}
     if names := result.histories:
-        parts = populations(result)
-        pairs = [(part, name) for name in ranked(result, names) for part in parts if name in part.histories]
-        rows = [_history(part, name, several=len(parts) > 1) for part, name in pairs[:ROWS]]
-        return {"kind": "outputs", "rows": rows, "more": len(pairs) - len(rows), "allowed": ""}
-    rows = [_scalar(result, name) for name in result.scalar_names[:ROWS]]
-    return {"kind": "scalars", "rows": rows, "more": len(result.scalar_names) - len(rows), "allowed": ""}
+        every = [one for name in ranked(result, names) for one in result.assessment.of(name)]
+        rows = [_history(result, one) for one in every[:ROWS]]
+        return {"kind": "outputs", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
+    every = [one for name in result.scalar_names for one in result.assessment.of(name, "scalar")]
+    rows = [_scalar(result, one) for one in every[:ROWS]]
+    return {"kind": "scalars", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
 
 
 def in_view(result: StudyResult) -> str:
@@ -63,24 +62,20 @@ def in_view(result: StudyResult) -> str:
     return ranked(result, names)[0] if names else ""
 
 
-def _allowed(result: StudyResult) -> float | None:
-    value = result.tree.attrs.get("allowed_probability")
-    return None if value is None else float(value)
-
-
 def _probability(result: StudyResult, name: str) -> float:
     return answer_of(result, name).probability
 
 
-def _requirement(result: StudyResult, name: str, allowed: float | None) -> Content:
-    found, one = answers(result.nodes)[name], answer_of(result, name)
+def answer_of(result: StudyResult, name: str) -> Answer:
+    """Return what is said of a requirement by the method whose numbers are shown."""
+    return answers(result.nodes)[name][result.assessment.of(name, "requirement")[0].method]
+
+
+def _requirement(result: StudyResult, name: str) -> Content:
+    one, (found,) = answer_of(result, name), result.assessment.of(name, "requirement")
     sign, verdict, level = "", "", 3
-    if allowed is not None:
-        ends = [(o.lower, o.upper) for o in found.values()]
-        # one method that is sure of it is enough, unless another is sure of the contrary
-        met = all(upper <= allowed for _, upper in ends)
-        unmet = any(lower > allowed for lower, _ in ends) and not any(upper <= allowed for _, upper in ends)
-        sign, verdict, level = MET if met else UNMET if unmet else UNSURE
+    if "allowed_probability" in result.tree.attrs:
+        sign, verdict, level = {True: MET, False: UNMET, None: UNSURE}[found.met]
     return {
         "name": name,
         "meaning": one.meaning,
@@ -99,14 +94,11 @@ def _because(found: Influences | None) -> str:
     return "" if found is None else found.words
 
 
-def _history(result: StudyResult, name: str, *, several: bool) -> Content:
-    method = holder_of(result, name)
-    if method is None:  # names are those of the methods
-        raise ValueError(f"no method has {name!r}")
+def _history(result: StudyResult, one: Reliability) -> Content:
+    name, method = one.quantity, result.methods[one.method]
     data, units = method.of(name), method.units(name)
-    shown = f"{name} ({method.label})" if several else name
-    row = {"name": shown, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
-    if not method.varies(name):
+    row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
+    if one.level == 3:
         return {**row, "spread": "none", "when": "", "note": STILL, "because": ""}
     std = np.nan_to_num(data["std"].values, nan=-1.0)
     at = int(std.argmax())
@@ -115,7 +107,7 @@ def _history(result: StudyResult, name: str, *, several: bool) -> Content:
         "spread": str(format_cells([float(std[at])], units)[0]),
         "when": f"{float(data['time'][at]):.4g} s",
         "note": "",
-        "because": _because(of_history(result, name)),
+        "because": _because(of_history(result.alike(one.method), name)),
     }
 
 
@@ -141,12 +133,10 @@ def _at(values: Array, times: Array, which: object) -> tuple[float, float]:
     return float(values[k]), float(times[k])
 
 
-def _scalar(result: StudyResult, name: str) -> Content:
-    method = holder_of(result, name, scalar=True)
-    if method is None:
-        raise ValueError(f"no method has {name!r}")
-    return {"name": name, "meaning": "", "method": method.label, **_of_scalar(method, name),
-            "because": _because(of_scalar(result, name))}  # fmt: skip
+def _scalar(result: StudyResult, one: Reliability) -> Content:
+    numbers = _of_scalar(result.scalars[one.method], one.quantity)
+    because = _because(of_scalar(result.alike(one.method), one.quantity))
+    return {"name": one.name, "meaning": "", "method": one.method, **numbers, "because": because}
 
 
 def _of_scalar(method: Method, name: str) -> Content:

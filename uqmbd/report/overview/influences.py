@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report.figures import has_indices, indices_of, label_of, node_with_indices
-from uqmbd.report.overview.trusted import trusted_labels
 from uqmbd.report.view import StudyResult
 from uqmbd.status import Status
 from uqmbd.typing import Array
@@ -85,6 +84,11 @@ class Influences:
         return f"{'−' if share < 0 else '+'}{text}" if self.signed and text != "0 %" else text
 
 
+def _order(result: StudyResult) -> list[str]:
+    """Return the labels of its methods, the most reliable first."""
+    return [label for label in result.assessment.order if label in result.methods]
+
+
 def of_history(result: StudyResult, name: str) -> Influences | None:
     """Return what matters for an output over time; None if the results do not tell."""
     nodes = {label: node for label, node in result.nodes.items() if has_indices(node) and _has(node, name)}
@@ -100,7 +104,7 @@ def of_history(result: StudyResult, name: str) -> Influences | None:
 
 def of_scalar(result: StudyResult, name: str) -> Influences | None:
     """Return what matters for an output without a time; None if the results do not tell."""
-    for label in trusted_labels(result):
+    for label in _order(result):
         inner = result.methods[label].scalars
         if inner is not None and name in inner.names and (found := _total(inner.of(name), label)):
             return found
@@ -109,7 +113,7 @@ def of_scalar(result: StudyResult, name: str) -> Influences | None:
 
 def of_requirement(result: StudyResult, name: str) -> Influences | None:
     """Return what matters for whether a requirement is violated; None if the results do not tell."""
-    held = {label: result.methods[label].node.children.get("requirements") for label in trusted_labels(result)}
+    held = {label: result.methods[label].node.children.get("requirements") for label in _order(result)}
     nodes = {label: node for label, node in held.items() if node is not None}
     for label, node in nodes.items():
         data = node.to_dataset()
@@ -155,7 +159,7 @@ def _over_time(values: Array, std: Array) -> Array:
 
 def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences | None:
     """Return the effects of a linear regression at the time of the largest standard deviation."""
-    for label in trusted_labels(result):
+    for label in _order(result):
         method = result.methods[label]
         inner = method.scalars if scalar else method
         if inner is None or inner.samples is None or name not in inner.names or "input" not in inner.samples.sizes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.sections.about_methods import ABOUT_METHODS, precision_sentences
+from uqmbd.report.sections.about_methods import ABOUT_METHODS
 from uqmbd.report.sections.about_results import (
     ABOUT_RESULTS,
     bands_chart,

@@ -6,7 +6,7 @@ from uqmbd.results.requirements.counting import Violations
 from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson
 from uqmbd.results.requirements.methods import requirements_of
-from uqmbd.results.requirements.reading import Answer, answers, compare_requirements, differing, unmet
+from uqmbd.results.requirements.reading import Answer, answers, compare_requirements, differing, meets, unmet
 
 __all__ = [
     "Answer",
@@ -15,6 +15,7 @@ __all__ = [
     "clopper_pearson",
     "compare_requirements",
     "differing",
+    "meets",
     "requirement_names",
     "requirements_dataset",
     "requirements_of",

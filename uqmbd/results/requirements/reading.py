@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from uqmbd.names import ANY
 from uqmbd.results.schema import comparable, fixed_width
 from uqmbd.wording import format_interval, format_probability
 
-__all__ = ["Answer", "answers", "compare_requirements", "differing", "unmet"]
+__all__ = ["Answer", "answers", "compare_requirements", "differing", "meets", "unmet"]
 
 VARIABLES = ("violation_probability", "violation_lower", "violation_upper", "violation_verdict")
 
@@ -59,6 +60,12 @@ class Answer:
         """What the requirement says."""
         return self.description or self.relation
 
+    @property
+    def relative_width(self) -> float:
+        """The longer side of the interval over the probability; infinite of a probability that is 0, or not known."""
+        side = max(self.upper - self.probability, self.probability - self.lower)
+        return side / self.probability if self.probability > 0 else math.inf
+
     def apart(self, other: Answer) -> bool:
         """Whether the intervals of two methods have nothing in common."""
         return self.lower > other.upper or other.lower > self.upper
@@ -95,6 +102,17 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
             answer = Answer(label, name, str(data["description"].values[k]), relation, *about)
             found.setdefault(name, {})[label] = answer
     return {name: found[name] for name in sorted(found, key=lambda name: name == ANY)}
+
+
+def meets(found: Collection[Answer], allowed: float) -> bool | None:
+    """Tell whether a requirement is met with 95 % confidence; None: not certain.
+
+    It is met if all methods say so, and not met if any says so and none says the contrary.
+    """
+    if all(one.upper <= allowed for one in found):
+        return True
+    surely = any(one.lower > allowed for one in found) and not any(one.upper <= allowed for one in found)
+    return False if surely else None
 
 
 def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
@@ -137,12 +155,14 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
     """
     said = []
     for name, found in answers(nodes).items():
-        wrong = [one for one in found.values() if not one.upper <= probability]
-        if wrong and name != ANY:
-            one, surest = max(wrong, key=lambda one: one.upper), max(wrong, key=lambda one: one.lower)
+        met = meets(found.values(), probability)
+        if not met and name != ANY:
+            wrong = [one for one in found.values() if not one.upper <= probability]
+            one = max(wrong, key=lambda one: one.upper)
             told, end = "is not known to be met", f"up to {format_probability(one.upper)}"
-            if surest.lower > probability and len(wrong) == len(found):
-                one, told, end = surest, "is not met", f"at least {format_probability(surest.lower)}"
+            if met is False:
+                one = max(wrong, key=lambda one: one.lower)
+                told, end = "is not met", f"at least {format_probability(one.lower)}"
             said.append(
                 f"requirement {name!r} {told}: it is violated with a probability of {end} by {one.method}, "
                 f"{one.words}; {format_probability(probability)} is allowed"

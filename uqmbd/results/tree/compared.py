@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison import DIFFERS, UNDER_RESOLVED, compare, overall
+from uqmbd.results.assessment import DIFFERS, UNDER_RESOLVED, compare, judgements_of, worst
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import (
     as_text,
@@ -111,14 +111,15 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
 def _with_doubts(compared: xr.Dataset, whole: xr.Dataset) -> str:
     """Return the recommendation, with what cannot be relied on among outputs without a time."""
     lead, *others = str(compared.attrs["recommendation"]).split("\n")
-    for label in (str(method) for method in whole["method"].values):
-        kind, text, which = overall(whole, label)
-        if kind not in (DIFFERS, UNDER_RESOLVED):
+    over_time = judgements_of(compared)
+    for label, found in judgements_of(whole).items():
+        one, which = worst(found)
+        if one.kind not in (DIFFERS, UNDER_RESOLVED):
             continue
         names = which or ", ".join(map(str, whole["output"].values))
-        said = f"Of outputs without a time, do not rely on {names} of {label}: {text}."
-        known = label in compared["method"].values and compared.sizes["output"]
-        if not known or overall(compared, label)[0] in (DIFFERS, UNDER_RESOLVED):
+        said = f"Of outputs without a time, do not rely on {names} of {label}: {one.text}."
+        known = over_time.get(label)
+        if not known or worst(known)[0].kind in (DIFFERS, UNDER_RESOLVED):
             others.append(said)
         else:  # it may be the one that is recommended
             lead += f" {said}"

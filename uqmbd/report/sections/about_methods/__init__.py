@@ -6,11 +6,11 @@ from uqmbd.report.sections.about_methods.comparison import COMPARISON
 from uqmbd.report.sections.about_methods.cost import COST
 from uqmbd.report.sections.about_methods.failures import FAILURES
 from uqmbd.report.sections.about_methods.growth import GROWTH
-from uqmbd.report.sections.about_methods.methods import METHODS, precision_sentences
+from uqmbd.report.sections.about_methods.methods import METHODS
 from uqmbd.report.sections.about_methods.provenance import PROVENANCE
 from uqmbd.report.sections.about_methods.trust import TRUST
 
-__all__ = ["ABOUT_METHODS", "precision_sentences"]
+__all__ = ["ABOUT_METHODS"]
 
 ABOUT_METHODS = (METHODS, COMPARISON, TRUST, GROWTH, COST, FAILURES, PROVENANCE)
 """Sections after those of plugins, in the order of the page."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from uqmbd.report.sections.section import Content
 from uqmbd.report.view import StudyResult
-from uqmbd.results.comparison import AGREES, COARSE, NO_SPREAD, REFERENCE, overall
-from uqmbd.typing import Array
-from uqmbd.wording import format_duration, format_integer, format_percent
+from uqmbd.results.assessment import AGREES, COARSE, NO_SPREAD, REFERENCE, largest_error, worst
+from uqmbd.wording import format_duration, format_integer
 
 __all__ = ["agreement"]
 
@@ -24,52 +23,39 @@ _SHORT = {"reference": "the reference", NO_SPREAD: "nothing varies"}
 """Verdicts in a word or two, where their names do not say them."""
 
 
-def _largest(stated: Array, names: list[str]) -> str:
-    """Say how large the stated error of a method is at most, and of which output; nothing where it is not known."""
-    known = np.where(np.isfinite(stated), stated, -np.inf)
-    if not np.isfinite(known).any():
-        return ""
-    of = f", {names[int(known.argmax())]}" if len(names) > 1 else ""
-    return f"stated error up to {format_percent(float(known.max()))} of the standard deviation{of}"
-
-
 def agreement(result: StudyResult) -> Content | None:
     """Return the recommendation and the verdict of each method and output; None for one method, or older results.
 
     Verdicts stand in the section that compares methods (``each``), and nowhere else; ``rows`` name them.
     """
-    data = result.comparison
-    if data is None or not data.sizes.get("output", 0) or "verdict" not in data:
+    data, found = result.comparison, result.assessment
+    compared = [one for one in found.judgements if one.kind]
+    if data is None or not compared:
         return None
-    lead, *others = str(data.attrs.get("recommendation", "")).split("\n")
-    rows, each = [], []
-    reference, usable = str(data.attrs["reference"]), False
-    for m, method in enumerate(str(v) for v in data["method"].values):
-        kind, _, which = overall(data, method)
-        stated = data["stated_error_max"].values[m] if "stated_error_max" in data else np.zeros(0)
-        large = bool(np.any(np.isfinite(stated) & (stated > COARSE)))
-        if kind in (AGREES, REFERENCE):
-            which = _largest(stated, [str(v) for v in data["output"].values])
-        sign = "!" if kind == "agrees" and large else _SIGNS[kind]
+    rows = []
+    for method in (result.methods[label] for label in dict.fromkeys(one.method for one in compared)):
+        mine = [one for one in compared if one.method == method.label]
+        one, which = worst(mine)
+        text = _SHORT.get(one.kind, one.kind)
+        if one.kind in (AGREES, REFERENCE) and (words := largest_error(mine)):
+            text += f"; {words}"
+        elif which:
+            text += f" ({which})"
+        large = one.kind == AGREES and any(COARSE < one.error < math.inf for one in mine)
         rows.append(
             {
-                "method": method,
-                "kind": kind,
-                "text": f"{sign} {_SHORT.get(kind, kind)}" + (f" ({which})" if which else ""),
-                "wall_time": format_duration(float(data["wall_time"][m])),
-                "realisations": format_integer(int(data["realisations"][m])),
+                "method": method.label,
+                "kind": one.kind,
+                "text": f"{'!' if large else _SIGNS[one.kind]} {text}",
+                "wall_time": format_duration(method.wall_time),
+                "realisations": format_integer(method.realisations),
             }
         )
-        usable |= method != reference and kind in ("agrees", NO_SPREAD)
-        names = [str(v) for v in data["output"].values]
-        said = [str(v) for v in data["verdict"].values[m]]
-        each += [{"output": o, "method": method, "text": t} for o, t in zip(names, said, strict=True)]
     return {
-        "lead": lead,
-        "good": usable,
-        "others": others,
+        "lead": "".join(found.recommendation[:1]),
+        "others": found.reasons,
         "rows": rows,
-        "each": each,
-        "reference": reference,
+        "each": compared,
+        "reference": found.reference,
         "level": f"{100 * float(data.attrs.get('level', 0.05)):g} %",
     }

@@ -10,7 +10,6 @@ import xarray as xr
 from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.results.comparison import NO_SPREAD
 from uqmbd.wording import Cell, format_cells, format_percent
 
 __all__ = ["COMPARISON"]
@@ -24,47 +23,36 @@ def comparison(result: StudyResult) -> Content | None:
     data = result.comparison
     if data is None:
         return None
-    rows = [*_differences(data), *_scalar_differences(data)]
-    return {"agreement": agreement(result), "reference": str(data.attrs["reference"]), "rows": rows}
+    rows = [*_differences(result, data), *_differences(result, data, timeless=True)]
+    return {"agreement": agreement(result), "reference": result.assessment.reference, "rows": rows}
 
 
 COMPARISON = TemplateSection("Comparison of methods", "comparison", comparison)
 
 
-def _differences(data: xr.Dataset) -> list[dict[str, Any]]:
-    rows = []
-    for o, name in enumerate(data["output"].values):
-        scale, units = float(data["reference_std_max"][o]), str(data["output_units"].values[o])
-        for m, method in enumerate(data["method"].values):
-            if str(method) == str(data.attrs["reference"]):
-                continue
-            still = "verdict_kind" in data and str(data["verdict_kind"].values[m, o]) == NO_SPREAD
-            row: dict[str, Any] = {"output": str(name), "method": str(method)}
-            for key in ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2"):
-                row[key] = _with_share(float(data[key].values[m, o]), units, 0.0 if still else scale)
-            rows.append(row)
-    return rows
-
-
-def _scalar_differences(data: xr.Dataset) -> list[dict[str, Any]]:
-    if "scalar_mean_difference" not in data:
+def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = False) -> list[dict[str, Any]]:
+    """Return the rows of outputs over time, or of those without a time, which have one difference each."""
+    prefix, dim, end, std = ("scalar_", "scalar", "", "std") if timeless else ("", "output", "_max", "std_max")
+    if f"{prefix}mean_difference{end}" not in data:
         return []
-    reference = str(data.attrs.get("scalar_reference", data.attrs["reference"]))
+    reference = str(data.attrs.get(f"{prefix}reference", data.attrs["reference"]))
+    varies = {(one.method, one.output): one.varies for one in result.assessment.judgements}
     rows = []
-    for o, name in enumerate(data["scalar"].values):
-        scale, units = float(data["scalar_reference_std"][o]), str(data["scalar_units"].values[o])
-        for m, method in enumerate(data["method"].values):
-            if str(method) == reference:
+    for o, name in enumerate(map(str, data[dim].values)):
+        scale, units = float(data[f"{prefix}reference_{std}"][o]), str(data[f"{dim}_units"].values[o])
+        for m, method in enumerate(map(str, data["method"].values)):
+            if method == reference:
                 continue
-            row: dict[str, Any] = {
-                "output": str(name),
-                "method": str(method),
-                "mean_difference_l2": _NONE,
-                "std_difference_l2": _NONE,
-            }
+            row: dict[str, Any] = {"output": name, "method": method}
             for key in ("mean", "std"):
-                value = float(data[f"scalar_{key}_difference"].values[m, o])
-                row[f"{key}_difference_max"] = _with_share(value, units, scale)
+                found = {"max": f"{prefix}{key}_difference{end}", "l2": f"{key}_difference_l2"}
+                for norm, variable in found.items():
+                    whole = scale if varies.get((method, name), True) else 0.0
+                    row[f"{key}_difference_{norm}"] = (
+                        _NONE
+                        if timeless and norm == "l2"
+                        else _with_share(float(data[variable].values[m, o]), units, whole)
+                    )
             rows.append(row)
     return rows
 

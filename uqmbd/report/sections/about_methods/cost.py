@@ -6,7 +6,7 @@ import math
 
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results.comparison import worst_integration_share
+from uqmbd.results.assessment import worst_integration_share
 from uqmbd.wording import format_duration, format_integer, format_number
 
 __all__ = ["COST"]
@@ -56,13 +56,13 @@ COST = TemplateSection("Cost", "cost", cost)
 
 def _integration(method: Method) -> list[tuple[str, str]]:
     """Return the largest error of the time integration, and how it was found."""
-    worst = worst_integration_share(method.statistics)
+    worst = worst_integration_share(method.node)
     if worst is None:
         return []
-    about = method.statistics["integration_error"].attrs
-    how = str(about.get("reason") or about.get("comment", ""))
-    which = f", of {worst.output}" if len(method.names) > 1 and math.isfinite(worst.share) else ""
-    return [("error of the time integration", f"{worst.words()}{which}" + (f" ({how})" if how else ""))]
+    several = len(method.names) + len(method.scalars.names if method.scalars else ()) > 1
+    which = f", of {worst.output}" if several and math.isfinite(worst.share) else ""
+    how = f" ({worst.reason})" if worst.reason else ""
+    return [("error of the time integration", f"{worst.words()}{which}{how}")]
 
 
 def _nothing(value: str) -> bool:

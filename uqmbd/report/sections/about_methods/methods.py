@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 
-from uqmbd.report.figures import design_of
 from uqmbd.report.sections.about_methods.agreement import agreement
-from uqmbd.report.sections.about_results import input_rows, stated_errors
+from uqmbd.report.sections.about_results import input_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
-from uqmbd.wording import format_at_most, format_count, format_duration, format_integer, format_number, format_percent
+from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_percent
 
-__all__ = ["METHODS", "precision_sentences"]
-
-# How well a standard deviation should be known: above the first it is a rough figure, above the second hardly one.
-_WELL_KNOWN, _ROUGHLY_KNOWN = 0.05, 0.15
+__all__ = ["METHODS"]
 
 
 def content(result: StudyResult) -> Content:
@@ -53,9 +49,8 @@ def _sentences(result: StudyResult) -> list[str]:
     for method in methods.values():
         text += _outcome(method, compared)
     text += _populations(result)
-    text += precision_sentences(result)
-    last = list(methods.values())[-1]
-    constant = [name for name in result.histories if name in last.histories and not last.varies(name)]
+    text += result.assessment.precision
+    constant = [n for n in result.histories if all(one.level == 3 for one in result.assessment.of(n))]
     if constant:
         does = "does" if len(constant) == 1 else "do"
         text.append(f"{', '.join(constant)} {does} not vary beyond the integration error.")
@@ -64,7 +59,7 @@ def _sentences(result: StudyResult) -> list[str]:
 
 def _populations(result: StudyResult) -> list[str]:
     """Say which methods have inputs of other distributions than the study."""
-    found = {label: str(method.node.attrs.get("population", "")) for label, method in result.methods.items()}
+    found = {label: method.population for label, method in result.methods.items()}
     beside = ", so that it is not compared with the others" if len(set(found.values())) > 1 else ""
     return [
         f"{label} has inputs of other distributions than the study, {population}{beside}."
@@ -114,38 +109,3 @@ def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
         share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
         text += f" Quantiles were counted between edges, and are known within {share}."
     return text
-
-
-def precision_sentences(result: StudyResult) -> list[str]:
-    """Say how well each method with samples knows its standard deviations, and how many samples would do better."""
-    sentences = []
-    for label, method in result.methods.items():
-        errors = stated_errors(method)
-        if not errors:
-            continue
-        worst = max(errors, key=lambda name: errors[name][0])
-        share, at = errors[worst]
-        whose = f"The stated error of {label}" if result.several else "The stated error"
-        of_which = f"of {worst}, " if len(errors) > 1 else ""
-        sentences.append(
-            f"{whose} is {format_at_most(share)} of the standard deviation ({of_which}at {at:g} s, with 95 % "
-            f"confidence). {_advice(method, share)}"
-        )
-    return sentences
-
-
-def _advice(method: Method, share: float) -> str:
-    """Say whether so uncertain a standard deviation needs more samples, and how many would halve its uncertainty."""
-    total = method.counted
-    if share <= _WELL_KNOWN:
-        verdict = "That is enough for most purposes"
-    elif share <= _ROUGHLY_KNOWN:
-        verdict = "That tells how large the spread is, but not its second digit"
-    else:
-        verdict = "That is a rough figure, and more samples are needed to rely on it"
-    if total < method.realisations:
-        return f"{verdict}; another method is better at it."
-    halving = f"{format_count(4 * total, 'sample')} instead of {format_integer(total)} would halve the uncertainty"
-    if not design_of(method.node.attrs).independent:
-        halving += " at the latest, since this sampling design often converges faster"
-    return f"{verdict}; {halving}."

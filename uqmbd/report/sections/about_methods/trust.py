@@ -29,8 +29,8 @@ from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.about_results import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
+from uqmbd.results.assessment import Assessment
 from uqmbd.results.chaos import Discontinuity
-from uqmbd.results.comparison import statements
 from uqmbd.wording import format_count, format_factor, format_integer, format_percent
 
 __all__ = ["TRUST"]
@@ -47,8 +47,8 @@ def trust(result: StudyResult) -> Content | None:
         return None
     groups = series(holders)
     best = {members[-1]: result.methods[members[-1]] for members in groups.values()}
-    said = statements(result.tree, nodes)
-    rows = [row for label in holders for row in _rows(result.methods[label])]
+    said = result.assessment
+    rows = [row for label in holders for row in _rows(result.methods[label], said)]
     order = {name: k for k, name in enumerate(dict.fromkeys(row["output"] for row in rows))}
     rows.sort(key=lambda row: order[row["output"]])
     last = result.methods[finest(holders)]
@@ -76,17 +76,18 @@ def trust(result: StudyResult) -> Content | None:
 TRUST = TemplateSection("How far the surrogates can be trusted", "trust", trust)
 
 
-def _verdicts(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
+def _verdicts(method: Method, said: Assessment) -> Content:
     label, sizes = method.label, method.surrogate_data.sizes
     what = f"order {order_of(method.node)}, {format_count(sizes['term'], 'term')}"
     if sizes.get("element", 1) > 1:
         what += f" in each of {sizes['element']} elements"
     what += f", {method.fit}" if method.fit else ""
     what += f"; {method.clock}" if method.clock else ""
+    texts = {name: said.judgement(label, name).text for name in method.names}
     try:
         seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(method.node), "discontinuities", tuple)()
         words = {one.output: one.words() for one in seen if one is not None and method.varies(one.output)}
-        found = [". ".join(filter(None, (f"{name}: {said[label, name]}", words.get(name)))) for name in method.names]
+        found = [". ".join(filter(None, (f"{name}: {texts[name]}", words.get(name)))) for name in method.names]
         jumps = [f"{name}: {words[name]}" for name in method.names if name in words]
         return {"label": label, "what": what, "problem": "", "verdicts": found, "jumps": jumps}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
@@ -94,7 +95,7 @@ def _verdicts(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
         return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
 
 
-def _rows(method: Method) -> list[dict[str, str]]:
+def _rows(method: Method, said: Assessment) -> list[dict[str, str]]:
     """Return the table of a method: for each output its order, cost and errors."""
     stated = stated_error_of(method.node)
     left_out = method.statistics.get("leave_one_out")
@@ -112,14 +113,15 @@ def _rows(method: Method) -> list[dict[str, str]]:
             "left_out": "–",
             "gain": gains[k],
         }
-        if not method.varies(name):
+        one = said.judgement(method.label, name)
+        if not one.varies:
             row |= {"error": "no spread", "horizon": "never", "gain": "–"}
         elif stated is not None:
             error = stated.values[k]
             first = horizon(stated["time"].values, error)
-            row["error"] = format_percent(float(np.nanmax(error)), _UNKNOWN)
+            row["error"] = format_percent(one.error, _UNKNOWN)
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
-        if left_out is not None and method.varies(name):
+        if left_out is not None and one.varies:
             # where hardly anything spreads, a share of the spread is any number
             spreads = varies_over_time(method.statistics["std"].values[k], method.statistics["mean"].values[k])
             square = float(np.max(left_out.values[k], where=spreads, initial=0.0))
@@ -139,7 +141,7 @@ def _gains(method: Method) -> list[str]:
     return [f"÷ {format_factor(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
 
 
-def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
+def _verification(method: Method, said: Assessment) -> Content:
     label, count = method.label, method.surrogate_data.sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
     return charted(

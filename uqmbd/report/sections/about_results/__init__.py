@@ -6,7 +6,6 @@ from uqmbd.report.sections.about_results.events import EVENTS
 from uqmbd.report.sections.about_results.explore import EXPLORE
 from uqmbd.report.sections.about_results.influence import INFLUENCE
 from uqmbd.report.sections.about_results.inputs import INPUTS, input_rows
-from uqmbd.report.sections.about_results.output_words import stated_errors
 from uqmbd.report.sections.about_results.outputs import (
     OUTPUTS,
     bands_chart,
@@ -28,7 +27,6 @@ __all__ = [
     "only_density",
     "over_chart",
     "ranked",
-    "stated_errors",
 ]
 
 ABOUT_RESULTS = (EXPLORE, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)

@@ -10,7 +10,7 @@ from uqmbd.report.figures import OF_GERMS, Indices, has_indices, indices_of, lab
 from uqmbd.report.sections.about_results.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.results.comparison import STILL
+from uqmbd.results.assessment import STILL
 from uqmbd.wording import format_share
 
 __all__ = ["INFLUENCE"]

@@ -10,9 +10,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report.figures import automatic_times
-from uqmbd.report.view import Method
-from uqmbd.results.comparison import integration_shares, own_error, own_statements
-from uqmbd.results.statistics import rtol_of
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.results.assessment import integration_shares
 from uqmbd.wording import (
     Cell,
     format_cells,
@@ -23,7 +22,7 @@ from uqmbd.wording import (
     typeset_units,
 )
 
-__all__ = ["in_words", "integration", "numbers", "output_rows", "precision", "stated_errors"]
+__all__ = ["in_words", "integration", "numbers", "output_rows", "precision"]
 
 
 _UNKNOWN = Cell("unknown", "")
@@ -38,31 +37,15 @@ def in_words(method: Method, name: str) -> str:
     )
 
 
-def stated_errors(method: Method) -> dict[str, tuple[float, float]]:
-    """Return the largest stated error of each output that varies, as a share of the standard deviation, and its time.
-
-    Of a method with samples that states standard errors; else nothing.
-    """
-    if method.samples is None or "std_error_std" not in method.statistics:
-        return {}
-    own = own_error(method.node, rtol_of(method.node), dependence=False)
-    errors, at = own.largest(method.statistics["time"].values)
-    return {
-        name: (float(errors[k]), float(at[k]))
-        for k, name in enumerate(method.names)
-        if own.varies[k] and 0 < errors[k] < math.inf
-    }
-
-
-def precision(method: Method, name: str) -> str:
+def precision(result: StudyResult, method: Method, name: str) -> str:
     """Say in words how well the standard deviation of an output is known; empty if the method cannot tell.
 
     What is to be done about it is in the section on methods.
     """
-    if name not in stated_errors(method):
+    one, data = result.assessment.judgement(method.label, name), method.of(name)
+    if method.samples is None or "std_error_std" not in data or not one.varies or not 0 < one.error < math.inf:
         return ""
-    data = method.of(name)
-    said = own_statements(method.node)[method.histories.index(name)]
+    said = method.statements[name]
     text = f"{said[0].upper()}{said[1:]}, with 95 % confidence."
     largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
     if float(data["kurtosis"][largest]) > 30:

@@ -16,7 +16,7 @@ from uqmbd.report.sections.about_results.output_words import in_words, integrati
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import choose_reference
-from uqmbd.results.comparison import STILL
+from uqmbd.results.assessment import STILL
 from uqmbd.wording import format_count
 
 __all__ = ["FULL", "OUTPUTS", "bands_chart", "bands_of", "most_uncertain", "only_density", "over_chart", "ranked"]
@@ -134,7 +134,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             _densities(result, [*sampled, *surrogate_nodes(every)], name),
             charted(
                 lambda: figures.settling_chart(method.node, name),
-                f"Mean and standard deviation of {name} as samples are added. " + precision(method, name),
+                f"Mean and standard deviation of {name} as samples are added. " + precision(result, method, name),
                 _convergence_caption(method) + from_label + ".",
                 f"{name}-samples",
             ),
@@ -143,11 +143,11 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         drawn.append(_densities(result, list(surrogate_nodes(every)), name))
     compared: list[Content] = []
     if whole and len(holders) > 1 and surrogate_nodes(holders) and over_time(result, name):
-        compared += _differences(holders, name)
+        compared += _differences(result, holders, name)
     described = in_words(first, name)
     words = [
         f"By {first.label}, {described[0].lower()}{described[1:]}" if result.several else described,
-        *(precision(method, name) for method in list(sampled.values())[:1]),
+        *(precision(result, method, name) for method in list(sampled.values())[:1]),
         integration(first, name),
     ]
     return {
@@ -187,9 +187,10 @@ def bands_chart(result: StudyResult, name: str) -> Content:
     )
 
 
-def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
+def _differences(result: StudyResult, holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
     """Return how far methods agree: charts of means and of standard deviations, if there are times."""
-    reference = choose_reference(holders)
+    reference = result.assessment.reference
+    reference = reference if reference in holders else choose_reference(holders)
     charts = [figures.difference_chart(holders, name, reference, statistic) for statistic in ("mean", "std")]
     return [
         charted(

@@ -15,7 +15,7 @@ from uqmbd.report.charts import charted
 from uqmbd.report.figures import MOST_SCALARS, failure_reasons
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results.comparison import worst_integration_share
+from uqmbd.results.assessment import worst_integration_share
 from uqmbd.wording import format_at_most, format_cells, format_count, format_percent, format_share
 
 __all__ = ["SCALARS"]
@@ -103,7 +103,7 @@ def _bounds(methods: Iterable[Method]) -> list[str]:
 
 def _integration(methods: Iterable[Method]) -> list[str]:
     """Say how large the error of the time integration is, with the method that has the largest."""
-    found = [(one, m.label) for m in methods if (one := worst_integration_share(m.statistics)) is not None]
+    found = [(one, m.label) for m in methods if (one := worst_integration_share(m.node)) is not None]
     known = [(one, label) for one, label in found if math.isfinite(one.share)]
     if not known:
         return []

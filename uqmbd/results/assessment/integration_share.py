@@ -29,11 +29,11 @@ class IntegrationShare:
     share : float
         The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
     reason : str
-        Why it is not known, or empty.
+        How it was found, or why it is not known; or empty.
 
     Examples
     --------
-    >>> from uqmbd.results.comparison import IntegrationShare
+    >>> from uqmbd.results.assessment import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
     >>> one.of_what
     'of the spread'
@@ -86,7 +86,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     if "integration_error" not in statistics:
         return []
     stated = statistics["integration_error"]
-    reason = str(stated.attrs.get("reason", ""))
+    reason = str(stated.attrs.get("reason") or stated.attrs.get("comment", ""))
     units = [""] * statistics.sizes["output"]
     if "output_units" in statistics.coords:
         units = [str(unit) for unit in statistics["output_units"].values]
@@ -101,32 +101,32 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     return found
 
 
-def worst_integration_share(statistics: xr.Dataset) -> IntegrationShare | None:
+def worst_integration_share(node: xr.DataTree) -> IntegrationShare | None:
     """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
 
     Parameters
     ----------
-    statistics : xarray.Dataset
-        Of a method.
+    node : xarray.DataTree
+        Of a method; its outputs without a time count, too.
 
     Examples
     --------
     >>> import chaospy
     >>> import uqmbd
-    >>> from uqmbd.results.comparison import worst_integration_share
+    >>> from uqmbd.results.assessment import worst_integration_share
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
     >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
     >>> stone = mechanism.body("stone", mass=1, velocity=speed)
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1)]).run()
-    >>> worst = worst_integration_share(tree["monte-carlo/statistics"].to_dataset())
+    >>> worst = worst_integration_share(tree["monte-carlo"])
     >>> worst.output, worst.varies, worst.share < 1e-3
     ('height', True, True)
     """
-    found = integration_shares(statistics)
-    known = [one for one in found if np.isfinite(one.share)]
-    return max(known, key=lambda one: one.share) if known else (found[0] if found else None)
+    parts = [node, *(child for name, child in node.children.items() if name == "scalars")]
+    found = [one for part in parts for one in integration_shares(part.children["statistics"].to_dataset())]
+    return max(found, key=lambda one: np.nan_to_num(one.share, nan=-1.0), default=None)
 
 
 def _largest(values: np.ndarray) -> float:

@@ -11,11 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison.distances import distributions, quantile_differences
-from uqmbd.results.comparison.own_errors import own_error, root_mean_square
-from uqmbd.results.comparison.recommendation import loose, recommend, recommended
-from uqmbd.results.comparison.sentences import own_statements
-from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
+from uqmbd.results.assessment.distances import distributions, quantile_differences
+from uqmbd.results.assessment.limits import COARSE, ROUGH
+from uqmbd.results.assessment.own_errors import own_error, root_mean_square
+from uqmbd.results.assessment.recommendation import advice, loose
+from uqmbd.results.assessment.sentences import own_statements
+from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, verdicts
 from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array
 
@@ -249,8 +250,11 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
-    advice = "\n".join((*loose(nodes), *recommend(found)))
-    return found.assign_attrs(recommendation=advice, recommended=json.dumps(recommended(found), ensure_ascii=False))
+    use, sentences = advice(found)
+    return found.assign_attrs(
+        recommendation="\n".join((*loose(nodes), *sentences)),
+        recommended=json.dumps(use, ensure_ascii=False),
+    )
 
 
 _COMMENTS = {

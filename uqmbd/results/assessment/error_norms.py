@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison.own_errors import own_error, root_mean_square
+from uqmbd.results.assessment.own_errors import own_error, root_mean_square
 from uqmbd.results.statistics import relative
 
 __all__ = ["relative_errors"]

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.results.assessment.limits import COARSE, ENOUGH_SAMPLES, EXACT, LEAST_SAMPLES, ROUGH
+from uqmbd.results.assessment.own_errors import OwnError, root_mean_square
+from uqmbd.results.assessment.sentences import NO_SPREAD, STILL
+from uqmbd.results.assessment.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.chaos import error_words
-from uqmbd.results.comparison.own_errors import OwnError, root_mean_square
-from uqmbd.results.comparison.sentences import LIMIT, NO_SPREAD, STILL
-from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 from uqmbd.wording import format_percent, format_quantity
@@ -21,21 +22,6 @@ __all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED
 
 REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
 UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
-
-LEAST_SAMPLES = 20
-"""With fewer samples nothing is said: their standard errors themselves are hardly known."""
-
-ENOUGH_SAMPLES = 40
-"""With fewer samples nothing is said to agree."""
-
-ROUGH = 0.15
-"""With 95 % confidence the standard deviation must be known to within this part of it."""
-
-COARSE = 0.1
-"""Surrogates whose stated error is larger, as a part of the standard deviation, are under-resolved."""
-
-EXACT = 0.01
-"""Surrogates whose stated error is smaller are taken to miss nothing."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +77,7 @@ def verdicts(
     level : float
         How often, at most, a method that agrees may be said to differ in any output at any time.  Half of it goes to
         the means, half to the standard deviations, in equal parts to the outputs; over time the largest deviation is
-        tested, as :mod:`uqmbd.results.comparison.simultaneous` says.
+        tested, as :mod:`uqmbd.results.assessment.simultaneous` says.
     floor : array, shape (O,)
         Differences that count for nothing, in the units of the outputs.
     names : tuple of str
@@ -166,14 +152,14 @@ def _verdict(
     unseen = (
         f" (a difference of the standard deviation below {format_percent(within)} would not be seen)" if within else ""
     )
-    large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else LIMIT)
+    large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else EXACT)
     inside = " within that" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
 
 def _told(found: OwnError, o: int, times: Array) -> str:
     """Say how large the stated error of an under-resolved surrogate is."""
-    return error_words(found.told[o], times if len(times) > 1 else None, LIMIT)
+    return error_words(found.told[o], times if len(times) > 1 else None, EXACT)
 
 
 def _ratio(value: float, scale: float) -> float:

@@ -14,8 +14,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import UqmbdError
+from uqmbd.results.assessment.own_errors import OwnError
 from uqmbd.results.chaos import spread_germs, surrogate, surrogate_parts
-from uqmbd.results.comparison.own_errors import OwnError
 from uqmbd.status import Status
 from uqmbd.typing import Array
 

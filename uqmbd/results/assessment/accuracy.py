@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.comparison.own_errors import own_error
+from uqmbd.results.assessment.own_errors import own_error
+from uqmbd.results.requirements import answers
 from uqmbd.results.statistics import over_time
 from uqmbd.typing import Array
 
@@ -143,13 +144,11 @@ def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:
 def _of_probabilities(node: xr.DataTree) -> StatedAccuracy:
     if "requirements" not in node.children:
         return StatedAccuracy(np.inf, "there are no requirements")
-    data = node.children["requirements"].to_dataset()
     worst = StatedAccuracy(0.0, "no probability")
-    for name in data["requirement"].values.tolist():
-        one = data.sel(requirement=name)
-        p, (lower, upper) = float(one["violation_probability"]), one["interval"].values.tolist()
-        if not p > 0:
+    for name, found in answers({"": node}).items():
+        one = found[""]
+        if not one.probability > 0:
             return StatedAccuracy(np.inf, f"no violation of {name} was found")
-        if (wide := max(p - lower, upper - p) / p) > worst.value:
-            worst = StatedAccuracy(wide, f"probability of {name}", "probability")
+        if one.relative_width > worst.value:
+            worst = StatedAccuracy(one.relative_width, f"probability of {name}", "probability")
     return worst

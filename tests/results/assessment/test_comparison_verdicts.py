@@ -25,9 +25,9 @@ from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
 from uqmbd.report import error_cost
 from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.view import StudyResult
-from uqmbd.results.comparison import verdicts
-from uqmbd.results.comparison.distances import distances, ks_by_chance
-from uqmbd.results.comparison.simultaneous import chance, curve_length, pointwise_level
+from uqmbd.results.assessment import verdicts
+from uqmbd.results.assessment.distances import distances, ks_by_chance
+from uqmbd.results.assessment.simultaneous import chance, curve_length, pointwise_level
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo

@@ -23,7 +23,7 @@ from uqmbd.results.statistics import (
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["OwnError", "own_error", "root_mean_square"]
+__all__ = ["OwnError", "own_error", "replicates_of", "root_mean_square"]
 
 
 MOST_SAMPLES = 500
@@ -237,9 +237,14 @@ def _design(node: xr.DataTree) -> tuple[int, int]:
         kept = int(np.count_nonzero(status == Status.OK))
         # realisations for other purposes, as for Sobol' indices, are not samples
         count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
+    return count, replicates_of(node)
+
+
+def replicates_of(node: xr.DataTree) -> int:
+    """Return the independent replicates of a sampling design; 0 where samples are independent."""
     if str(_option(node, "sampling", "random")) == "random" or "independent_samples" in node.attrs:
-        return count, 0
-    return count, max(int(_option(node, "replicates", 2)), 2)
+        return 0
+    return max(int(_option(node, "replicates", 2)), 2)
 
 
 def _option(node: xr.DataTree, name: str, default: Any) -> Any:

@@ -1,0 +1,45 @@
+"""How reliable results are: comparison of methods, their stated errors, verdicts, and the recommendation."""
+
+from __future__ import annotations
+
+from uqmbd.results.assessment.accuracy import StatedAccuracy, stated_accuracy
+from uqmbd.results.assessment.alignment import align
+from uqmbd.results.assessment.assessment import Assessment, Reliability, assess
+from uqmbd.results.assessment.differences import choose_reference, compare
+from uqmbd.results.assessment.error_norms import relative_errors
+from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
+from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
+from uqmbd.results.assessment.limits import COARSE, EXACT
+from uqmbd.results.assessment.recommendation import recommend, recommended
+from uqmbd.results.assessment.sentences import NO_SPREAD, STILL, own_statements
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, REFERENCE, UNDER_RESOLVED
+
+__all__ = [
+    "AGREES",
+    "Assessment",
+    "COARSE",
+    "DIFFERS",
+    "EXACT",
+    "IntegrationShare",
+    "Judgement",
+    "NO_SPREAD",
+    "REFERENCE",
+    "Reliability",
+    "STILL",
+    "StatedAccuracy",
+    "UNDER_RESOLVED",
+    "align",
+    "assess",
+    "choose_reference",
+    "compare",
+    "integration_shares",
+    "judgements_of",
+    "largest_error",
+    "own_statements",
+    "recommend",
+    "recommended",
+    "relative_errors",
+    "stated_accuracy",
+    "worst",
+    "worst_integration_share",
+]

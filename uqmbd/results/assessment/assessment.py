@@ -1,0 +1,383 @@
+"""How reliable a result is: agreement of methods, stated errors, reliability of each output, and the recommendation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import xarray as xr
+
+from uqmbd.names import ANY
+from uqmbd.results.assessment.differences import choose_reference
+from uqmbd.results.assessment.judgements import Judgement, judgements_of
+from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
+from uqmbd.results.assessment.own_errors import own_error, replicates_of
+from uqmbd.results.assessment.recommendation import recommended
+from uqmbd.results.assessment.sentences import NO_SPREAD, STILL, own_statements
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.results.requirements import Answer, answers, differing, meets
+from uqmbd.results.schema import comparable, propagator_nodes
+from uqmbd.results.statistics import rtol_of, varying
+from uqmbd.wording import format_at_most, format_count, format_integer, format_percent
+
+__all__ = ["Assessment", "Reliability", "assess"]
+
+LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "nothing to know"))
+"""Signs, for those who see no colours, and words of the levels of reliability."""
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """How reliable one quantity is: an output, an output without a time, or the probability of a requirement.
+
+    Attributes
+    ----------
+    quantity : str
+        Its name.
+    kind : {"output", "scalar", "requirement"}
+    method : str
+        Whose numbers are shown.
+    level : int
+        0: unreliable, 1: roughly known, 2: reliable, 3: there is nothing to be uncertain about.
+    reason : str
+        Why.
+    error : float
+        By which quantities of a level are sorted.
+    met : bool or None
+        Whether a requirement is met; None: not certain, or no probability is allowed.
+    population : bool
+        Whether there are results for several distributions of the inputs, of which this is one.
+    """
+
+    quantity: str
+    kind: Literal["output", "scalar", "requirement"]
+    method: str
+    level: int
+    reason: str
+    error: float = 0.0
+    met: bool | None = None
+    population: bool = False
+
+    @property
+    def name(self) -> str:
+        """The quantity; of several populations with the method."""
+        if self.kind == "requirement":
+            return f"requirement {self.quantity}"
+        return f"{self.quantity} ({self.method})" if self.population else self.quantity
+
+    @property
+    def sign(self) -> str:
+        """The level as a sign."""
+        return LEVELS[self.level][0]
+
+    @property
+    def word(self) -> str:
+        """The level in a word."""
+        return LEVELS[self.level][1]
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """How reliable the result of a study is.
+
+    Attributes
+    ----------
+    reference : str
+        Label of the method that the others are compared with; empty: none is.
+    recommended : tuple of str
+        Labels of the methods to use: several where nothing speaks for one of them.
+    recommendation : tuple of str
+        Which method to use, or what a single method needs, in sentences.
+    reasons : tuple of str
+        What speaks against each other method, in sentences.
+    judgements : tuple of Judgement
+        The stated error of each output of each method, and whether methods agree on it.
+    reliability : tuple of Reliability
+        Of each requirement, output, and output without a time, the least reliable first.
+    order : tuple of str
+        Labels of all methods, the most reliable first.
+    precision : tuple of str
+        How well methods with samples know their standard deviations, in sentences.
+    contradictions : tuple of str
+        Requirements on which methods contradict each other, in sentences.
+
+    Examples
+    --------
+    >>> from uqmbd.results import assess, propagator_node, study_tree
+    >>> from uqmbd.extend import labels, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0, 1.0])
+    >>> def node(label, cost, error):
+    ...     known = {"std_error_mean": [[error, error]], "std_error_std": [[error, error]]}
+    ...     statistics = statistics_dataset(axes, mean=[[0.0, 0.0]], std=[[1.0, 1.0]], **known)
+    ...     return propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
+    >>> found = assess(study_tree([node("many", 10000, 0.01), node("few", 1000, 0.02)], study="s", mechanism="m"))
+    >>> found.recommended, [(one.name, one.method, one.word) for one in found.reliability]
+    (('few',), [('x', 'few', 'yes')])
+    >>> found.reliability[0].reason
+    'stated error at most 3.9 % of the standard deviation (at 0 s); agrees with many'
+    """
+
+    reference: str
+    recommended: tuple[str, ...]
+    recommendation: tuple[str, ...]
+    reasons: tuple[str, ...]
+    judgements: tuple[Judgement, ...]
+    reliability: tuple[Reliability, ...]
+    order: tuple[str, ...]
+    precision: tuple[str, ...]
+    contradictions: tuple[str, ...]
+
+    def judgement(self, method: str, output: str) -> Judgement:
+        """Return what is said of an output of a method."""
+        return next(one for one in self.judgements if (one.method, one.output) == (method, output))
+
+    def of(self, quantity: str, kind: str = "output") -> tuple[Reliability, ...]:
+        """Return the reliability of a quantity, of the most reliable method first: several after a calibration."""
+        found = [one for one in self.reliability if (one.quantity, one.kind) == (quantity, kind)]
+        return tuple(sorted(found, key=lambda one: self.order.index(one.method)))
+
+
+def assess(tree: xr.DataTree) -> Assessment:
+    """Assess the result of a study: errors, agreement of methods, reliability of each output, recommendation.
+
+    The console, the report and notebooks print what this returns.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one method.
+
+    Returns
+    -------
+    Assessment
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results import assess
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> (one,) = assess(uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()).reliability
+    >>> one.word, one.reason
+    ('yes', 'stated error below 0.0001 % of the standard deviation (at 1 s); compared with nothing')
+    """
+    nodes = propagator_nodes(tree)
+    data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
+    if "verdict_kind" not in data or "method" not in data.coords:  # of an earlier version
+        data = xr.Dataset()
+    advised = [label for label in (recommended(data) if data else ()) if label in nodes]
+    found = _judgements(nodes, data)
+    populations: dict[str, dict[str, xr.DataTree]] = {}
+    for label, node in nodes.items():
+        populations.setdefault(str(node.attrs.get("population", "")), {})[label] = node
+    orders = [_order(part, data, advised) for part in populations.values()]
+    reference = str(data.attrs.get("reference", ""))
+    order = [label for part in sorted(orders, key=lambda part: reference not in part) for label in part]
+    reliability, rare = _of_requirements(tree, nodes, advised)
+    references = {False: reference, True: str(data.attrs.get("scalar_reference", reference))}
+    for part in orders:
+        own = {label: found[label] for label in nodes if label in part}
+        for timeless in (False, True):
+            held: dict[str, dict[str, Judgement]] = {}
+            for one in (one for of in own.values() for one in of if one.timeless == timeless):
+                held.setdefault(one.output, {})[one.method] = one
+            quantities = [_of_output(by_method, part, references[timeless]) for by_method in held.values()]
+            reliability += [replace(one, population=len(orders) > 1) for one in quantities]
+    reliability.sort(key=lambda one: (one.level, -one.error))
+    precision = tuple(filter(None, (_precision(label, nodes[label], found[label], len(nodes)) for label in nodes)))
+    said = str(data.attrs.get("recommendation", ""))
+    lead, *reasons = said.split("\n")
+    leads = (lead,) if lead else precision
+    if not leads and len(nodes) == 1:
+        leads = _lacking(nodes[order[0]], found[order[0]])
+    if rare:
+        leads += (
+            f"{', '.join(rare)}: ten times as many realisations without a violation would bound the probability by a "
+            "tenth of what is said; the method reliability looks for violations.",
+        )
+    return Assessment(
+        reference,
+        tuple(advised),
+        leads,
+        tuple(reasons),
+        tuple(one for of in found.values() for one in of),
+        tuple(reliability),
+        tuple(order),
+        precision,
+        tuple(f"{sentence}." for sentence in differing(nodes)),
+    )
+
+
+def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str, list[Judgement]]:
+    """Return what is said of each output of each method: what the comparison does not hold, methods say themselves."""
+    compared = {timeless: judgements_of(data, timeless=timeless) for timeless in (False, True)}
+    found: dict[str, list[Judgement]] = {}
+    for label, node in nodes.items():
+        found[label] = []
+        for timeless, part in ((False, node), (True, node.children.get("scalars"))):
+            if part is None:
+                continue
+            known = {one.output: one for one in compared[timeless].get(label, ())}
+            statistics = part.children["statistics"].to_dataset()
+            names = [str(name) for name in statistics["output"].values]
+            ones = [known.get(name, Judgement(label, name, timeless)) for name in names]
+            if not all(one.text for one in ones):
+                ones = [replace(one, text=one.text or own) for one, own in zip(ones, own_statements(part), strict=True)]
+            if timeless or "stated_error_max" not in data or len(known) < len(ones):
+                own = own_error(part, rtol_of(part), dependence=False)
+                times = statistics["time"].values if "time" in statistics["mean"].dims and not timeless else None
+                errors, at = (values.tolist() for values in own.largest(times))
+                ones = [replace(one, error=e, time=t) for one, e, t in zip(ones, errors, at, strict=True)]
+            moves = varying(statistics, rtol_of(part))
+            found[label] += [replace(one, varies=_varies(one, bool(m))) for one, m in zip(ones, moves, strict=True)]
+    return found
+
+
+def _varies(one: Judgement, moves: bool) -> bool:
+    """Tell whether there is a spread: a method that sees none, and does not agree, may miss it."""
+    return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW))
+
+
+def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable[str]) -> list[str]:
+    """Return the labels of methods of one population: recommended ones, the reference, those that are given.
+
+    A reference in which an output has no spread that others give one does not count.
+    """
+    first = [label for label in advised if label in nodes]
+    reference = str(data.attrs.get("reference", ""))
+    if data and (reference not in nodes or (not first and _blind(nodes, reference))):
+        reference = choose_reference(nodes)
+    return [label for label in dict.fromkeys([*first, reference, *nodes]) if label in nodes]
+
+
+def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
+    """Tell whether an output does not vary in a method that varies in another."""
+    moves = {}
+    for other, node in nodes.items():
+        statistics = node.children["statistics"].to_dataset()
+        names = map(str, statistics["output"].values)
+        moves[other] = dict(zip(names, varying(statistics, rtol_of(node)).tolist(), strict=True))
+    return any(not m and any(other.get(name) for other in moves.values()) for name, m in moves[label].items())
+
+
+def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) -> Reliability:
+    """Assess an output by the most reliable method that has it, or the next that knows it better and agrees."""
+    first, *others = (held[label] for label in order if label in held)
+    shown = first
+    if first.kind in (AGREES, REFERENCE):
+        agree = [first, *(one for one in others if one.kind in (AGREES, REFERENCE))]
+        known = [one for limit in (WELL, COARSE) for one in agree if one.error <= limit]
+        shown = known[0] if known else first
+    by = "" if shown.method == order[0] else f"by {shown.method}, "
+    kind: Literal["scalar", "output"] = "scalar" if shown.timeless else "output"
+    verdict, other = shown.kind, reference
+    if verdict and shown.method == reference:  # whether any agrees with it, or differs
+        others = [one for one in held.values() if one is not shown]
+        pairs = [(k, one.method) for k in (AGREES, NO_SPREAD, DIFFERS) for one in others if one.kind == k]
+        verdict, other = pairs[0] if pairs else ("", "")
+    if not shown.varies and verdict != DIFFERS:
+        return Reliability(shown.output, kind, shown.method, 3, f"{by}{STILL}")
+    level = 2 if shown.error <= WELL else 1 if shown.error <= COARSE or not math.isfinite(shown.error) else 0
+    level = {DIFFERS: 0, UNDER_RESOLVED: 0, FEW: min(level, 1)}.get(verdict, level)
+    compared = sum(bool(one.kind) for one in held.values()) > 1
+    alone = "no other method is resolved well enough to compare" if compared else "compared with nothing"
+    words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict) or alone
+    error, said = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
+    return Reliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
+
+
+def _of_requirements(
+    tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], advised: list[str]
+) -> tuple[list[Reliability], list[str]]:
+    """Assess requirements, and name those without a violation whose probability may still be large.
+
+    Their numbers are those of a recommended method, else of that with the narrowest interval.
+    """
+    found, rare = [], []
+    allowed = tree.attrs.get("allowed_probability")
+    comparables = answers(comparable(nodes))
+    for name, every in answers(nodes).items():
+        alike = comparables.get(name, every)
+        narrow = min(alike.values(), key=lambda one: one.upper - one.lower)
+        one = next((alike[label] for label in advised if label in alike), narrow)
+        met = None if allowed is None else meets(every.values(), float(allowed))
+        level, reason, error = _of_probability(one, list(alike.values()))
+        found.append(Reliability(name, "requirement", one.method, level, reason, error, met=met))
+        if name != ANY and one.probability == 0 and one.upper > RARE:
+            rare.append(name)
+    return found, rare
+
+
+def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
+    """Return the level, the reason and the error of a probability: do methods agree, and how wide is its interval."""
+    if any(a.apart(b) for a in found for b in found):
+        low, high = min(found, key=lambda o: o.upper), max(found, key=lambda o: o.lower)
+        return 0, f"{low.method} and {high.method} contradict each other", 1.0
+    share = one.relative_width
+    level = 2 if share <= WIDE or one.upper <= RARE else 1
+    if not math.isfinite(one.probability) or (one.lower <= 0 and one.upper >= 1):
+        level = 0
+    said = (
+        f"its 95 % interval reaches {format_percent(share)} of the probability to a side"
+        if math.isfinite(share)
+        else f"violated in none of what was computed, {one.words}"
+    )
+    others = [other.method for other in found if other.method != one.method]
+    agree = f"{format_count(len(found), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
+    return level, f"{said}; {agree if others else 'compared with nothing'}", min(share, 1.0)
+
+
+def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: int) -> str:
+    """Say how well samples know their standard deviations, and how many would do better; empty if they cannot tell."""
+    if "samples" not in node.children or "std_error_std" not in node.children["statistics"].data_vars:
+        return ""
+    stated = [one for one in found if math.isfinite(one.time) and one.varies and 0 < one.error < math.inf]
+    if not stated:
+        return ""
+    one = max(stated, key=lambda one: one.error)
+    if one.error <= WELL:
+        verdict = "That is enough for most purposes"
+    elif one.error <= COARSE:
+        verdict = "That tells how large the spread is, but not its second digit"
+    else:
+        verdict = "That is a rough figure, and more samples are needed to rely on it"
+    total = int(node.attrs.get("realisations", 0))
+    counted = int(node.attrs.get("statistics_samples", total))
+    better = f"{_halving(counted)} the uncertainty"
+    if replicates_of(node):
+        better += " at the latest, since this sampling design often converges faster"
+    if counted < total:
+        better = "another method is better at it"
+    whose = f"The stated error of {label}" if methods > 1 else "The stated error"
+    of_which = f"of {one.output}, " if len(stated) > 1 else ""
+    return (
+        f"{whose} is {format_at_most(one.error)} of the standard deviation ({of_which}at {one.time:g} s, with 95 % "
+        f"confidence). {verdict}; {better}."
+    )
+
+
+def _halving(count: int) -> str:
+    return f"{format_count(4 * count, 'sample')} instead of {format_integer(count)} would halve"
+
+
+def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
+    """Say what a method that is alone needs where one of its outputs is not reliable; nothing where all are."""
+    some = [one for one in found if one.varies and WELL < one.error < math.inf]
+    if not some:
+        return ()
+    one = max(some, key=lambda one: one.error)
+    inner = node.children.get("scalars", node)
+    sampled = "samples" in node.children or "samples" in inner.children
+    count = int(node.attrs.get("statistics_samples", node.attrs.get("realisations", 0)))
+    needed = (
+        f"{_halving(count)} it"
+        if sampled
+        else "a higher order would lower it; where it does not, samples tell why (Monte Carlo)"
+    )
+    return (f"With a {one.stated}, {one.output} is not known well: {needed}.",)

@@ -1,0 +1,153 @@
+"""What a method states of an output, and whether it agrees with the reference: read from a comparison."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.results.assessment.sentences import NO_SPREAD
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.wording import format_at_most
+
+__all__ = ["Judgement", "judgements_of", "largest_error", "worst"]
+
+_ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is said of one output of one method.
+
+    Attributes
+    ----------
+    method, output : str
+    timeless : bool
+        Whether the output has no time.
+    kind : str
+        Kind of the verdict, of :func:`uqmbd.results.compare`; empty where the output is not compared.
+    text : str
+        The one statement on the output.
+    varies : bool
+        Whether there is a spread to be wrong about.
+    error : float
+        Largest stated error, over the standard deviation; infinite: none is stated.
+    time : float
+        When it is largest, s; NaN of an output without a time.
+    difference : float
+        Distance of mean and standard deviation to those of the reference, over its largest standard deviation.
+    """
+
+    method: str
+    output: str
+    timeless: bool = False
+    kind: str = ""
+    text: str = ""
+    varies: bool = True
+    error: float = math.inf
+    time: float = math.nan
+    difference: float = 0.0
+
+    @property
+    def stated(self) -> str:
+        """The stated error in words."""
+        return _error_words(self.error, self.time) if math.isfinite(self.error) else "states no error"
+
+
+def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str, list[Judgement]]:
+    """Return what a comparison says of each method, output by output; methods without a verdict are left out.
+
+    ``timeless`` reads the outputs without a time of the comparison of a study.  Errors are infinite where the
+    comparison does not hold them.
+    """
+    prefix, dim, end = ("scalar_", "scalar", "") if timeless else ("", "output", "_l2")
+    if f"{prefix}verdict_kind" not in comparison or "method" not in comparison.coords:
+        return {}
+    outputs = [str(name) for name in comparison[dim].values]
+    empty = np.full((comparison.sizes["method"], len(outputs)), np.nan)
+
+    def read(name: str) -> Any:
+        return comparison[name].transpose("method", dim).values if name in comparison else empty
+
+    scale = comparison["scalar_reference_std" if timeless else "reference_std_max"].values
+    off = np.hypot(read(f"{prefix}mean_difference{end}"), read(f"{prefix}std_difference{end}"))
+    off = np.nan_to_num(off / np.where(scale > 0, scale, np.inf), nan=0.0)
+    kinds, texts = read(f"{prefix}verdict_kind"), read(f"{prefix}verdict")
+    errors, times = read(f"{prefix}stated_error_max"), read(f"{prefix}stated_error_time")
+    return {
+        label: found
+        for m, label in enumerate(map(str, comparison["method"].values))
+        if (
+            found := [
+                Judgement(
+                    label,
+                    output,
+                    timeless,
+                    kind=str(kinds[m, o]),
+                    text=str(texts[m, o]),
+                    varies=str(kinds[m, o]) != NO_SPREAD,
+                    error=float(np.nan_to_num(errors[m, o], nan=np.inf)),
+                    time=float(times[m, o]),
+                    difference=float(off[m, o]),
+                )
+                for o, output in enumerate(outputs)
+                if str(kinds[m, o])
+            ]
+        )
+    }
+
+
+def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:
+    """Return the worst judgement on a method, and which outputs share its kind, in words: empty if all that vary do.
+
+    Of methods that agree it is the one of the largest stated error, else the one of the largest difference.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a verdict is of an unknown kind, as in a file that was changed.
+
+    Examples
+    --------
+    >>> from uqmbd.results.assessment.judgements import Judgement, worst
+    >>> one, which = worst([Judgement("a", "x", kind="agrees"), Judgement("a", "y", kind="differs")])
+    >>> one.output, which
+    ('y', 'y')
+    """
+    if unknown := {one.kind for one in found} - set(_ORDER):
+        raise StudyError(f"comparison: verdict_kind is {min(unknown)!r}; expected one of {', '.join(_ORDER)}.")
+    kind = min((one.kind for one in found), key=_ORDER.index)
+    shared = [one for one in found if one.kind == kind]
+    first = max(shared, key=lambda one: one.error if kind in (AGREES, REFERENCE) else one.difference)
+    if kind in (AGREES, REFERENCE) or len(shared) == sum(one.kind != NO_SPREAD for one in found):
+        return first, ""
+    names = [one.output for one in sorted(shared, key=lambda one: one is not first)]
+    return first, ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+
+
+def largest_error(found: Sequence[Judgement]) -> str:
+    """Say the largest error that a method states of any output; empty where it does not state it of all."""
+    if not found or not all(math.isfinite(one.error) for one in found):
+        return ""
+    one = max(found, key=lambda one: one.error)
+    return _error_words(one.error, one.time, one.output if len(found) > 1 else "")
+
+
+def _error_words(share: float, time: float, output: str = "") -> str:
+    """Say the largest error that a method states, as a share of the standard deviation, of which output and when (s).
+
+    Examples
+    --------
+    >>> _error_words(0.02, 0.5), _error_words(0.02, math.nan, "x")
+    ('stated error at most 2.0 % of the standard deviation (at 0.5 s)',
+     'stated error at most 2.0 % of the standard deviation (of x)')
+    """
+    where = [f"of {output}"] if output else []
+    where += [f"at {time:g} s"] if math.isfinite(time) else []
+    whose = f" ({', '.join(where)})" if where else ""
+    return f"stated error {format_at_most(share)} of the standard deviation{whose}"

@@ -1,0 +1,29 @@
+"""Limits of errors and intervals, by which methods and their outputs are assessed."""
+
+from __future__ import annotations
+
+__all__ = ["COARSE", "ENOUGH_SAMPLES", "EXACT", "LEAST_SAMPLES", "RARE", "ROUGH", "WELL", "WIDE"]
+
+EXACT = 0.01
+"""Stated error, over the standard deviation, that is enough for nearly all purposes; surrogates below miss nothing."""
+
+WELL = 0.05
+"""Stated error, over the standard deviation, up to which an output is reliable."""
+
+COARSE = 0.1
+"""Stated error, over the standard deviation, above which an output is unreliable, and a surrogate under-resolved."""
+
+ROUGH = 0.15
+"""With 95 % confidence samples must give the standard deviation to within this part of it to be compared."""
+
+LEAST_SAMPLES = 20
+"""With fewer samples nothing is said: their standard errors themselves are hardly known."""
+
+ENOUGH_SAMPLES = 40
+"""With fewer samples nothing is said to agree."""
+
+WIDE = 0.5
+"""Longer side of an interval, over the probability, up to which a probability is reliable."""
+
+RARE = 1e-3
+"""Probabilities whose upper end is below are reliable, however wide their interval is."""

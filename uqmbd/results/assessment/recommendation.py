@@ -1,0 +1,277 @@
+"""Which method to use, in words, with the reasons."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.results.assessment.integration_share import integration_shares
+from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
+from uqmbd.results.assessment.limits import EXACT, WELL
+from uqmbd.results.assessment.sentences import NO_SPREAD
+from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
+from uqmbd.wording import format_percent
+
+__all__ = ["advice", "loose", "recommend", "recommended"]
+
+SAME = 1e-9
+"""Differences of results, over the largest standard deviation, that are rounding."""
+
+AS_DEAR, AS_DEAR_TO_RUN = 1.25, 2.0
+"""Ratios of costs up to which none is cheaper: of any, and of wall times for equal numbers of realisations."""
+
+AS_GOOD = 1.5
+"""Ratio of own errors up to which none is smaller."""
+
+
+@dataclass(frozen=True)
+class _Method:
+    """What speaks for a method, and against it: ``same`` has the results of the reference for as many realisations."""
+
+    label: str
+    found: list[Judgement]
+    error: float
+    cost: float
+    wall_time: float
+    realisations: int
+    unknown: int
+    same: bool
+
+    @property
+    def kind(self) -> str:
+        return worst(self.found)[0].kind
+
+    @property
+    def known(self) -> str:
+        """The largest error that it states, in brackets."""
+        return f" ({words})" if (words := largest_error(self.found)) else ""
+
+    @property
+    def gaps(self) -> str:
+        """At how many times it does not know its statistics."""
+        plural = "" if self.unknown == 1 else "s"
+        return f"does not know its mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
+
+    def equals(self, other: _Method) -> bool:
+        """Tell whether two methods that agree are as good and as dear as each other, but for chance."""
+        if self.same and other.same:
+            return True
+        ratio = AS_DEAR_TO_RUN if self.realisations == other.realisations else AS_DEAR
+        errors = sorted((self.error, other.error))
+        close = errors[1] <= EXACT or errors[1] <= AS_GOOD * errors[0]
+        return self.cost <= ratio * other.cost and math.isfinite(errors[1]) and close
+
+
+def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
+    """Say that the time integration is too coarse for any recommendation, in a sentence, or nothing."""
+    shares = [
+        (one, label)
+        for label, node in nodes.items()
+        for one in integration_shares(node.children["statistics"].to_dataset())
+        if one.varies and one.share > WELL
+    ]
+    if not shares:
+        return ()
+    worst, label = max(shares, key=lambda pair: pair[0].share)
+    return (
+        f"Lower rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
+        f"deviation (of {worst.output}, with {label}), which the errors stated below do not hold.",
+    )
+
+
+def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
+    """Recommend a method, in sentences that can be read in a minute.
+
+    The cheapest whose every output that varies is known at all times and agrees with the reference, and whose own error
+    is at most 1 % of the standard deviation, or at most 5 %, or the least; then what is to be said of the others.  Of
+    methods that differ by chance only, in cost and error, none is preferred.
+
+    Parameters
+    ----------
+    comparison : xarray.Dataset
+        From :func:`uqmbd.results.compare`, of two or more methods.
+
+    Returns
+    -------
+    tuple of str
+        The recommendation first, then a sentence for each other method.
+
+    Examples
+    --------
+    >>> from uqmbd.results import compare, propagator_node
+    >>> from uqmbd.extend import labels, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0, 1.0])
+    >>> def node(label, std, cost, error):
+    ...     known = {"std_error_mean": [[error, error]], "std_error_std": [[error, error]]}
+    ...     statistics = statistics_dataset(axes, mean=[[0.0, 0.0]], std=[[std, std]], **known)
+    ...     return propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
+    >>> for sentence in recommend(compare([node("many", 1.0, 10000, 0.01), node("few", 0.99, 1000, 0.02)])):
+    ...     print(sentence)
+    Use few: it agrees with many, its stated error is at most 4.0 % of the standard deviation (at 0 s), and it is 10
+    times cheaper than many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
+    """
+    return advice(comparison)[1]
+
+
+def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
+    """Return the methods that :func:`recommend` says to use, by their labels.
+
+    Several where nothing speaks for one of them; none where it says to use none, or compares none.
+    """
+    if "recommended" in comparison.attrs:  # also where outputs without a time have been compared
+        return tuple(str(label) for label in json.loads(comparison.attrs["recommended"]))
+    return advice(comparison)[0]
+
+
+def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the labels of methods to use, and why in sentences, the recommendation first; nothing of a single method.
+
+    There are several labels where nothing speaks for one of them.
+    """
+    if comparison.sizes["method"] < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
+        return (), ()
+    methods = _methods(comparison)
+    base = next(m for m in methods if m.label == str(comparison.attrs["reference"]))
+    if all(m.kind == NO_SPREAD for m in methods):
+        lead = "No output varies beyond the integration error: one realisation tells as much as any method."
+        return tuple(m.label for m in methods), (lead,)
+    fit = [m for m in methods if m.kind in (AGREES, REFERENCE, NO_SPREAD) and not m.unknown]
+    use: list[_Method] = []
+    if not fit:
+        lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
+    elif fit == [base]:
+        lead = _alone(methods, base)
+    elif all(m.same for m in methods):
+        use = methods
+        lead = (
+            f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "
+            f"for one of them{base.known}."
+        )
+    else:
+        best = _cheapest(fit)
+        use = [m for m in fit if m is best or m.equals(best)]
+        lead = f"Use {_listed(use, 'or')}: {_reasons(use, fit, best, base, methods)}."
+    others = [_other(m, base) for m in methods if m not in (*use, base)]
+    if base.gaps:
+        others.append(f"{base.label}, the reference, {base.gaps}.")
+    return tuple(m.label for m in use), (lead, *others)
+
+
+def _methods(comparison: xr.Dataset) -> list[_Method]:
+    """Read what counts; costs are wall times, or realisations where a wall time is not known."""
+    found, scale = judgements_of(comparison), comparison["reference_std_max"].values
+    unknown = comparison["unknown_times"].values if "unknown_times" in comparison else [0] * len(found)
+    times, counts = comparison["wall_time"].values, comparison["realisations"].values
+    costs = times if np.all(np.isfinite(times) & (times > 0)) else counts
+    base = list(found).index(str(comparison.attrs["reference"]))
+    off = [comparison[f"{name}_difference_max"].values for name in ("mean", "std")]
+    still = comparison["verdict_kind"].values == NO_SPREAD
+    made = []
+    for k, (label, of) in enumerate(found.items()):
+        own = comparison["own_error"].values[k]
+        error = float(np.max(own)) if np.isfinite(own).all() else math.inf
+        same = all(np.all(still[k] | (d[k] <= SAME * scale)) for d in off) and bool(counts[k] == counts[base])
+        numbers = (error, float(costs[k]), float(times[k]), int(counts[k]), int(unknown[k]))
+        made.append(_Method(label, of, *numbers, same))
+    return made
+
+
+def _alone(methods: list[_Method], base: _Method) -> str:
+    """Say that no other method can be relied on: it differs, or it is not resolved well enough."""
+    holed = any(m.unknown for m in methods)
+    if any(m.kind == DIFFERS for m in methods) or holed:
+        whole = ", and knows its statistics at all times" if holed else ""
+        return (
+            f"No other method agrees with {base.label}, the reference{base.known}{whole}: rely on none of them before "
+            "the reasons below are understood."
+        )
+    lead = f"No other method is resolved well enough to check {base.label}, the reference"
+    rely = "rely on it as far as its stated error allows, and not on the others"
+    agreed = {m.label: tuple(one.output for one in m.found if one.kind == AGREES) for m in methods}
+    checked = {name for names in agreed.values() for name in names}
+    missing = [one for one in base.found if one.varies and one.output not in checked]
+    if not checked or not missing:
+        return f"{lead}{base.known}: {rely}."
+    on: dict[tuple[str, ...], list[str]] = {}
+    for label, names in agreed.items():
+        if names:
+            on.setdefault(names, []).append(label)
+    parts = [
+        f"{_joined(ms, 'and')} agree{'s' if len(ms) == 1 else ''} with it on {_joined(_few(list(names)), 'and')}"
+        for names, ms in on.items()
+    ]
+    known = f" ({words})" if (words := largest_error(missing)) else ""
+    few = _few([one.output for one in missing])
+    return f"{lead}, on {_joined(few, 'and')}{known}: {rely}. {_joined(parts, 'and')}."
+
+
+def _few(names: list[str]) -> list[str]:
+    """Return at most three names, and how many more there are."""
+    return names if len(names) <= 3 else [*names[:2], f"{len(names) - 2} more"]
+
+
+def _listed(methods: list[_Method], last: str) -> str:
+    return _joined([m.label for m in methods], last)
+
+
+def _joined(names: list[str], last: str) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
+
+
+def _cheapest(methods: list[_Method]) -> _Method:
+    for limit in (EXACT, WELL):
+        if enough := [m for m in methods if m.error <= limit]:
+            return min(enough, key=lambda m: m.cost)
+    return min(methods, key=lambda m: (m.error, m.cost))
+
+
+def _reasons(use: list[_Method], fit: list[_Method], best: _Method, base: _Method, methods: list[_Method]) -> str:
+    if len(use) > 1:
+        parts = ["they agree" if base in use else f"they agree with {base.label}"]
+        parts += [f"{m.label}: {words}" for m in use if (words := largest_error(m.found))]
+        return "; ".join((*parts, "what they cost differs by no more than chance"))
+    others = [m for m in fit if m is not base]
+    agree = f"with which {_listed(others, 'and')} {'agrees' if len(others) == 1 else 'agree'}"
+    parts = [f"it agrees with {base.label}" if best is not base else f"it is the reference, {agree}"]
+    if words := largest_error(best.found):
+        parts.append(f"its {words.replace('stated error', 'stated error is', 1)}")
+    other = base if best is not base else max(methods, key=lambda m: m.cost)
+    if other is not best and best.cost > 0 and other.cost > 1.05 * best.cost:
+        ratio = other.cost / best.cost
+        times = f"{ratio:.0f}" if ratio >= 9.95 else f"{ratio:.2g}"
+        parts.append(f"it is {times} times cheaper than {other.label} ({_compared(best, other)})")
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])}, and {parts[-1]}"
+
+
+def _compared(one: _Method, other: _Method) -> str:
+    said = []
+    if all(math.isfinite(t) and t > 0 for t in (one.wall_time, other.wall_time)):
+        said.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)}")
+    said.append(f"{one.realisations} realisations instead of {other.realisations}")
+    return "; ".join(said)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 1:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 60:
+        return f"{seconds:.2g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _other(method: _Method, base: _Method) -> str:
+    one, which = worst(method.found)
+    if one.kind in (AGREES, NO_SPREAD):
+        gaps = f"{method.gaps}; at the others it " if method.unknown else ""
+        return f"{method.label} {gaps}agrees with {base.label}{method.known}."
+    where = f" ({which})" if which else ""
+    said = {DIFFERS: f" from {base.label}"}.get(one.kind, "")
+    head, _, tail = one.text.partition(":")
+    verb = {UNDER_RESOLVED: "is ", FEW: "has "}.get(one.kind, "")
+    return f"{method.label}{where} {verb}{head}{said}:{tail}." if tail else f"{method.label}{where}: {one.text}."
