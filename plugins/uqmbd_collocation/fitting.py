@@ -90,7 +90,7 @@ class Regression:
     def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Raise StudyError if samples are too few.
 
-        Fewer than terms for least squares, fewer than three for sparse regression.
+        Least squares needs at least as many samples as terms, sparse regression three.
         """
         terms = len(self.multi_index)
         if self.method == "regression" and terms > len(self.nodes):

@@ -140,7 +140,7 @@ def reduced(
 ) -> dict[str, NDArray[Any]]:
     """Sum up a chunk of samples in a worker; `first` is the index of its first sample.
 
-    `edges` are the begins of the replicates and the end of the last one, or a larger number. The result holds
+    `edges` are the starts of the replicates and the end of the last one, or a larger number. The result holds
     ``replicate`` (R,), those with samples in the chunk; ``count``, ``mean``, ``second``, ``third`` and ``fourth`` (R,
     ...) of `uqmbd.extend.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) of `uqmbd.extend.Violations`.
     """

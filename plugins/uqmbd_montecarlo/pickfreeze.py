@@ -64,8 +64,8 @@ def obstacle_of(inputs: Any) -> str | None:
 def mixed_inputs(a: Array, b: Array) -> Array:
     """Return the further inputs (d * N, d) of pick-freeze.
 
-    A (N, d) with each input in turn from b (N, d), input after input. a and b are independent samples of independent
-    inputs.
+    The result is a (N, d) with each input in turn from b (N, d), input after input. a and b are independent samples of
+    independent inputs.
     """
     count, dimension = a.shape
     found = np.tile(a, (dimension, 1)).reshape(dimension, count, dimension)

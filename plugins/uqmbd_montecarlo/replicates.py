@@ -40,7 +40,7 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
 def allowed_samples(design: str, samples: int, replicates: int) -> int:
     """Return the largest number of samples up to `samples` that the design allows in replicates.
 
-    Else the smallest allowed.
+    If all allowed numbers are larger, return the smallest.
 
     >>> allowed_samples("sobol", 1500, 16), allowed_samples("latin-hypercube", 1500, 16)
     (1024, 1500)
@@ -90,7 +90,7 @@ def paired_samples(design: str, samples: int, replicates: int, dimension: int, s
 def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) -> Array:
     """Draw uniform numbers in the open interval, (sum of sizes, dimension).
 
-    Independent replicates of the design in sequence. The same seed gives the same bits.
+    They are independent replicates of the design in sequence. The same seed gives the same bits.
     """
     found = uqmbd.extend.sampling_design(design)
     streams = np.random.SeedSequence(seed).spawn(len(sizes))

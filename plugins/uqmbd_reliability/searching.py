@@ -43,9 +43,9 @@ class DesignPoint:
 def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
     """Choose at most `most` start points (S, d) of searches.
 
-    Those whose rays from the origin seem to meet the limit soonest. Their directions differ by at least 45 degrees;
-    they are scaled to where the rays seem to meet it. Known margins (K,) are NaN where a realisation failed; `origin`
-    is the margin of the origin.
+    Their rays from the origin seem to meet the limit soonest. Their directions differ by at least 45 degrees; they are
+    scaled to where the rays seem to meet it. Known margins (K,) are NaN where a realisation failed; `origin` is the
+    margin of the origin.
     """
     distance = np.linalg.norm(points, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -59,7 +59,7 @@ class Joint:
     def separated(self) -> tuple[Joint, ...]:
         """Return whole numbers that depend on no other variable, each alone, and the rest.
 
-        Or the joint itself if there are none. Names are those of their members. Raise StudyError if such a variable
+        Return the joint itself if there are none. Names are those of their members. Raise StudyError if such a variable
         takes values that are no whole numbers.
         """
         import chaospy

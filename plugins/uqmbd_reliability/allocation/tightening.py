@@ -58,8 +58,8 @@ class Tightened:
 def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loosest: float) -> Tightened:
     """Return the inputs that a cost names.
 
-    By default those with a stated tolerance, with a cost inverse to the tolerance. Raise StudyError if there are none,
-    if an input cannot be tightened, or if a cost is invalid.
+    By default these are the inputs with a stated tolerance, with a cost inverse to the tolerance. Raise StudyError if
+    there are none, if an input cannot be tightened, or if a cost is invalid.
     """
     variables = problem.inputs.variables
     names = [v.name for v in variables]
