@@ -146,7 +146,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
         lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
     elif fit == [base]:
         lead = _alone(methods, base)
-    elif all(m.same for m in methods):
+    elif len(fit) == len(methods) and all(m.same for m in methods):
         use = methods
         lead = (
             f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "
