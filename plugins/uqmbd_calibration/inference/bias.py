@@ -8,7 +8,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_calibration.records.wording import number, numbers
+from uqmbd_calibration.records import number, numbers
 
 __all__ = ["Bias"]
 
@@ -54,6 +54,11 @@ class Bias:
         ----------
         times : array_like, shape (T,)
             s, increasing.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the times are no finite numbers.
         """
         at = numbers(times, "Bias", "times")
         if not np.isfinite(at).all():

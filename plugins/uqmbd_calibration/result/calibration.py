@@ -15,7 +15,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import load, save
-from uqmbd_calibration.records.wording import short
+from uqmbd_calibration.records import short
 from uqmbd_calibration.result.checks import named_strays
 from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 

@@ -85,7 +85,7 @@ def test_estimates_settle_as_in_the_figure():
         np.testing.assert_array_equal(unpacked(view["time"]), x)
         np.testing.assert_array_equal(estimate, y)
         area = axes.collections[0].get_paths()[0].vertices
-        np.testing.assert_allclose([low.min(), high.max()], [area[:, 1].min(), area[:, 1].max()], rtol=1e-6)
+        np.testing.assert_allclose([low.min(), high.max()], [area[:, 1].min(), area[:, 1].max()], rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose([view["up"]["low"], view["up"]["high"]], axes.get_ylim())
         assert view["limits"] == [{"name": "final value", "value": y[-1], "reference": True}]
         assert view["across"]["log"] and axes.get_xscale() == "log" and view["across"]["name"] == "number of samples"

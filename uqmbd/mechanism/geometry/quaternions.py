@@ -169,7 +169,9 @@ def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
     """
     entries = _entries(matrix, "the rotation matrix", (9,))
     if (lengths := _row_lengths(matrix)) != [3, 3, 3]:
-        raise StudyError(f"a rotation matrix has 3 rows of 3 numbers; this one has {_rows_in_words(lengths)}.")
+        raise StudyError(
+            f"a rotation matrix has 3 rows and 3 columns of numbers; this one has {_rows_in_words(lengths)}."
+        )
     r = sympy.Matrix(3, 3, entries)
     numbers = np.array([[nominal(x) for x in r.row(i)] for i in range(3)])
     within = bool((np.abs(numbers) <= 2).all())  # squares of larger ones may overflow

@@ -9,6 +9,7 @@ from typing import Literal
 
 import xarray as xr
 
+from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.judgements import Judgement, judgements_of
@@ -130,11 +131,34 @@ class Assessment:
     contradictions: tuple[str, ...]
 
     def judgement(self, method: str, output: str) -> Judgement:
-        """Return what is said of an output of a method."""
-        return next(one for one in self.judgements if (one.method, one.output) == (method, output))
+        """Return the judgement of an output of a method.
+
+        Parameters
+        ----------
+        method, output : str
+            Label of the method, and name of the output.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the method has no such output.
+        """
+        for one in self.judgements:
+            if (one.method, one.output) == (method, output):
+                return one
+        known = ", ".join(f"{one.output!r} of {one.method!r}" for one in self.judgements)
+        raise StudyError(f"There is no output {output!r} of a method {method!r} here; expected one of: {known}.")
 
     def of(self, quantity: str, kind: str = "output") -> tuple[Reliability, ...]:
-        """Return the reliability of a quantity, of the most reliable method first: several after a calibration."""
+        """Return the reliability of a quantity, the most reliable method first: several after a calibration.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of an output or a requirement.
+        kind : {"output", "scalar", "requirement"}
+            What it is.
+        """
         found = [one for one in self.reliability if (one.quantity, one.kind) == (quantity, kind)]
         return tuple(sorted(found, key=lambda one: self.order.index(one.method)))
 
