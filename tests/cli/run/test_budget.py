@@ -32,14 +32,16 @@ def script(tmp_path):
 def test_sizes_are_said_stored_and_shown(command_line, script, tmp_path):
     status, out, said = command_line("run", script, "--out", "r", "--accuracy", "20%")
     assert status == 0, said
-    assert re.search(r"monte-carlo: samples=64 states 2[45] % \(mean of height at", said)
-    assert "20 % needs about samples=106" in said
+    assert re.search(r"monte-carlo: samples=64 states \d\d % \(standard deviation of height at", said)
+    assert "20 % needs about samples=" in said
     tree = load(tmp_path / "r" / "results.nc")
-    assert json.loads(tree["monte-carlo"].attrs["options"])["samples"] == 106
+    size = json.loads(tree["monte-carlo"].attrs["options"])["samples"]
+    # a mean is known to 20 % of the standard deviation with 97 samples; that of a normal variable with fewer
+    assert 97 <= size <= 160
     assert "; 20 % was asked for" in tree["monte-carlo"].attrs["budget_summary"]
     assert json.loads(tree.attrs["budget"])["methods"]["collocation"]["size"] == 1
     assert "Size of monte-carlo, chosen by what it states" in (tmp_path / "r" / "report.html").read_text()
-    status, _, _ = command_line("run", script, "--out", "again", "--set", "monte-carlo.samples=106")
+    status, _, _ = command_line("run", script, "--out", "again", "--set", f"monte-carlo.samples={size}")
     assert status == 0
     again = load(tmp_path / "again" / "results.nc")
     assert tree["monte-carlo/samples"].to_dataset().identical(again["monte-carlo/samples"].to_dataset())
