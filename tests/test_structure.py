@@ -20,6 +20,38 @@ MOST_MODULES = 18
 MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
+STATEMENTS = {
+    "uqmbd": 760,
+    "uqmbd.cli": 1600,
+    "uqmbd.clusters": 260,
+    "uqmbd.compiled": 2030,
+    "uqmbd.dynamics": 13430,
+    "uqmbd.exchange": 240,
+    "uqmbd.extend": 140,
+    "uqmbd.mechanism": 4430,
+    "uqmbd.new": 230,
+    "uqmbd.plugins": 360,
+    "uqmbd.progress": 400,
+    "uqmbd.propagation": 6390,
+    "uqmbd.randomness": 5160,
+    "uqmbd.report": 7410,
+    "uqmbd.results": 8380,
+    "uqmbd.testing": 1880,
+    "uqmbd.units": 290,
+    "uqmbd_calibration": 3100,
+    "uqmbd_collocation": 3490,
+    "uqmbd_contact": 280,
+    "uqmbd_drivers": 150,
+    "uqmbd_galerkin": 820,
+    "uqmbd_joints": 610,
+    "uqmbd_models": 1630,
+    "uqmbd_montecarlo": 1200,
+    "uqmbd_pytest": 30,
+    "uqmbd_reliability": 1850,
+    "uqmbd_springs": 500,
+}
+"""Statements of each package, at most: a commit that raises one of these numbers says why."""
+
 
 def _modules():
     """Find all modules by their dotted names."""
@@ -218,6 +250,17 @@ def test_no_module_is_long_without_a_reason():
         if lines > MOST_LINES and "\n\nLength:" not in (ast.get_docstring(_trees()[name]) or ""):
             wrong[name] = lines
     assert not wrong
+
+
+def test_no_package_exceeds_its_budget_of_statements():
+    found = dict.fromkeys(STATEMENTS, 0)
+    for name, tree in _trees().items():
+        parts = name.split(".")
+        whole = ".".join(parts[:2])
+        package = whole if parts[0] == "uqmbd" and whole in PACKAGES else parts[0]
+        found[package] = found.get(package, 0) + sum(isinstance(node, ast.stmt) for node in ast.walk(tree))
+    assert set(found) == set(STATEMENTS)
+    assert {name: count for name, count in found.items() if count > STATEMENTS[name]} == {}
 
 
 def test_nothing_of_the_project_is_imported_by_string():
