@@ -2,7 +2,8 @@
 
 Each step computes one realisation and climbs on the surrogate, moved so that it is exact there, within the trust
 region.  A surrogate over a wide prior can have slopes that are wrong by more than their size.  Where a step does not
-gain about what the surrogate predicts, realisations about the point give the slopes instead (forward differences).
+gain about what the surrogate predicts, realisations about the point give the slopes instead (forward differences).  So
+they do where a climb would end without any step: slopes that no step has tested may be wrong.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def settle(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
 
 def _followed(work: Work, start: _Computed, best: float) -> _Followed:
     """Climb from a realisation to a maximum; another maximum whose cost is `best` ends what stays far above it."""
-    at, width, exact, possible, settled = start, WIDEST, False, True, False
+    at, width, exact, tested, possible, settled = start, WIDEST, False, False, True, False
     inputs = len(work.unknowns.inputs)
     # realisations that are too few for a check all go to the maximum
     reserve = CHECKED if work.affordable(2 * CHECKED) else 0
@@ -130,7 +131,7 @@ def _followed(work: Work, start: _Computed, best: float) -> _Followed:
         step = peak.vectors[0] - at.vector
         length = float(np.abs(step[:inputs]).max())
         near = float(np.sqrt(max(step @ metric @ step, 0.0))) < SETTLED and length < 0.99 * width
-        settled = near and (exact or width >= WIDEST or not possible)
+        settled = near and (exact or (tested and width >= WIDEST) or not possible)
         if settled or not work.affordable(1 + reserve):
             break
         tried = None if near else _computed(work, peak.vectors[0])
@@ -138,7 +139,8 @@ def _followed(work: Work, start: _Computed, best: float) -> _Followed:
         predicted = at.cost - float(peak.cost[0])
         if tried is not None and gain > 0:
             at = tried
-        wrong = not POOR * predicted <= gain <= MORE * predicted or taken >= FREE
+        fits = POOR * predicted <= gain <= MORE * predicted
+        tested, wrong = tested or (fits and not near), not fits or taken >= FREE
         if gain <= 0 or (exact and gain < POOR * predicted):
             width = max(0.25 * length, 1e-6)
         elif gain > GOOD * predicted:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
@@ -84,6 +84,7 @@ def relaxing(z):
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6))
+@example(seed=8100)  # the surrogate has its maximum where it is exact, with slopes that no step tests
 def test_maxima_are_found_on_the_mechanism_whatever_the_slopes_of_the_surrogate(seed):
     """Slopes of the surrogate are wrong in size and in sign; SciPy climbs on the formula itself, from the truth."""
     generator = np.random.default_rng(seed)
