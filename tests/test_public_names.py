@@ -13,6 +13,31 @@ from uqmbd import extend, results
 
 MODULES = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
 
+OLD = {
+    "uqmbd": """
+    AtMost Bounds Capabilities Clock Command Counters Dense Doubt ElementLimits ElementRefinement Ensemble Estimate
+    Finding Frame GermBox GermSpace History Impact ImportedJoint ImportedMechanism Integrator JointAngle
+    JointDisplacement Local Margins MassProperties MechanismTerms NamedFrame NodeFit Omission Omissions PhaseMotion
+    Phases PluginWarning Problem Progress ProjectedEnsemble ProjectedTrajectories Propagator Quadrature Realisations
+    Reduced Reductions Requirement SamplingDesign Segment SegmentedMotion Separation Severity Sizing Toleranced
+    Trajectories TypedComponent VelocityConstraint Verification VerificationPoints aligned choose_clock
+    clenshaw_curtis clock_at_means combination_coefficients counted_angle dense doubts errors_over_largest fit_nodes
+    gauss_tensor gram_error half_angle index_set joint_frames law_at law_values mechanism_terms monte_carlo_rule
+    nothing_random output_folder perpendiculars pool propagator quaternion_product refine_elements
+    relative_quaternion require_clock require_outputs_over_time sampling_design sampling_designs smallest_rotation
+    smolyak sparse_rule stated_tolerance uniform_variable varying watched_angles
+    """,
+    "uqmbd.results": """
+    AlignedElement CircularMoments CountedQuantiles DEFAULT_PROBABILITIES InputInfo IntegrationShare Labels
+    Landmarks LeastSquares Moments NodeRegression OutputInfo QuasiPeriodicElement SampleChunk SampleStoreChunks
+    Violations chaos_from_dataset circular_of_components comparable differing happening integration_shares
+    join_nodes joined_outputs labels least_squares node_parts own_statements project quantiles_of_chunks
+    regress_on_nodes replicate_errors requirements_dataset sample_dataset statistics_dataset statistics_of_samples
+    stored_as surrogate_parts with_reasons with_requirements with_scalars worst_integration_share
+    """,
+}
+"""Names that moved, or became private, before version 0.1."""
+
 
 def test_authors_of_studies_read_a_short_list():
     assert len(uqmbd.__all__) <= 70 and len(results.__all__) <= 45
@@ -46,6 +71,19 @@ def test_an_old_name_is_the_new_one_with_a_warning(module, name, now):
     ) as told:
         assert getattr(importlib.import_module(module), name) is getattr(now, name)
     assert told[0].filename == __file__
+
+
+@pytest.mark.parametrize("module", OLD)
+def test_every_old_name_is_found(module):
+    for name in OLD[module].split():
+        with pytest.warns(DeprecationWarning, match="version 0.2"):
+            assert getattr(importlib.import_module(module), name) is not None
+
+
+@pytest.mark.parametrize("name", ["overall", "statements"])
+def test_what_is_gone_says_what_to_use(name):
+    with pytest.raises(AttributeError, match=r"use uqmbd\.results\.assess\(tree\)"):
+        getattr(results, name)
 
 
 def test_a_name_that_is_private_now_is_found_with_a_warning():

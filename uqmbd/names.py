@@ -28,7 +28,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _BREAKS = frozenset("\t\n\r\u2028\u2029")
-"""What breaks tables and messages."""
+"""Characters that break tables and messages."""
 
 RESERVED_LABELS = frozenset(
     {

@@ -121,6 +121,8 @@ class Problem:
     def __getattr__(self, name: str) -> Any:
         """Return what was an attribute of the problem and is one of its runner, with a warning, until 0.2."""
         now = {"beside": "again"}.get(name, name)
+        if hasattr(type(self), name):  # a property of the problem that raised an AttributeError of its own
+            return object.__getattribute__(self, name)
         if now not in ("again", "checkpoint", "each", "executor", "known", "ledger", "observed", "spending"):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         text = f"problem.{name} is problem.runner.{now} now; the old name is removed in version 0.2."
@@ -188,7 +190,8 @@ class Problem:
         Parameters
         ----------
         **changes
-            Fields of `uqmbd.extend.Runner`, as ``executor=None``.
+            Fields of ``problem.runner``: ``executor``, ``progress``, ``checkpoint``, ``ledger``, ``clock``,
+            ``spending``, ``observed``, ``known``, ``again``.
         """
         return replace(self, runner=replace(self.runner, **changes))
 

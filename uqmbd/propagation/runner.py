@@ -1,4 +1,4 @@
-"""Who computes the realisations of a problem, where finished work is stored, and what is recorded of it."""
+"""Computation, storage and recording of the realisations of a problem."""
 
 from __future__ import annotations
 

@@ -121,7 +121,8 @@ def __getattr__(name: str) -> Any:
         folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
         held = [folder for folder in folders if name in folder.__all__]
         if not held:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            gone = "; it was removed, use uqmbd.results.assess(tree)" if name in ("overall", "statements") else ""
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}{gone}")
         found, text = getattr(held[0], name), "is not public any more"
     warnings.warn(f"uqmbd.results.{name} {text}; the name is removed here in version 0.2.", DeprecationWarning, 2)
     return found

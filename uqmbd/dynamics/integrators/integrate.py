@@ -85,7 +85,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
 
 
 def _has(cls: type, needed: Capability) -> bool:
-    """Tell whether an integrator may be proposed; one whose class declares something else may not."""
+    """Return whether an integrator declares a capability; False if its declaration is invalid."""
     try:
         return bool(getattr(capabilities_of(cls), needed))
     except StudyError:

@@ -191,7 +191,7 @@ def capabilities_of(cls: type) -> Capabilities:
     elif former := _stated_before(cls):
         raise StudyError(
             f"integrator {getattr(cls, 'name', cls.__name__)!r}: it has the class attribute `capabilities`, and "
-            f"{', '.join(former)}, without effect; expected all of it in uqmbd.Capabilities(...)."
+            f"{', '.join(former)}, without effect; expected all of it in uqmbd.extend.Capabilities(...)."
         )
     if not isinstance(found, Capabilities):
         name = getattr(cls, "name", cls.__name__)

@@ -22,8 +22,8 @@ HEAVY = 1.8
 that of a heavy tail, and of such samples it is too small more often than not."""
 
 LEAP = 16
-"""Growth beyond which half the way is gone first, in logarithms, where the error may fall faster than the root of the
-number of samples: that of a design, or one that is widened for few samples by what is not known."""
+"""Growth beyond which an intermediate size, the geometric mean, runs first, where the error may fall faster than the
+root of the number of samples: that of a design, or one that is widened because there are few samples."""
 
 GROWTH = 256
 """By how much samples grow at most from one size to the next: a spread that few of them tell is not trusted further."""

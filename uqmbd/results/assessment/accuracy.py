@@ -56,7 +56,7 @@ def stated_accuracy(
     of: Literal["moments", "probabilities"] = "moments",
     usual: bool = False,
 ) -> StatedAccuracy:
-    """Return how accurate a result says that it is, with 95 % confidence.
+    """Return the stated accuracy of a result, with 95 % confidence.
 
     Parameters
     ----------

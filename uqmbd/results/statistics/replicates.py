@@ -37,13 +37,12 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     R - 1 degrees of freedom makes up for so few replicates.  Where they scatter to one side, as the few points of a
     long tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``, the most by which a skewness g moves an end of the
     interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance, and that of the
-    samples.  For so few replicates mostly hold none that scatters far, and what a design leaves of a long tail is in
-    its outermost points, so that the mean of a replicate is about as skewed as they.  Of a standard deviation, that of
+    samples.  Few replicates rarely include an outlier, and the sampling error of a design in a long tail comes from its
+    outermost points: means of replicates are about as skewed as the samples.  Of a standard deviation, that of
     squared samples is taken as ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``, with kurtosis k and skewness g of the
     samples, and k - 3 not below 0; this is measured, as are its effects (`docs/explanation/stated_errors.md`).  The
-    error of a
-    standard deviation s is in proportion to the true one, which is above s more often than below: a half-width x, over
-    s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
+    error of a standard deviation s is in proportion to the true one, which is above s more often than below: a
+    half-width x, over s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
 
     References
     ----------
