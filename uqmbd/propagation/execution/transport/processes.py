@@ -2,6 +2,10 @@
 
 A `concurrent.futures.ProcessPoolExecutor` of several processes breaks as a whole when one of them dies, and does not
 say what it was doing.  Here each process is the only one of its pool, and is given one call at a time.
+
+`pebble.ProcessPool` also confines a death to its own call, and cancelling ends a running process.  It takes the place
+of this module only (200 lines): Dask, MPI and executors of users need all that is next to it.  It does not choose, or
+tell, the process that takes a call, so that an object as large as a model would be sent with calls that do not need it.
 """
 
 from __future__ import annotations
