@@ -407,7 +407,7 @@ def test_times_that_differ_by_rounding_are_one():
     assert np.array_equal(posterior(rounded), posterior(exact))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:calibrate. the chains have not converged")
 def test_a_curved_posterior_is_not_doubted():
     # inputs whose product is known, and which are not: predictions at their means are none of the record

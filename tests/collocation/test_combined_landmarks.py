@@ -73,7 +73,7 @@ def error(chaos, name, inputs, exact):
     return float(np.sqrt((wrong**2).mean()) / exact.std(axis=0).max())
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 15 % at one time, near an event
 def test_ball_on_a_plate_that_an_eccentric_moves(tmp_path):
     """Free flights and roots of independent realisations: a third of the error of either kind of landmarks, or less."""
@@ -103,7 +103,7 @@ def test_ball_on_a_plate_that_an_eccentric_moves(tmp_path):
     np.testing.assert_array_equal(surrogate(read).evaluate(inputs[:9]), surrogate(node).evaluate(inputs[:9]))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_one_impact_in_a_long_rotation():
     """Nothing ends the motion behind the impact: it goes on until all have the same phase; a closed form."""
     distance = uqmbd.RandomVariable("d", chaospy.Uniform(0.95, 1.05), units="m")

@@ -185,7 +185,7 @@ def pendulums(angle: float, end: float, count: int, damping: float = 0.0) -> uqm
     return uqmbd.Study("double", mechanism, times=np.linspace(0, end, count), rtol=1e-9, propagators=[])
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_double_pendulum_beside_a_thousand_realisations():
     """At 17 degrees, 4 nodes, to 200 s, reactions too; the stated error is the true one within a factor of two."""
     study = pendulums(0.3, 200, 401)

@@ -165,7 +165,7 @@ def test_turns_that_a_follower_hides_in_some_realisations():
         uqmbd.simulate(mechanism, [0, 1e-3], check=False)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*assembly moved")
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_laws_with_random_coefficients(seed):

@@ -247,7 +247,7 @@ def test_a_body_is_turned_to_the_stated_axes(joint):
         np.testing.assert_allclose([float(found[f"b{k}{x}"]) for x in "xyz"], axis, rtol=0, atol=1e-14)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [Revolute, Prismatic, CONSTRAINING["Cylindrical"], CONSTRAINING["Parallel1"]])
 def test_random_axes_are_parallel_in_each_realisation(joint):
     """Axes that are parallel at the means: drawn at any angle, or within 1e-9 to 1e-3 of zero and of half a turn."""

@@ -40,7 +40,7 @@ def test_what_cannot_be_used_is_refused_with_its_name():
     assert not complaints(chosen)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_may_be_meant_is_computed_or_refused():
     chosen = [case for case in CASES if case.fate == "either" and case.base in ("pendulum", "impact")][::61]
     assert len(chosen) > 3

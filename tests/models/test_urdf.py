@@ -341,7 +341,7 @@ def test_changed_files_agree_with_a_second_reading_or_are_refused(file):
     assert read > 30 and refused > 30
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_many_changed_files_agree_with_a_second_reading_or_are_refused(file):
     read, refused = sweep(file, range(1000, 2500))
     assert read > 300 and refused > 300

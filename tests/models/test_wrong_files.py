@@ -68,7 +68,7 @@ def mutations(text, count):
         yield changed
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("reader", "text", "ending"), [(URDF, ROBOT, "urdf"), (MJCF, MODEL, "xml")], ids=["urdf", "mjcf"]
 )

@@ -47,7 +47,7 @@ def test_governor_moves_as_lagrange_says(script):
         np.testing.assert_allclose(np.asarray(found[name]), exact, rtol=0, atol=1e-5)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_aligned_chaoses_hold_ten_times_as_long(script, tmp_path):
     """Below 1 % at every output time against 40 independent realisations, where plain ones pass it in a tenth."""
     cases = {name: script["CASES"][name] for name in SHORT}

@@ -93,7 +93,7 @@ print(json.dumps([asked, violated, samples["inputs"].values.tolist(), samples["r
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_sums_impacts_up_is_that_of_the_closed_form(python):
     """Both sides of a jump count, and it is closed in on: not everything is asked for at thousands of times."""
     asked, violated, inputs, found = json.loads(python("-W", "error::UserWarning", "-c", SUMS))

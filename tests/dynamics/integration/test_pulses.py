@@ -261,7 +261,7 @@ def test_the_results_say_how_steps_were_bounded(tmp_path):
     said = uqmbd.simulate(mechanism, TIMES, max_step=0.01, breaks=[0.2]).attrs
     assert said["max_step"] == 0.01
     assert said["breaks"] == [0.2]
-    prints = {study.problem(propagator)._fingerprint for study in studies}
+    prints = {study.problem(propagator).identity for study in studies}
     assert len(prints) == 3
 
 

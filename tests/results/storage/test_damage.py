@@ -112,7 +112,7 @@ def counts(path: Path, number: int, seed: int, how: str, expected: xr.DataTree) 
         ("load", 60),
         ("open", 20),
         pytest.param("load", 800, marks=pytest.mark.thorough),
-        pytest.param("open", 400, marks=pytest.mark.thorough),
+        pytest.param("open", 400, marks=pytest.mark.slow),
         pytest.param("load", 5000, marks=pytest.mark.slow),
     ],
 )
