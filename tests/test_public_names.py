@@ -94,7 +94,7 @@ def test_a_name_that_is_private_now_is_found_with_a_warning():
 @pytest.mark.parametrize("module", MODULES)
 def test_a_name_that_never_was_is_an_attribute_error(module):
     with pytest.raises(AttributeError, match="Ensembel"):
-        importlib.import_module(module).Ensembel  # noqa: B018
+        importlib.import_module(module).Ensembel  # noqa: B018 - looking it up is the test
 
 
 def test_every_name_for_plugins_is_loaded_when_it_is_used():

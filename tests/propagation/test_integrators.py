@@ -223,7 +223,7 @@ def test_what_returns_the_wrong_kind_is_named():
 
 @pytest.mark.parametrize("former", ["events", "projected", "paced", "delegates", "linear_solvers"])
 def test_capabilities_that_are_declared_twice_are_refused(former):
-    """Class attributes of before 0.1 next to `capabilities` had no effect, and nobody was told."""
+    """Class attributes of before 0.1 next to `capabilities` are an error: they have no effect."""
     value = ("dense",) if former == "linear_solvers" else True
     both = type("Both", (), {"name": "both", "capabilities": uqmbd.extend.Capabilities(), former: value})
     with pytest.raises(
@@ -236,7 +236,7 @@ def test_capabilities_that_are_declared_twice_are_refused(former):
 
 
 def test_an_integrator_that_declares_nonsense_does_not_hide_those_that_can(monkeypatch):
-    """Another one is asked for; that its class is wrong is said where it is chosen."""
+    """Only the chosen integrator is judged: the invalid class of another one raises no error."""
     broken = type("Broken", (), {"name": "broken", "capabilities": 3, "integrate": None})
     module = sys.modules[integrate.__module__]
     known = module.integrators()

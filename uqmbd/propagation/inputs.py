@@ -108,7 +108,7 @@ def idle_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, int
 
     found: list[int] = []
     with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():
-        # whatever is wrong is told by the methods
+        # the methods report what is wrong
         warnings.simplefilter("ignore")
         suspects = unchanged(everything, np.full((1, size), 0.3819660113), np.full((1, size), 0.7236067977))
         if suspects:

@@ -13,7 +13,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import integrator_class
-from uqmbd.propagation.execution import Crew, Staff, executor_for
+from uqmbd.propagation.execution import Crew, WorkerPool, executor_for
 from uqmbd.results import load, save
 from uqmbd.testing.propagators.executors import Recorder
 from uqmbd_contact import PlaneImpact
@@ -54,7 +54,7 @@ def installed(monkeypatch):
     monkeypatch.setattr(Unlocked, "where", [])
 
 
-class Both(Staff):
+class Both(WorkerPool):
     """Computes here, and notes who should have."""
 
     def __init__(self):
@@ -149,7 +149,7 @@ def test_statistics_are_computed_in_threads_of_this_process():
 def test_work_of_methods_is_given_to_processes():
     """A method that hands out functions of its own does not know whether they hold the lock."""
     with Crew(2) as crew, crew.at_work() as staff:
-        assert isinstance(staff, Staff)
+        assert isinstance(staff, WorkerPool)
         assert executor_for(staff, unlocked=False) is staff.processes
         assert executor_for(staff, unlocked=True) is staff.threads
         assert not staff.started

@@ -229,7 +229,7 @@ def test_damaged_attributes_are_one_message_or_none(tmp_path: Path, place: str, 
             file[place].attrs[name] = value
         for read in readers():
             try:
-                with read(path) as found:  # type: ignore[attr-defined]
+                with read(path) as found:  # type: ignore[attr-defined]  # the readers of the table return trees or open files
                     assert "mean" in found["m/statistics"]
             except StudyError as error:
                 assert len(str(error)) < 1000

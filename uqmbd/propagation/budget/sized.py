@@ -18,8 +18,8 @@ MARGIN = 1.1
 """Samples over those at which the stated error, extrapolated, is the accuracy."""
 
 HEAVY = 1.8
-"""The same where the usual error of the standard deviation is the largest: the kurtosis, which tells that error, is
-that of a heavy tail, and of such samples it is too small more often than not."""
+"""As `MARGIN`, where the usual error of the standard deviation is the largest: it follows from the kurtosis, which
+samples of a heavy tail underestimate more often than not."""
 
 LEAP = 16
 """Growth beyond which an intermediate size, the geometric mean, runs first, where the error may fall faster than the

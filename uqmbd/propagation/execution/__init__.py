@@ -30,7 +30,7 @@ from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
-from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool, threads_of
+from uqmbd.propagation.execution.workers import Crew, WorkerPool, executor_for, pool, threads_of
 
 __all__ = [
     "AGAIN",
@@ -52,7 +52,7 @@ __all__ = [
     "Packed",
     "Realisations",
     "Spending",
-    "Staff",
+    "WorkerPool",
     "chunk_size",
     "claimed",
     "compute_chunk",

@@ -22,13 +22,13 @@ from uqmbd.propagation.execution.transport import Processes
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Crew", "Staff", "executor_for", "pool", "threads_of"]
+__all__ = ["Crew", "WorkerPool", "executor_for", "pool", "threads_of"]
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-class Staff(Executor):
+class WorkerPool(Executor):
     """Executor of `count` threads and `count` processes, of which each kind starts when there is work for it.
 
     As an executor it submits to processes; `executor_for` chooses.
@@ -73,18 +73,18 @@ class Staff(Executor):
 
 
 def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
-    """Return the executor for a call: the threads of a `Staff` if `unlocked`, else its processes; or the given one.
+    """Return the executor for a call: threads of a `WorkerPool` if `unlocked`, else its processes; or the given one.
 
     Unlocked calls compute without the interpreter lock.
     """
-    if not isinstance(given, Staff):
+    if not isinstance(given, WorkerPool):
         return given
     return given.threads if unlocked else given.processes
 
 
 def threads_of(given: Executor | None) -> Executor | None:
-    """Return the threads of a `Staff`, which share the memory of this process; None for other executors."""
-    return given.threads if isinstance(given, Staff) else None
+    """Return the threads of a `WorkerPool`, which share the memory of this process; None for other executors."""
+    return given.threads if isinstance(given, WorkerPool) else None
 
 
 class Crew:
@@ -99,7 +99,7 @@ class Crew:
         self._count = 1 if self._given is not None else _count(workers)
         if self._count > 1:
             refuse_workers_of_workers()
-        self._staff: Staff | None = None
+        self._staff: WorkerPool | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -109,7 +109,7 @@ class Crew:
 
     @contextmanager
     def at_work(self) -> Iterator[Executor | None]:
-        """Yield the executor: None (this process), a `Staff`, or the executor that was given.
+        """Yield the executor: None (this process), a `WorkerPool`, or the executor that was given.
 
         Raise StudyError if the processes cannot start, IntegrationError if a process dies or the executor gives up.
         """
@@ -121,7 +121,7 @@ class Crew:
             yield None
             return
         if self._staff is None:
-            self._staff = Staff(self._count)
+            self._staff = WorkerPool(self._count)
         try:
             yield self._staff
         except BrokenExecutor as error:
