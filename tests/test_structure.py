@@ -25,7 +25,7 @@ STATEMENTS = {
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 260,
     "uqmbd.compiled": 2030,
-    "uqmbd.dynamics": 13430,
+    "uqmbd.dynamics": 13450,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 140,
     "uqmbd.mechanism": 4430,

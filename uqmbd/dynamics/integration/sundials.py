@@ -17,14 +17,16 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import FrameType
+from importlib.util import find_spec
+from types import FrameType, ModuleType
 from typing import Any
 
 import numpy as np
 
+from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["LARGEST", "Solution", "solve"]
+__all__ = ["LARGEST", "Solution", "solve", "sundials", "sundials_is_installed"]
 
 
 LARGEST = 1e100
@@ -33,6 +35,26 @@ LARGEST = 1e100
 
 TOO_MUCH_WORK = -1
 """IDA_TOO_MUCH_WORK, a status of IDA."""
+
+
+def sundials_is_installed() -> bool:
+    """Test whether scikit-sundae can be imported: it has no wheel for Linux on aarch64."""
+    try:
+        return find_spec("sksundae") is not None
+    except ValueError:
+        return False
+
+
+def sundials() -> ModuleType:
+    """Import the module of IDA; without scikit-sundae this is a `uqmbd.StudyError`."""
+    try:
+        import sksundae.ida
+    except ImportError as error:
+        raise StudyError(
+            "the integrator 'ida' needs scikit-sundae, which is not installed: 'pip install scikit-sundae' builds it "
+            "from source where there is no wheel, with SUNDIALS and a compiler. Or choose integrator='dop853'."
+        ) from error
+    return sksundae.ida  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)
@@ -99,12 +121,11 @@ def solve(
     the integrator's steps are returned, too, without any change of the others.  A failure within SUNDIALS is returned
     as a Solution; an exception of a callback is raised.
     """
-    from sksundae.ida import IDA
-
     largest = float(np.abs(yp).max(initial=0.0))
     if not (np.isfinite(y).all() and largest <= LARGEST):
         what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
         return Solution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
+    ida = sundials().IDA
     callbacks, said = _Callbacks(), io.StringIO()
     options = dict(options)
     if "jacfn" in options:
@@ -114,7 +135,7 @@ def solve(
         with _lock, warnings.catch_warnings():
             # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
             warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-            solver = IDA(callbacks.residual(residual), **options, **settings)
+            solver = ida(callbacks.residual(residual), **options, **settings)
         try:
             if recording:
                 return _step_by_step(solver, times, y, yp, int(settings["max_num_steps"]), said)

@@ -12,7 +12,14 @@ import numpy as np
 from uqmbd.dynamics.contact import integrate_with_events, motion_in_segments
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
+from uqmbd.dynamics.integration import (
+    SegmentedMotion,
+    Solved,
+    Trajectories,
+    integrate_by_dop853,
+    integrate_by_ida,
+    sundials_is_installed,
+)
 from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, checked, in_stacks
@@ -162,6 +169,10 @@ class Auto:
         return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
     def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+        if not sundials_is_installed():  # the explicit method integrates stiff realisations too, with more steps
+            return Solution.of(
+                integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
+            )
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True, recording=recording)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
         if not len(left):
@@ -216,7 +227,7 @@ class Auto:
         if not projected.coupled.compiled:
             return Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
         first = Dop853().integrate_projected(projected, times, rtol, watch)
-        if not first.message:
+        if not first.message or not sundials_is_installed():
             return first
         second = Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
         spent = first.counters["seconds"] + second.counters["seconds"]

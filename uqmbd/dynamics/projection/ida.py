@@ -8,7 +8,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.dynamics.integration import RELAXED, diagnosis, instant, pace, solve, step_limits, step_tolerance
+from uqmbd.dynamics.integration import (
+    RELAXED,
+    diagnosis,
+    instant,
+    pace,
+    solve,
+    step_limits,
+    step_tolerance,
+    sundials,
+)
 from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array
@@ -73,13 +82,12 @@ class _Linear:
             one[self.rows, self.columns] = 1.0
             pattern = sparse.csc_matrix(np.kron(np.ones((self.terms, self.terms)), one))
             return {"linsolver": "sparse", "jacfn": self._sparse, "sparsity": pattern}
-        from sksundae.ida import IDAJacTimes, IDAPrecond
-
+        ida = sundials()
         return {
             "linsolver": "gmres",
             "krylov_dim": 12,
-            "precond": IDAPrecond(self._factorise, self._precondition),
-            "jactimes": IDAJacTimes(self._prepare, self._product),
+            "precond": ida.IDAPrecond(self._factorise, self._precondition),
+            "jactimes": ida.IDAJacTimes(self._prepare, self._product),
         }
 
     def _count(self, name: str) -> None:
