@@ -47,6 +47,7 @@ def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
 ALONE = {
     "other_models.md": "tests/models/test_page.py",
     "cluster.md": "tests/clusters/test_page.py",
+    "features.md": "tests/test_readme.py",
     "ecosystem.md": "tests/exchange/test_page.py",
 }
 """Pages whose examples need more than is installed for tests, and who runs them."""

@@ -1,4 +1,4 @@
-"""The README's blocks run as they stand: all in order, each alone, and as plain scripts."""
+"""The blocks of the README and of the page on features run as they stand: in order, each alone, and as plain scripts."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import uqmbd
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+TEXT = README + (ROOT / "docs" / "features.md").read_text(encoding="utf-8")
 BLOCKS = [
-    pytest.param(found[1], id=f"line {README[: found.start(1)].count(chr(10)) + 1}")
-    for found in re.finditer(r"^```python\n(.*?)^```$", README, re.M | re.S)
+    pytest.param(found[1], id=f"block {number}")
+    for number, found in enumerate(re.finditer(r"^```python\n(.*?)^```$", TEXT, re.M | re.S))
 ]
 PENDULUM, RUN = (block.values[0] for block in BLOCKS[:2])
 
@@ -37,7 +38,7 @@ def execute(source, namespace):
 
 
 def test_there_are_blocks():
-    assert len(BLOCKS) >= 3 and README.count("```python") == len(BLOCKS)
+    assert len(BLOCKS) >= 3 and TEXT.count("```python") == len(BLOCKS)
 
 
 def test_the_first_block_is_the_study_of_its_name():
@@ -76,7 +77,7 @@ def test_block_that_asks_for_two_workers_is_a_script_that_runs_as_written(folder
 
 @pytest.mark.slow
 def test_study_and_run_in_one_file_are_a_script_that_runs_as_written(folder):
-    """The line that imports the study is left out, as the README says."""
+    """The line that imports the study is left out, as the page on features says."""
     source = PENDULUM + RUN.replace("from pendulum import mechanism, study\n", "")
     (folder / "mine.py").write_text(source + 'print("once")\n', encoding="utf-8")
     (folder / "pendulum.py").unlink()
