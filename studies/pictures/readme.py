@@ -1,6 +1,6 @@
 """Write the animation of the README: the slider-crank with 25 realisations, and the bands of its slider's position.
 
-``python studies/pictures/slider_crank.py docs/slider_crank.gif`` takes about a minute.
+``python studies/pictures/readme.py docs/slider_crank.gif`` takes about a minute.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def bands(height: int) -> list[Image.Image]:
         uqmbd.report.bands(tree, "slider_x", ax=axes)
         bottom, top = axes.get_ylim()
         axes.set_ylim(bottom, top + 0.4 * (top - bottom))  # room for the legend
-        axes.get_legend().set(loc="upper center")
+        axes.legend(loc="upper center")
         line = axes.axvline(0.0, color="0.2", linewidth=1.0)
         for frame in range(FRAMES):
             time = study.times[-1] * frame / (FRAMES - 1)
