@@ -39,7 +39,9 @@ def bands(height: int) -> list[Image.Image]:
         uqmbd.report.bands(tree, "slider_x", ax=axes)
         bottom, top = axes.get_ylim()
         axes.set_ylim(bottom, top + 0.4 * (top - bottom))  # room for the legend
-        axes.legend(loc="upper center")
+        legend = axes.get_legend()
+        assert legend is not None
+        legend.set(loc="upper center")
         line = axes.axvline(0.0, color="0.2", linewidth=1.0)
         for frame in range(FRAMES):
             time = study.times[-1] * frame / (FRAMES - 1)
