@@ -7,9 +7,7 @@ all public names is slow.
 
 from __future__ import annotations
 
-import inspect
 import sys
-import types
 import warnings
 from collections import Counter
 
@@ -21,13 +19,10 @@ import uqmbd
 from uqmbd.testing.components.cases import cases
 
 from .hostile import HOSTILE, hostile, used
-from .test_text_is_not_run import CORE, PLUGINS, adding, kind, public_names
+from .public_calls import MODULES, examples_of, targets
+from .right_calls import EXAMPLES
+from .test_text_is_not_run import PLUGINS, adding, kind, public_names
 from .texts import Probe, probes, variants
-
-MODULES = [x for x in (*CORE, *PLUGINS) if x not in ("uqmbd.testing", "uqmbd.typing", "uqmbd.report", "uqmbd_models")]
-"""Kits take classes and run studies with them; reports and importers have tests of hostile files of their own."""
-
-METHODS = (types.FunctionType, classmethod, staticmethod)
 
 OWN = ("refused", "accepted")
 
@@ -166,43 +161,23 @@ def test_a_component_refuses_hostile_values_or_can_be_simulated(component, tmp_p
         assert not _raw(found)
 
 
-LEFT_OUT: dict[str, str] = {}
-
-
-def _targets() -> set[str]:
-    """Return the full names of all public functions, classes and their methods."""
-    found = set()
-    for module in MODULES:
-        for thing in public_names(module).values():
-            if kind(thing) == "data":
-                continue
-            found.add(f"{thing.__module__}.{thing.__qualname__}")
-            for base in thing.__mro__ if isinstance(thing, type) else ():
-                if base.__module__.startswith("uqmbd"):
-                    own = [k for k, x in vars(base).items() if not k.startswith("_") and isinstance(x, METHODS)]
-                    found |= {f"{base.__module__}.{base.__qualname__}.{k}" for k in own}
-    return found
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("module", MODULES)
+@pytest.mark.parametrize("module", [*MODULES, *EXAMPLES])
 def test_public_calls_refuse_hostile_values_or_can_be_used(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    wanted, calls = _targets(), Counter()
+    wanted, calls = targets(), Counter()
 
     def first(name: str) -> bool:
         calls[name] += 1
         return calls[name] == 1 and name in wanted
 
     found: list[Probe] = []
-    for thing in public_names(module).values():
-        if kind(thing) == "data":
-            continue
-        known = dict(vars(sys.modules[thing.__module__]))
-        own = vars(thing).items() if isinstance(thing, type) else ()
-        for owner in (thing, *(x for k, x in own if not k.startswith("_") and isinstance(x, (*METHODS, property)))):
-            text = inspect.cleandoc(getattr(owner, "__doc__", "") or "")
-            if ">>>" in text:
-                found += probes(text, known, tmp_path, first, hostile, used)
+    if module in EXAMPLES:
+        found += probes(EXAMPLES[module], {}, tmp_path, first, hostile, used)
+    else:
+        for thing in public_names(module).values():
+            if kind(thing) != "data":
+                for _, text in examples_of(thing):
+                    found += probes(text, dict(vars(sys.modules[thing.__module__])), tmp_path, first, hostile, used)
     print(module, Counter(x.fate for x in found))
     assert not _raw(found)

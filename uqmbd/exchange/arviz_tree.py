@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import Count, Seed, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results import by_output, propagator_nodes, surrogate
 from uqmbd.status import Status
@@ -26,7 +27,8 @@ DRAWS = 1000
 """Draws of a surrogate by default."""
 
 
-def to_arviz(results: Any, draws: int | None = None, seed: int | None = None) -> xr.DataTree:
+@typechecked
+def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None) -> xr.DataTree:
     """Return results as the tree of groups that ArviZ takes.
 
     Parameters

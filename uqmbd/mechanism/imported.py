@@ -10,6 +10,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import shown
@@ -82,6 +83,7 @@ class ImportedJoint:
         return sympy.Float((high - low) / 2) - sympy.Abs(self.position - sympy.Float((low + high) / 2))
 
 
+@typechecked
 @dataclass(frozen=True)
 class Omission:
     """What a file says and the mechanism does not, or says otherwise.
@@ -119,6 +121,7 @@ class Omission:
         return some if self.count <= NAMED else f"{some} and {self.count - NAMED} more"
 
 
+@typechecked
 class Omissions(Sequence[Omission]):
     """A table of what was not taken from a file, which prints itself.
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Index
 
@@ -22,6 +23,7 @@ ROUNDING = 1e-9
 """Slack with which a weighted sum may reach the order."""
 
 
+@typechecked
 def index_set(
     dimension: int, order: int, kind: str = "total", weights: Sequence[float] | None = None, q: float = 0.5
 ) -> Index:

@@ -14,6 +14,7 @@ from typing import Any
 
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning, StudyError, StudyWarning
 from uqmbd.files import replacing, scratch
 from uqmbd.isolation import Isolated
@@ -33,6 +34,7 @@ REPORT = "report.html"
 _PERCENT = re.compile(r"(\d) %")
 
 
+@typechecked
 def write_report(
     tree: xr.DataTree,
     path: str | os.PathLike[str],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 from uqmbd import plugins
+from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning
 from uqmbd.isolation import Isolated
 from uqmbd.report.sections import Section
@@ -12,6 +13,7 @@ from uqmbd.report.sections import Section
 __all__ = ["installed_sections"]
 
 
+@typechecked
 def installed_sections() -> list[Section]:
     """Make the sections that plugins offer, as `write_report` takes them.
 

@@ -11,12 +11,14 @@ from typing import Any
 
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.chaos import ComposedChaos, Part, surrogate
 from uqmbd.results.selection import by_output, output
 
 __all__ = ["Accessor"]
 
 
+@typechecked
 @xr.register_datatree_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray
 @xr.register_dataset_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray
 @xr.register_dataarray_accessor("uqmbd")  # type: ignore[no-untyped-call]  # of xarray

@@ -8,6 +8,7 @@ from typing import Any, overload
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 from uqmbd.results.schema import CF, propagator_nodes, united
@@ -28,6 +29,7 @@ def output(data: xr.DataArray, name: str, *, input: str | None = None) -> xr.Dat
 def output(data: xr.Dataset | xr.DataTree, name: str, *, input: str | None = None) -> xr.Dataset: ...
 
 
+@typechecked
 def output(
     data: xr.Dataset | xr.DataTree | xr.DataArray, name: str, *, input: str | None = None
 ) -> xr.Dataset | xr.DataArray:
@@ -96,6 +98,7 @@ def output(
     return joined
 
 
+@typechecked
 def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "mean") -> xr.Dataset:
     """Return a variable of results as one variable for each output, as :func:`uqmbd.simulate` gives a motion.
 

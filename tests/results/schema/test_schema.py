@@ -76,7 +76,7 @@ def test_outputs_without_time() -> None:
         ([], [], [0.0], "at least one output"),
         (["x"], [], [0.0, 0.0], "increasing numbers"),
         (["x"], [], [], "increasing numbers"),
-        ([3], [], [0.0], "OutputInfo is expected; 3 was given"),
+        ([3], [], [0.0], r"outputs is \[3\]; expected a sequence of .*OutputInfo"),
     ],
 )
 def test_bad_labels(outputs: list[str], inputs: list[str], times: list[float], message: str) -> None:

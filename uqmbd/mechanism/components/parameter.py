@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
 
@@ -40,6 +41,7 @@ class _Owner(Protocol):
     read: set[str]
 
 
+@typechecked
 @dataclass(frozen=True, repr=False)
 class Parameter(Generic[Given]):
     """A declared number, vector or option of a component.

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.declared.recorded import recorded
@@ -33,6 +34,7 @@ BELOW = (sympy.LessThan, sympy.StrictLessThan)
 ABOVE = (sympy.GreaterThan, sympy.StrictGreaterThan)
 
 
+@typechecked
 @dataclass(frozen=True)
 class Requirement:
     """A limit that a mechanism has to stay within.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.chaos.clocks import TURN, Clock
 from uqmbd.propagation.chaos.dense import Dense, dense
@@ -51,6 +52,7 @@ def watched_angles(mechanism: Any) -> Mapping[str, Any]:
     return found
 
 
+@typechecked
 def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None) -> tuple[Clock | None, str]:
     """Choose what tells the phase in all realisations, or as many as possible; else say why there is none.
 
@@ -118,6 +120,7 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     return None, why + (f", but {whole[0].words} does so in all realisations" if whole else "")
 
 
+@typechecked
 def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     """Follow the realisation at the means of the inputs, and say which clock it has, in words.
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.propagation.chaos.dense import Dense, spline_through
 from uqmbd.propagation.chaos.swings import Swing, passing
 from uqmbd.typing import Array, Mask
@@ -35,6 +36,7 @@ xi = 1e-3 by this, which sixteen points of a quarter turn resolve; with 0.02 its
 """
 
 
+@typechecked
 @dataclass(frozen=True)
 class Clock:
     """What the phase of a realisation is read from.
@@ -114,6 +116,7 @@ class Clock:
         return replace(self, start=float(np.angle(np.exp(1j * phase[:, 0]).mean())))
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class Phases:
     """Phases of K realisations.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
 
@@ -43,6 +44,7 @@ NUMBERS = 1 << 26
 """Values (8 bytes each) of all realisations that are held at once."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class Dense:
     """Outputs of K realisations as functions of time.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.chaos import Surrogate, reference_spread
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
@@ -14,6 +15,7 @@ from uqmbd.typing import Array, Mask
 __all__ = ["Doubt", "doubts", "errors_over_largest", "varying"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Doubt:
     """An output whose error exceeds a limit.
@@ -60,6 +62,7 @@ class Doubt:
         )
 
 
+@typechecked
 def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[Doubt]:
     """Find the outputs whose error exceeds a limit at some time.
 
@@ -99,6 +102,7 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     return found
 
 
+@typechecked
 def errors_over_largest(chaos: Surrogate) -> Array:
     """Return the stated errors (O, T) over the largest standard deviation over time of each output.
 
@@ -135,6 +139,7 @@ def errors_over_largest(chaos: Surrogate) -> Array:
     return chaos.verification_error() * np.where(largest > 0, relative, 1.0)
 
 
+@typechecked
 def varying(chaos: Surrogate, rtol: float) -> Mask:
     """Say which outputs (O,) vary by more than the integration errs, in the chaos or at its verification realisations.
 

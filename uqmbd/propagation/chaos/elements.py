@@ -14,6 +14,7 @@ from typing import Any, Generic, Literal, TypeVar, overload
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.logs import refinement
 from uqmbd.randomness import GermBox, GermSpace
@@ -43,6 +44,7 @@ MANY = 10**6
 """Elements, at most."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class ElementLimits:
     """How many elements, and when to end.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import IntegrationError
 from uqmbd.results.chaos import project, regress_on_nodes
 from uqmbd.typing import Array, Index, Mask
@@ -17,6 +18,7 @@ MOST_FAILURES = 0.5
 """Share of failed nodes beyond which there is nothing to fit: their region is no exception."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class NodeFit:
     """Coefficients, and how they were found.

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uqmbd.arguments import Seed, Share, Size, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermBox, GermSpace, TailMixture
 from uqmbd.results import PolynomialChaos
@@ -22,6 +24,7 @@ FEWEST = 3
 """Verification realisations that every element gets, however improbable."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class VerificationPoints:
     """Germ points of verification realisations, and what each of them counts.
@@ -50,7 +53,7 @@ class VerificationPoints:
     weights: Array
 
     @classmethod
-    def drawn(cls, space: GermSpace, count: int, seed: int, stream: int) -> VerificationPoints:
+    def drawn(cls, space: GermSpace, count: Size, seed: Seed, stream: Seed) -> VerificationPoints:
         """Draw points; the same for every order.
 
         Parameters
@@ -75,7 +78,7 @@ class VerificationPoints:
 
     @classmethod
     def of_elements(
-        cls, boxes: Sequence[GermBox], first: int, count: int, seed: int, stream: int
+        cls, boxes: Sequence[GermBox], first: Seed, count: Size, seed: Seed, stream: Seed
     ) -> list[VerificationPoints]:
         """Return the points of elements, by their probability, as local germs; `first` is the number of the first.
 
@@ -111,6 +114,7 @@ class VerificationPoints:
         return float(self.weights[which].sum() / self.weights.sum()) if which.any() else 0.0
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class Verification:
     """Realisations at verification points.
@@ -204,7 +208,7 @@ class Verification:
         return self.asked - len(self)
 
     @staticmethod
-    def failed_share(verified: Sequence[Verification], boxes: Sequence[float], nodes: int, failed: int) -> float:
+    def failed_share(verified: Sequence[Verification], boxes: Sequence[Share], nodes: Size, failed: Size) -> float:
         """Return the share of the probability at which realisations fail.
 
         Nodes count alike, verification realisations, half of which lie in the tails, by their weights.
@@ -218,6 +222,10 @@ class Verification:
         nodes, failed : int
             Other realisations, and how many of them failed.
         """
+        if len(verified) != len(boxes):
+            raise StudyError(
+                f"Verification: {len(verified)} elements have {len(boxes)} probabilities; expected as many."
+            )
         asked = sum(one.asked for one in verified)
         lost = sum(share * one.lost for one, share in zip(verified, boxes, strict=True))
         return float((failed + asked * lost) / max(nodes + asked, 1))

@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from uqmbd.arguments import typechecked
+
 __all__ = ["Estimate", "Sizing", "readable"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Estimate:
     """What a method would take for a study.
@@ -50,6 +53,7 @@ class Estimate:
         return f"{'up to ' if self.at_most else ''}{self.realisations} realisation{some}, {readable(self.memory)}"
 
 
+@typechecked
 @dataclass(frozen=True, kw_only=True)
 class Sizing:
     """How a method is made larger or smaller, so that a run can choose its size by a budget and an accuracy.

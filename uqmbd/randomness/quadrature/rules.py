@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import Count, Seed, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.designs import sampling_design
 from uqmbd.randomness.index_sets import whole_number
@@ -31,6 +32,7 @@ MOST_NODES = 20_000_000
 """Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class Quadrature:
     """Nodes and weights for the expectation of functions of the germs.
@@ -65,6 +67,7 @@ class Quadrature:
         return len(self.weights)
 
 
+@typechecked
 def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
     """Return the product of Gauss rules.
 
@@ -109,6 +112,7 @@ def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
     return Quadrature(nodes, weights, min(known) if known else None, name)
 
 
+@typechecked
 def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
     """Return the product of nested rules with Chebyshev nodes in the probability of each germ.
 
@@ -149,7 +153,8 @@ def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
     return Quadrature(nodes, weights, exactness, name)
 
 
-def monte_carlo_rule(space: GermSpace, count: int, seed: int, sequence: str = "random") -> Quadrature:
+@typechecked
+def monte_carlo_rule(space: GermSpace, count: Count, seed: Seed, sequence: str = "random") -> Quadrature:
     """Return samples with equal weights.
 
     Parameters

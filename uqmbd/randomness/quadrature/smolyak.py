@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.index_sets import index_set, whole_number
@@ -32,6 +33,7 @@ CANCELLED = 1e-13
 """Weights below this, relative to the sum of what was added up for the node, are zero."""
 
 
+@typechecked
 def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gauss") -> Quadrature:
     """Return Smolyak's sparse rule: exact to the total degree ``2 * level + 1`` at least, with Gauss rules.
 
@@ -76,6 +78,7 @@ def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gau
     return Quadrature(found.nodes, found.weights, found.exactness, f"Smolyak level {level}, {_described(rule, growth)}")
 
 
+@typechecked
 def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule: str = "gauss") -> Quadrature:
     """Return the sparse rule of a set of levels, which a dimension-adaptive refinement lets grow.
 
@@ -139,6 +142,7 @@ def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule:
     return Quadrature(nodes, total[kept], exactness, f"sparse grid of {len(rows)} levels, {_described(rule, growth)}")
 
 
+@typechecked
 def combination_coefficients(levels: ArrayLike) -> Index:
     """Return the factors of the tensor rules in the combination technique.
 

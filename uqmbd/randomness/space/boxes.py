@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import cumulated, median, truncated
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -20,6 +21,7 @@ NARROWEST = 2.0**-24
 """Probability of a germ's interval, within the germ, below which it is not divided."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class GermBox:
     """A box in the germ space, an element of multi-element polynomial chaos.
@@ -96,6 +98,8 @@ class GermBox:
     def contains(self, germs: ArrayLike) -> NDArray[np.bool_]:
         """Tell which germ points (K, d) lie in the box, shape (K,)."""
         points = np.asarray(germs, dtype=float)
+        if points.ndim != 2 or points.shape[1] != len(self.lower):
+            raise StudyError(f"GermBox.contains: germs have the shape {points.shape}; expected (K, {len(self.lower)}).")
         found = np.ones(len(points), dtype=bool)
         for k, germ in enumerate(self.space.germs):
             if self.lower[k] > germ.bounds[0]:
@@ -104,8 +108,12 @@ class GermBox:
                 found &= points[:, k] <= self.upper[k]
         return found
 
-    def divisible(self, germ: int) -> bool:
+    def divisible(self, germ: Size) -> bool:
         """Tell whether the box can be split along a germ: it is not too narrow, and has several values."""
+        if not 0 <= germ < len(self.lower):
+            raise StudyError(
+                f"GermBox.divisible: germ is {germ!r:.40}; expected the number of one, below {len(self.lower)}."
+            )
         local = self.local.germs[germ]
         return bool(self.probabilities[germ] > NARROWEST and (local.values or 2) > 1)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.index_sets import index_set
@@ -30,6 +31,7 @@ TRANSFORMS = ("rosenblatt", "nataf")
 """Transforms of dependent inputs to independent germs."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class GermSpace:
     """Independent standard variables of all inputs of a study, their polynomials, and the map to the inputs.

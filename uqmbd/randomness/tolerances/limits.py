@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import checked
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Toleranced", "made", "require_number", "stated_tolerance", "tolerance"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Toleranced:
     """Where the distribution of a size comes from: what `uqmbd.tolerance` and `uqmbd.iso286` attach to theirs.
@@ -150,6 +152,7 @@ def made(
     return _distribution(found)
 
 
+@typechecked
 def stated_tolerance(distribution: Any) -> Toleranced | None:
     """Return the tolerance that a distribution was made from; None where it was made otherwise.
 

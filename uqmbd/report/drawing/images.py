@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uqmbd.arguments import typechecked
 from uqmbd.files import no_link
 from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.drawing.vectors import UNWRITABLE, Drawing
@@ -84,6 +85,7 @@ def still_image(
         return found | {"problem": f"{type(error).__name__}: {error}"}
 
 
+@typechecked
 def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     """Return a figure for a section of the report, as HTML; one that cannot be drawn is a note in its place.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.report.drawing.layout import arranged_layout
 from uqmbd.report.drawing.scales import plain_formatter
 from uqmbd.wording import typeset_units
@@ -55,6 +56,7 @@ _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 _RIGHT = 0.18  # inches: half a number at the end of an axis
 
 
+@typechecked
 def style(k: int) -> tuple[str, Any]:
     """Return the colour and the line style that figures give the k-th of several things, counted from 0.
 
@@ -93,6 +95,7 @@ def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mappin
         text.set_parse_math(False)
 
 
+@typechecked
 def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:
     """Return a figure of the width of the report with axes in rows; `arrange` places them at the end.
 
@@ -144,6 +147,7 @@ def _dress(axes: Axes) -> None:
         axis.get_offset_text().set_fontsize(9)
 
 
+@typechecked
 def arrange(
     figure: Figure,
     grid: Sequence[Axes],
@@ -336,6 +340,7 @@ def _legend_width(names: Sequence[str], columns: int) -> float:
     return sum(5.2 * max(map(len, column)) + 42 for column in np.array_split(np.array(names, dtype=object), columns))
 
 
+@typechecked
 def with_units(name: str, units: str) -> str:
     """Return a label: the name, and its units, if any, in brackets.
 
@@ -352,6 +357,7 @@ def with_units(name: str, units: str) -> str:
     return f"{name} [{shown}]" if shown else name
 
 
+@typechecked
 def wrapped(text: str, width: int) -> str:
     r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
 from uqmbd.report.figures.scales import percent_ends
@@ -152,6 +153,7 @@ def decay_chart(results: Results, output: str, *, times: Sequence[float] | None 
     return Views(charts, "Orders or degrees", heights=(1.75,))
 
 
+@typechecked
 def coefficient_decay(results: Results, output: str, *, times: Sequence[float] | None = None) -> Figure:
     """Draw how much of the spread the polynomials of each order carry; it falls fast where the order suffices.
 
@@ -310,6 +312,7 @@ def errors_chart(results: Results, limit: float = EXACT) -> Chart:
     )
 
 
+@typechecked
 def verification(results: Results, *, limit: float = EXACT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 

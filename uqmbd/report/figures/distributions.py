@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Views, paper
 from uqmbd.report.drawing import constant
@@ -124,6 +125,7 @@ def densities_chart(results: Results | Samples, output: str, times: Sequence[flo
     return Views(charts, "Time of the densities", int(np.argmax(spreads)))
 
 
+@typechecked
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
     """Draw how an output is distributed at some times: histograms as densities, and a smooth estimate.
 
@@ -284,6 +286,7 @@ def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
     return Views(charts, "Input")
 
 
+@typechecked
 def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     """Draw histograms of the sampled inputs: what was uncertain, and (red points) where samples failed.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, paper
 from uqmbd.report.drawing import decades
@@ -34,6 +35,7 @@ def has_elements(node: xr.DataTree) -> bool:
     return "chaos" in node.children and {"lower", "upper"} <= set(map(str, node.children["chaos"].data_vars))
 
 
+@typechecked
 def split_pattern(results: Results, output: str | None = None) -> Figure:
     """Draw the elements of a multi-element chaos in the plane of the two inputs that were split most.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import MARKS, Axis, Chart, Column, Curve, Look, Views, paper
 from uqmbd.report.figures.scales import percent_ends
@@ -149,6 +150,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
     return Views(charts, "What it costs", heights=(1.85,))
 
 
+@typechecked
 def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     """Draw the errors of mean (full lines) and standard deviation (dashed) against realisations and wall time.
 

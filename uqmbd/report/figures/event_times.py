@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Views, paper
 from uqmbd.report.figures.density import DensityCurve, densities, density_chart
@@ -106,6 +107,7 @@ def events_chart(events: Sequence[EventTime]) -> Views:
     return Views(charts, "Event")
 
 
+@typechecked
 def event_times(results: Results) -> Figure:
     """Draw how the times of events are distributed, each event in axes of its own.
 

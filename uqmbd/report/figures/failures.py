@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, paper
 from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
@@ -327,6 +328,7 @@ def _spread(values: Array, at: NDArray[np.intp], count: int) -> Array:
     return every
 
 
+@typechecked
 def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:
     """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
 

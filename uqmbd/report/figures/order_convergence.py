@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
 from uqmbd.report.drawing import line_width
@@ -158,6 +159,7 @@ def _placed(places: NDArray[np.int64], at: NDArray[np.intp], values: Array) -> A
     return shown
 
 
+@typechecked
 def order_convergence(results: Results, output: str, *, reference: str | None = None) -> Figure:
     """Draw how the error of a chaos falls with its order, and with the realisations that it took.
 

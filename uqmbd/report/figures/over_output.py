@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import MOST_TIMES, Axis, Band, Chart, Curve, Look, Strands, paper
 from uqmbd.report.figures.distributions import of_surrogate
@@ -195,6 +196,7 @@ def _placed(chosen: Array, times: Array, values: Array) -> Array:
     return np.where(times[place] == chosen, values[place], np.nan)
 
 
+@typechecked
 def over_output(results: Results, output: str, over: str, *, ax: Axes | None = None) -> Figure:
     """Draw an output over another one: each realisation is a curve in the plane of both, run through in time.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, Look, Strands, Views, paper
 from uqmbd.report.drawing import constant, surroundings
@@ -73,11 +74,12 @@ def bands_chart(
     return Chart(output, times, curves, units=units, limits=limits or {}, start=start, follows=True)
 
 
+@typechecked
 def bands(
     results: Results,
     output: str,
     *,
-    samples: int = 0,
+    samples: Annotated[int, Bounds(0, 10**6)] = 0,
     limits: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Figure:
@@ -136,6 +138,7 @@ def std_chart(nodes: Mapping[str, xr.DataTree], output: str) -> Chart:
     return Chart(f"standard deviation of {output}", times, curves, units=_units(statistics), start=start)
 
 
+@typechecked
 def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> Figure:
     """Draw the standard deviation over time, with a band of two standard errors where a method states them.
 
@@ -192,6 +195,7 @@ def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: s
     return Chart(name, times, curves, units=_units(statistics), axis=axis, start=int(largest.argmax()))
 
 
+@typechecked
 def differences(results: Results, output: str, *, reference: str | None = None) -> Figure:
     """Draw by how much mean and standard deviation of methods differ, where their bands look the same.
 
@@ -237,6 +241,7 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
     return paper(Views(charts, columns=1, shared=True, heights=(1.15, 1.15)))
 
 
+@typechecked
 def time_history_histogram(node: Samples, output: str, *, mean: bool = False) -> Figure:
     """Draw how often an output has which value when: time, value, and the number of occurrences as a colour.
 

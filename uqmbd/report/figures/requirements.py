@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Band, Chart, Curve, Views, paper
 from uqmbd.report.drawing import decades
@@ -38,6 +39,7 @@ def changing_with_time(data: xr.Dataset) -> list[str]:
     return [str(name) for name in data["requirement"].values[grows]]
 
 
+@typechecked
 def violated_by(results: Results) -> Figure:
     """Draw the probability of having been violated by each time, of requirements that are not violated from the start.
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Band, Chart, Curve, Views, paper
 from uqmbd.report.drawing import constant
@@ -181,6 +182,7 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
     return Views(charts, "What is estimated", columns=1, shared=True)
 
 
+@typechecked
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
     """Draw mean and standard deviation against the number of samples, with the bands that hold them in 95 % of cases.
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, paper
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
@@ -192,6 +193,7 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
     return Views(charts, columns=1, shared=True, heights=(1.35, 1.1, 0.65))
 
 
+@typechecked
 def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
     r"""Draw over time which input causes which share of the variance, and how large the spread is at all.
 

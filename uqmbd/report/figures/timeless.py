@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Views, paper
 from uqmbd.report.figures.density import DensityCurve, densities, density_chart
@@ -89,6 +90,7 @@ def scalars_chart(results: Results, first: str = "") -> Views | None:
     return Views(charts, "Output", names.index(first) if first in names else 0)
 
 
+@typechecked
 def scalar_densities(results: Results) -> Figure:
     """Draw how each output without a time is distributed.
 

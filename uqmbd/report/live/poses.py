@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import json_script
 from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate, with_surrogate
@@ -151,6 +152,7 @@ def _run_again(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dat
     return found, int(node.attrs["realisations"])
 
 
+@typechecked
 def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     """Add surrogates of poses to results with a motion, as the node ``pose_surrogate``.
 

@@ -11,12 +11,13 @@ import tempfile
 import time as clock
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import Bounds, Count, Seed, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.mechanisms.film import Film
 
@@ -49,7 +50,14 @@ STORED = 4_000_000
 """Numbers of poses that are stored with results."""
 
 
-def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
+@typechecked
+def motion(
+    study: Study,
+    samples: Count = 20,
+    frames: Annotated[int, Bounds(2, 10**6)] = 60,
+    seed: Seed = 1,
+    method: str | None = None,
+) -> xr.Dataset:
     """Compute how the bodies of a study move, for `uqmbd.report.animate` and charts.
 
     Parameters
@@ -123,6 +131,7 @@ def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np
     return compute(study.mechanism, values, float(study.times[0]))
 
 
+@typechecked
 def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | None = None, width: float = 6.4) -> Path:
     """Write an animation.
 
@@ -228,6 +237,7 @@ def gif(data: xr.Dataset, width: float = 5.6, resolution: int = 84) -> bytes:
             gc.enable()
 
 
+@typechecked
 def poses(data: xr.Dataset, time: float | None = None) -> Figure:
     """Draw all realisations of a motion at one time: the one at the means, and the others as a cloud.
 
@@ -265,6 +275,7 @@ def poses(data: xr.Dataset, time: float | None = None) -> Figure:
     return film.canvas.figure
 
 
+@typechecked
 def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     """Add the node ``motion`` to results, so that their report can show the mechanism moving.
 

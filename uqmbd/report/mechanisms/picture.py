@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from uqmbd.arguments import typechecked
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
 from uqmbd.report.mechanisms.labels import Placed, placed_names
 from uqmbd.report.mechanisms.sheet import Shape
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["mechanism"]
 
 
+@typechecked
 def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> Figure:
     """Draw a mechanism as it is assembled: bodies from what is known of them, joints, springs, drivers and loads.
 

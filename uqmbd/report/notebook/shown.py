@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.report.notebook.objects import result_html
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "load_ipython_extension", "show", "unload_ipython_extension"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Shown:
     """What a notebook shows, as :func:`show` makes it.
@@ -41,6 +43,7 @@ class Shown:
         return f"<shown in notebooks: {len(self.html)} characters of HTML>"
 
 
+@typechecked
 def show(result: object, outputs: Sequence[str] | None = None) -> Shown:
     """Show the result of a study in a notebook, with the charts of the report.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.results.assessment.own_errors import own_error
 from uqmbd.results.requirements import answers
 from uqmbd.results.statistics import over_time
@@ -20,6 +21,7 @@ TWO_SIDED = 1.96
 """Standard errors of 95 % confidence, to either side."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class StatedAccuracy:
     """How accurate a result says that it is.
@@ -49,10 +51,11 @@ class StatedAccuracy:
         return f"{100 * self.value:.2g} % ({self.quantity})" if math.isfinite(self.value) else self.quantity
 
 
+@typechecked
 def stated_accuracy(
     node: xr.DataTree,
     *,
-    rtol: float = 0.0,
+    rtol: Annotated[float, Bounds(0)] = 0.0,
     of: Literal["moments", "probabilities"] = "moments",
     usual: bool = False,
 ) -> StatedAccuracy:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import node_parts
 
@@ -19,6 +20,7 @@ SAME_TIME = 1e-9
 _TIMELESS = "scalars"
 
 
+@typechecked
 def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tuple[str, ...]]:
     """Restrict results of different runs to their common outputs and times, and to their common outputs without a time.
 

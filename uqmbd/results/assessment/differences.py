@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import Bounds, Share, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.distances import distributions, quantile_differences
 from uqmbd.results.assessment.limits import COARSE, ROUGH
@@ -33,7 +34,8 @@ ROUNDING = 1e-9
 """The same relative to the largest mean, and in tolerances of the integration."""
 
 
-def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> str:
+@typechecked
+def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float, Bounds(0)] = 0.0) -> str:
     """Choose the method to compare the others with: the most converged one that can say so.
 
     Methods whose results end before the last time come last, and before them surrogates in which an output has no
@@ -93,13 +95,14 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> 
     return max(nodes, key=trust)
 
 
+@typechecked
 def compare(
     nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree],
     reference: str | None = None,
     *,
-    level: float = LEVEL,
-    tolerance: float = TOLERANCE,
-    rtol: float = 0.0,
+    level: Share = LEVEL,
+    tolerance: Annotated[float, Bounds(0)] = TOLERANCE,
+    rtol: Annotated[float, Bounds(0)] = 0.0,
 ) -> xr.Dataset:
     """Compare every method with a reference.
 

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.own_errors import own_error, root_mean_square
 from uqmbd.results.statistics import relative
@@ -13,6 +14,7 @@ from uqmbd.results.statistics import relative
 __all__ = ["relative_errors"]
 
 
+@typechecked
 def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDArray[np.float64]]:
     """Return how far a result is from another, in the measure of norms over time.
 

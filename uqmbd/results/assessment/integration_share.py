@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.statistics import varying
 from uqmbd.wording import format_percent
 
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class IntegrationShare:
     """The largest error of the time integration of an output.
@@ -68,6 +70,7 @@ class IntegrationShare:
         return f"{format_percent(self.share)} {self.of_what}" if self.share else "none"
 
 
+@typechecked
 def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     """Return the errors of the time integration of all outputs; none where the statistics do not state them.
 
@@ -101,6 +104,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     return found
 
 
+@typechecked
 def worst_integration_share(node: xr.DataTree) -> IntegrationShare | None:
     """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
 

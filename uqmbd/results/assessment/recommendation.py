@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.assessment.integration_share import integration_shares
 from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
 from uqmbd.results.assessment.limits import EXACT, WELL
@@ -84,6 +85,7 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
     )
 
 
+@typechecked
 def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     """Recommend a method, in sentences that can be read in a minute.
 

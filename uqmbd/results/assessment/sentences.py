@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.assessment.limits import EXACT
 from uqmbd.results.assessment.own_errors import OwnError, own_error
 from uqmbd.results.chaos import stated_words, stored_surrogates, verdict_of_decay
@@ -22,6 +23,7 @@ STILL = "does not vary beyond the integration error"
 _REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or raise the order"}
 
 
+@typechecked
 def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     """Say of each output of a method how large an error the method itself states.
 

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.requirements.dataset import requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson, of_replicates
 from uqmbd.typing import Array, Index, Mask
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Violations", "events", "failures_in"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Violations:
     """Counts of some realisations; those of several chunks add up.
@@ -76,7 +78,9 @@ class Violations:
         return np.asarray(self.by_time / np.where(self.total > self.failed, self.total - self.failed, np.nan))
 
     @staticmethod
-    def dataset(requirements: Sequence[Requirement], replicates: Sequence[Violations], times: ArrayLike) -> xr.Dataset:
+    def dataset(
+        requirements: Sequence[Requirement | str], replicates: Sequence[Violations], times: ArrayLike
+    ) -> xr.Dataset:
         """Build the dataset ``requirements`` of a propagator's node from counts.
 
         Parameters

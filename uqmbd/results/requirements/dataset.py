@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.requirements.intervals import LEVEL
@@ -24,6 +25,7 @@ __all__ = ["requirement_names", "requirements_dataset"]
 ANY_WORDS = "any of the requirements is violated"
 
 
+@typechecked
 def requirement_names(requirements: Sequence[Requirement | str]) -> tuple[str, ...]:
     """Return the names of events: those of the requirements, and where there are several ``any``, the last one.
 
@@ -41,6 +43,7 @@ def requirement_names(requirements: Sequence[Requirement | str]) -> tuple[str, .
     return (*names, ANY) if len(names) > 1 and ANY not in names else names
 
 
+@typechecked
 def requirements_dataset(
     requirements: Sequence[Requirement | str],
     *,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import Share, typechecked
 from uqmbd.typing import Array
 
 __all__ = ["LEVEL", "clopper_pearson", "of_replicates"]
@@ -16,7 +17,8 @@ FEWEST = 5
 """Replicates in which something happens, and in which something does not, from which a spread is told."""
 
 
-def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
+@typechecked
+def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: Share = LEVEL) -> tuple[Array, Array]:
     """Return the interval of a probability from how often something happened among independent trials.
 
     Its confidence is at least `level` whatever the probability is [1]_.  Where it never happened, or always, the

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.chaos import surrogate, surrogate_parts
 from uqmbd.results.requirements.counting import Violations
 from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["requirements_of"]
 
 
+@typechecked
 def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late: NDArray[np.bool_]) -> xr.Dataset:
     """Build the dataset ``requirements`` of a method from the node that it made of margins.
 

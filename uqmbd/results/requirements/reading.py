@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.names import ANY
 from uqmbd.results.schema import comparable, fixed_width
 from uqmbd.wording import format_interval, format_probability
@@ -18,6 +19,7 @@ __all__ = ["Answer", "answers", "compare_requirements", "differing", "meets", "u
 VARIABLES = ("violation_probability", "violation_lower", "violation_upper", "violation_verdict")
 
 
+@typechecked
 @dataclass(frozen=True)
 class Answer:
     """What a method says of a requirement.
@@ -77,6 +79,7 @@ def _data(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
     return {label: node.to_dataset() for label, node in found.items()}
 
 
+@typechecked
 def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
     """Return what methods say, by requirement, in the order of the study, ``any`` last, and by the label of the method.
 
@@ -115,7 +118,8 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
     return False if surely else None
 
 
-def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
+@typechecked
+def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     """Say which requirements are not met with 95 % confidence: violated with a larger probability than allowed.
 
     All methods have to tell that it is less: the one with the largest upper end counts.  That it is more, and the
@@ -170,6 +174,7 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
     return said
 
 
+@typechecked
 def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr.Dataset | None:
     """Compare probabilities of violation; None where no method has any.
 
@@ -223,6 +228,7 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
     return xr.Dataset(data | {VARIABLES[3]: (dims, np.array(verdicts, dtype=np.str_))}, coords=coords)
 
 
+@typechecked
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
     """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair.
 

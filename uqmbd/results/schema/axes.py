@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import unwritable
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels", "output_index", "output_infos", "time_index"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class OutputInfo:
     """An output: its name as the user wrote it, its units (empty: none stated), and how long a turn is in these.
@@ -46,6 +48,7 @@ class OutputInfo:
     turn: float = 0.0
 
 
+@typechecked
 @dataclass(frozen=True)
 class InputInfo:
     """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``.
@@ -74,6 +77,7 @@ class InputInfo:
 _Info = TypeVar("_Info", OutputInfo, InputInfo)
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class Labels:
     """What the axes of a propagator's arrays mean; made by :func:`labels`.
@@ -139,8 +143,9 @@ class Labels:
         }
 
 
+@typechecked
 def labels(
-    outputs: Iterable[OutputInfo | str | tuple[str, str] | tuple[str, str, float]],
+    outputs: Iterable[OutputInfo | str | tuple[str, str] | tuple[str, str, Any]],
     inputs: Iterable[InputInfo | str | tuple[str, str] | tuple[str, str, str]],
     times: ArrayLike | None,
 ) -> Labels:

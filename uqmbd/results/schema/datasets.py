@@ -28,6 +28,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.axes import Labels, fixed_width
 from uqmbd.results.schema.units import united
@@ -119,6 +120,7 @@ def check_version(attrs: Mapping[Any, Any], where: str) -> None:
         )
 
 
+@typechecked
 def sample_dataset(
     response: ArrayLike,
     inputs: ArrayLike,
@@ -217,6 +219,7 @@ def sample_dataset(
     )
 
 
+@typechecked
 def statistics_dataset(
     labels: Labels,
     *,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import OrNaN, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
@@ -28,6 +29,7 @@ BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
 
 
+@typechecked
 def propagator_node(
     label: str,
     statistics: xr.Dataset,
@@ -35,7 +37,7 @@ def propagator_node(
     *,
     propagator: str,
     realisations: int,
-    wall_time: float,
+    wall_time: OrNaN,
     failures: int | None = None,
     seed: int | None = None,
     options: Mapping[str, Any] | None = None,
@@ -111,6 +113,7 @@ def propagator_node(
     return xr.DataTree.from_dict(datasets | dict(children or {}), name=label)
 
 
+@typechecked
 def join_nodes(
     nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
 ) -> xr.DataTree:
@@ -170,6 +173,7 @@ def join_nodes(
     return with_units(xr.DataTree.from_dict(datasets))
 
 
+@typechecked
 def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
 
@@ -194,6 +198,7 @@ def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
 
 
+@typechecked
 def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Return the nodes whose inputs are distributed alike: as in the study; where none are, as in the first of them.
 
@@ -218,6 +223,7 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {label: node for label, node in nodes.items() if kinds[label] == wanted}
 
 
+@typechecked
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
     """Return the datasets of a node by their path within it; its own is that of ``/``.
 
@@ -244,6 +250,7 @@ def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
     }
 
 
+@typechecked
 def failed_methods(tree: xr.DataTree) -> dict[str, str]:
     """Return why methods of a study gave no results, by label, from the attribute ``failed``; empty where all did.
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
 from uqmbd.results.schema.nodes import comparable, propagator_nodes
@@ -54,6 +55,7 @@ _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "s
 _JSON_ATTRS = ("versions", "options", "solver_counters")
 
 
+@typechecked
 def validate(tree: xr.DataTree) -> None:
     """Check that a result, or the node of one propagator, keeps to the schema.
 

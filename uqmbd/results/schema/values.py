@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
+from uqmbd.arguments import fits, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array, Mask
 
@@ -72,14 +74,14 @@ def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
             f"{name!r} is a masked array with {np.count_nonzero(mask)} masked values, the first at index {at}; "
             "expected numbers, and for a statistic that is not known NaN with its reason."
         )
-    if np.iscomplexobj(value):
+    number = fits(value, ArrayLike)  # NumPy reads numbers from texts, too
+    if not number and isinstance(value, (np.ndarray, complex)) and np.iscomplexobj(value):
         array = np.asarray(value)
         at = tuple(int(k) for k in np.argwhere(array.imag != 0)[0]) if array.imag.any() else (0,) * array.ndim
         raise StudyError(f"{name!r} is complex, {array[at]} at index {at}; expected real numbers.")
-    try:
-        return np.array(value, dtype=float, copy=copy or None)
-    except (TypeError, ValueError, OverflowError):
-        raise StudyError(f"{name!r} is {type(value).__name__}, which contains non-numeric values.") from None
+    if not number:
+        raise StudyError(f"{name!r} is {type(value).__name__}, which contains non-numeric values.")
+    return np.array(value, dtype=float, copy=copy or None)
 
 
 def reasons_of(data: xr.DataArray) -> dict[str, str]:
@@ -91,6 +93,7 @@ def reasons_of(data: xr.DataArray) -> dict[str, str]:
     return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}
 
 
+@typechecked
 def with_reasons(data: xr.DataArray, reasons: Mapping[str, str]) -> xr.DataArray:
     """Return a statistic with reasons why its values are NaN, in addition to those that it has.
 

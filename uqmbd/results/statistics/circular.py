@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -34,6 +35,7 @@ BLOCK_NUMBERS = 1_000_000
 """Angles (8 bytes each) that are averaged at once."""
 
 
+@typechecked
 def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
     """Return the direction of the mean of the unit vectors of angles.
 
@@ -71,6 +73,7 @@ def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = 
     return circular_of_components(cosine, sine)[0]
 
 
+@typechecked
 def circular_std(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
     r"""Return the circular standard deviation :math:`\sqrt{-2 \ln R}`, with the mean resultant length R.
 
@@ -108,6 +111,7 @@ def circular_std(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = N
     return np.where(np.isnan(mean), np.inf, std + 0.0)
 
 
+@typechecked
 def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tuple[Array, Array]:
     """Return circular mean and standard deviation from the means of cosine and sine.
 
@@ -140,6 +144,7 @@ def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tupl
     return np.where(mean == -np.pi, np.pi, mean), std
 
 
+@typechecked
 def unwrap_samples(angles: ArrayLike, axis: int = -1) -> Array:
     """Make the angles of samples continuous in time, and bring the samples near one another at the first time.
 

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.statistics.circular import ROUNDING
 from uqmbd.typing import Array
 
 __all__ = ["CircularMoments"]
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class CircularMoments:
     """Sums of sine and of 1 - cosine of angles from a reference; two of them merge into those of all samples.

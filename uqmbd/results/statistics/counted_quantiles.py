@@ -7,6 +7,7 @@ from math import prod
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.brackets import Counts, block_rows, row_blocks
@@ -25,6 +26,7 @@ from uqmbd.typing import Array, Index
 __all__ = ["CountedQuantiles"]
 
 
+@typechecked
 class CountedQuantiles:
     """Quantiles of samples that come once, with bounds that hold.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.statistics.circular import ROUNDING, weighted_mean
 from uqmbd.typing import Array
@@ -16,6 +17,7 @@ from uqmbd.typing import Array
 __all__ = ["mean_direction", "mean_rotation", "rotation_std"]
 
 
+@typechecked
 def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
     """Return the mean direction of vectors, and the mean resultant length.
 
@@ -56,6 +58,7 @@ def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None 
     return direction, np.minimum(length, 1.0)
 
 
+@typechecked
 def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
     """Return the mean of rotations: the quaternion with the least mean square (chordal) distance from all of them.
 
@@ -103,6 +106,7 @@ def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | No
     return np.where(tie, np.nan, found * np.sign(largest)) + 0.0
 
 
+@typechecked
 def rotation_std(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
     """Return the root mean square of the angles between rotations and their mean.
 

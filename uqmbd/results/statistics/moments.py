@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -21,6 +22,7 @@ RAISED = 3.0
 """Relative standard errors of the variance by which its own variance may be too small."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class Moments:
     """Number, mean and central sums of samples; two of them merge into that of all samples.

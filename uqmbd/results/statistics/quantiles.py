@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.brackets import Brackets, Counts, row_blocks
@@ -66,6 +67,7 @@ POOR = 4
 """Where bins divide the number of candidates by less, the next ones are bins of floating-point numbers."""
 
 
+@typechecked
 def quantiles_of_chunks(
     chunks: Iterable[Chunk], probabilities: Sequence[float] = DEFAULT_PROBABILITIES
 ) -> dict[str, Array]:

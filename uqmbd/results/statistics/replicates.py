@@ -7,6 +7,7 @@ from functools import reduce
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.statistics.moments import NORMAL, Moments
 from uqmbd.results.statistics.scaling import divisor
 from uqmbd.typing import Array
@@ -14,6 +15,7 @@ from uqmbd.typing import Array
 __all__ = ["replicate_errors", "studentised"]
 
 
+@typechecked
 def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     """Estimate standard errors of mean and standard deviation by leaving out one replicate at a time.
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
 from uqmbd.results.statistics.circular import circular_of_samples
@@ -32,6 +33,7 @@ LEAST_COLUMNS = 8
 """Columns of a block at least: those that share a line of the cache are read together."""
 
 
+@typechecked
 def sample_statistics(
     response: ArrayLike,
     probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
@@ -259,6 +261,7 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     }
 
 
+@typechecked
 def statistics_of_samples(
     samples: xr.Dataset,
     probabilities: Sequence[float] = DEFAULT_PROBABILITIES,

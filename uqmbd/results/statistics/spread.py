@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.results.statistics.scaling import over_time
 from uqmbd.typing import Array
 
@@ -28,7 +31,8 @@ SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verific
 """What statistics of an output are that does not vary, beside Sobol' indices, which are 0."""
 
 
-def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
+@typechecked
+def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> NDArray[np.bool_]:
     """Tell which outputs vary.
 
     An output varies if its standard deviation exceeds three times the integration error, as a root mean square over
@@ -67,6 +71,7 @@ def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
     return np.asarray(whole | often)
 
 
+@typechecked
 def varies(node: xr.DataTree, output: str) -> bool:
     """Tell whether an output of a method varies; see :func:`varying`.
 

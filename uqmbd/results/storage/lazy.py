@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.results.schema import fixed_width
 from uqmbd.results.storage.reading import NUMBERS
@@ -28,6 +29,7 @@ COMPARED = 64
 """Samples that are compared with those that were kept."""
 
 
+@typechecked
 def open(path: str | os.PathLike[str]) -> xr.DataTree:
     """Open a result without reading its arrays: they are of Dask, and are read where they are computed with.
 

@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.results.schema import SCHEMA_VERSION, Labels, check_version, labels, output_infos
@@ -49,6 +50,7 @@ _DAMAGED = (OSError, LookupError, TypeError, ValueError, RuntimeError)
 """What reading a damaged store raises."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class SampleChunk:
     """Some consecutive samples.
@@ -76,6 +78,7 @@ class SampleChunk:
     good: Mask
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class SampleStoreChunks:
     """The chunks of a store, in order; they can be gone through again and again, and one is held at a time.
@@ -124,6 +127,7 @@ class SampleStoreChunks:
         return SampleChunk(first, response, good)
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class SampleStore:
     """Samples in a folder, ``LABEL-samples.zarr`` of a run, which are read a chunk at a time.

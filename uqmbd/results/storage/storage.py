@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from xarray.backends import H5NetCDFStore
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.files import regular, replacing
 from uqmbd.logs import results
@@ -34,6 +35,7 @@ _NETCDF = (".nc", ".nc4")
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
 
+@typechecked
 def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     """Write a result to a netCDF file, with the version of its schema and a digest.
 
@@ -87,6 +89,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     return target
 
 
+@typechecked
 def load(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory and close its file.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment import DIFFERS, UNDER_RESOLVED, compare, judgements_of, worst
 from uqmbd.results.requirements import compare_requirements
@@ -22,6 +23,7 @@ from uqmbd.results.schema import (
 __all__ = ["compare_both", "happening", "scalar_nodes", "study_tree"]
 
 
+@typechecked
 def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Return the nodes of outputs without a time, by the label of the method; methods without are left out.
 
@@ -126,6 +128,7 @@ def _with_doubts(compared: xr.Dataset, whole: xr.Dataset) -> str:
     return "\n".join((lead, *others))
 
 
+@typechecked
 def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:
     """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
 
@@ -187,6 +190,7 @@ def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return found
 
 
+@typechecked
 def study_tree(
     nodes: Iterable[xr.DataTree],
     *,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.schema import (
     EVERY,
     Labels,
@@ -22,6 +23,7 @@ from uqmbd.status import Status
 __all__ = ["joined_outputs", "with_requirements", "with_scalars"]
 
 
+@typechecked
 def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels) -> xr.DataTree:
     """Make the node of a propagator whose study has outputs without a time.
 
@@ -74,6 +76,7 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
     return xr.DataTree.from_dict(datasets, name=label)
 
 
+@typechecked
 def joined_outputs(
     nodes: Sequence[xr.DataTree],
     label: str,
@@ -191,6 +194,7 @@ def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
     return found
 
 
+@typechecked
 def with_requirements(
     node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels, answers: xr.Dataset
 ) -> xr.DataTree:

@@ -1,0 +1,131 @@
+"""Right calls of public names that no example of a docstring makes, as examples; all are small."""
+
+from __future__ import annotations
+
+__all__ = ["EXAMPLES"]
+
+_STONE = """
+>>> import chaospy, numpy as np, uqmbd
+>>> from uqmbd import results
+>>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+>>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+>>> stone = mechanism.body("stone", mass=1, velocity=speed)
+>>> mechanism.output("x", stone.position[0], units="m")
+>>> space = uqmbd.GermSpace.of(mechanism.inputs)
+>>> axes = results.labels([("x", "m")], [("speed", "m/s")], [0.0, 0.5])
+"""
+
+EXAMPLES: dict[str, str] = {
+    "surrogates": _STONE
+    + """
+>>> chaos = results.PolynomialChaos([[[2.0, 2.0]], [[0.0, 0.4]]], [[0], [1]], space, axes)
+>>> checked = results.PolynomialChaos(
+...     chaos.coefficients, chaos.multi_index, space, axes, np.array([[0.5], [-0.5]]), np.full((2, 1, 2), 2.0)
+... )
+>>> _ = chaos.evaluate([[2.0]])
+>>> _ = chaos.gradient([[2.0]])
+>>> _ = chaos.evaluate_germs([[0.5]])
+>>> _ = chaos.sample(3, 1)
+>>> _ = chaos.quantiles((0.1, 0.9), samples=64, seed=1)
+>>> _ = chaos.circular(samples=64, seed=1)
+>>> _ = chaos.density([1.5, 2.0], "x", 0.5, samples=64, seed=1)
+>>> _ = chaos.statistics((0.1, 0.9), samples=64, seed=1)
+>>> _ = chaos.to_xarray(samples=8, seed=1, probabilities=(0.1, 0.9))
+>>> _ = chaos.verdicts(0.01)
+>>> _ = checked.verification_error("x", 0.5)
+>>> _ = checked.verification_factor(), checked.verification_rms(), checked.verification_std()
+>>> _ = checked.horizon(0.01)
+>>> _ = checked.evaluate_germs([[0.5]])
+""",
+    "statistics": """
+>>> import numpy as np
+>>> from uqmbd import results
+>>> row = np.array([1.0])
+>>> _ = results.Moments(3, row, row, row, row)
+>>> _ = results.Violations(np.array([[[1]]]), 4, 1)
+>>> _ = results.LeastSquares(np.ones((1, 1)), np.ones(1), 1.0)
+>>> _ = results.NodeRegression(np.ones((1, 1)), np.array([[0]]))
+>>> _ = results.CircularMoments(2, row, row, row, row)
+>>> _ = results.Labels((results.OutputInfo("x"),), (results.InputInfo("a"),), np.array([0.0]))
+""",
+    "elements": """
+>>> import chaospy, numpy as np, uqmbd
+>>> from uqmbd import results
+>>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+>>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+>>> stone = mechanism.body("stone", mass=1, velocity=speed)
+>>> space = uqmbd.GermSpace.of(mechanism.inputs)
+>>> box = uqmbd.GermBox.whole(space)
+>>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])
+>>> _ = results.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
+>>> _ = uqmbd.GermBox(space, (0.0,), (1.0,))
+>>> _ = box.contains([[0.5]])
+>>> _ = box.divisible(0)
+>>> _ = uqmbd.GermSpace(space.inputs, space.germs, space.groups)
+>>> _ = space.to_germs([[2.0]])
+>>> _ = space.from_uniform([[0.5]])
+>>> _ = uqmbd.Quadrature(np.zeros((1, 1)), np.ones(1), 1, "gauss")
+>>> points = uqmbd.VerificationPoints(np.zeros((2, 1)), np.full(2, 0.5))
+>>> _ = points.share(np.array([True, False]))
+>>> _ = uqmbd.VerificationPoints.of_elements([box], 0, 4, 0, 1)
+>>> verified = uqmbd.Verification(space, points, np.zeros((2, 1, 1)), asked=2)
+>>> _ = uqmbd.Verification.failed_share([verified], [1.0], 4, 0)
+""",
+    "clocks": """
+>>> import numpy as np, uqmbd
+>>> times = np.linspace(0, 2, 21)
+>>> turning = np.array([6.0, 7.0])[:, None, None] * times
+>>> found = uqmbd.Dense(times, turning, error=0.0)
+>>> clock = uqmbd.Clock("angle", row=0, turn=2 * np.pi)
+>>> _ = clock.fitted(found)
+>>> phases = uqmbd.Phases(times, turning[:, 0])
+>>> _ = phases.steadiness(2.0)
+""",
+    "descriptions": """
+>>> import uqmbd
+>>> stiffness = uqmbd.Parameter("N/m", "spring rate", default=0, minimum=0)
+>>> _ = stiffness.offers(1.0), stiffness.allows(1.0)
+>>> _ = stiffness.fits(uqmbd.Line()), stiffness.size(uqmbd.Line())
+>>> _ = uqmbd.Bounds(0, 1).hold(0.5)
+>>> _ = uqmbd.Toleranced(30.0, 29.9, 30.1, 1.33, False, "tolerance")
+>>> _ = uqmbd.Sizing(option="samples", at=lambda size: size, least=2)
+""",
+    "methods": _STONE
+    + """
+>>> from uqmbd_montecarlo import LowFidelity, MonteCarlo
+>>> from uqmbd_collocation import Collocation
+>>> from uqmbd_galerkin import Galerkin
+>>> from uqmbd_reliability import Reliability
+>>> mechanism.require("near", stone.position[0] <= 10)
+>>> study = uqmbd.Study("stone", mechanism, [0.0, 0.5])
+>>> low = LowFidelity(study, cost=0.1)
+>>> low.check_samples(50)
+>>> _ = low.further(50, 100.0)
+>>> _ = MonteCarlo(samples=8, seed=1)
+>>> _ = Collocation(order=1)
+>>> _ = Galerkin(order=1)
+>>> _ = Reliability(max_realisations=500)
+""",
+    "records": """
+>>> import chaospy, uqmbd
+>>> from uqmbd_calibration import Bias, Calibrated, Record, Series, calibrate
+>>> from uqmbd_collocation import Collocation
+>>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(1, 0.1), units="m/s")
+>>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+>>> stone = mechanism.body("stone", mass=1, velocity=speed)
+>>> mechanism.output("x", stone.position[0], units="m")
+>>> study = uqmbd.Study("stone", mechanism, [0.0, 0.5, 1.0])
+>>> record = Record("run", [Series("x", [0.5, 1.0], [0.5, 1.0], "m", noise=0.01)])
+>>> _ = record.checked_against(study)
+>>> found = calibrate(study, record, surrogate=Collocation(order=2), draws=100, chains=2)
+>>> _ = found.summary()
+>>> _ = Calibrated(Collocation(order=1), found)
+""",
+}
+"""Each is a text as in a docstring."""
+
+_MADE = "uqmbd makes it from what was checked; users and plugins read its fields"
+_STEPS = "integrators call it at every step, with arrays that uqmbd made"
+_HOOK = "a plugin writes it and uqmbd calls it"
+_SYMPY = "SymPy calls it"
+_SPACE = "uqmbd calls it with coordinates of bodies"

@@ -1,0 +1,177 @@
+"""What an annotation declares: its alternatives, the bounds of numbers, rows of words."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+import types
+import typing
+from numbers import Real
+from typing import Annotated, Any, Literal, TypeAlias, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+
+__all__ = [
+    "LARGE",
+    "MANY",
+    "Bounds",
+    "Count",
+    "Numbers",
+    "OrNaN",
+    "Seed",
+    "Share",
+    "Size",
+    "beyond",
+    "bounded",
+    "each",
+    "is_array_type",
+    "members",
+    "several",
+]
+
+MANY = 10_000
+"""Entries of a sequence that are looked at one by one: all of what people write, some of what programs make."""
+
+LARGE = 1000
+"""An upper bound from here on is named to those alone who pass it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Which numbers an option may be, in its annotation: ``order: Annotated[int, uqmbd.extend.Bounds(0)] = 3``.
+
+    Of a tuple each number is meant; one number stands for a tuple of itself.
+
+    Parameters
+    ----------
+    least, most : float
+        A bound that is infinite is none, but the option must be finite.
+    above : bool
+        Whether `least` itself is too little.
+
+    Examples
+    --------
+    >>> Bounds(0).words, Bounds(0, above=True).words, Bounds(0, 1).words
+    (', 0 or more', ' above 0', ' between 0 and 1')
+    """
+
+    least: float
+    most: float = math.inf
+    above: bool = False
+
+    @property
+    def words(self) -> str:
+        """What follows the kind of number in a message."""
+        if self.most < LARGE:
+            return f" between {self.least:g} and {self.most:g}"
+        return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
+
+    def hold(self, number: Any) -> bool:
+        """Tell whether a number lies within."""
+        masked = np.ma.is_masked(number)
+        if not masked and not isinstance(number, Real) and getattr(number, "shape", None) == ():
+            number = number.item()
+        if masked or not isinstance(number, Real):
+            raise StudyError(f"Bounds.hold: number is {str(number)[:40]}; expected a number.")
+        # of any kind of number: NumPy knows neither fractions nor whole numbers of more than 64 bits
+        exact: Any = number
+        within = bool(self.least <= exact <= self.most) and abs(exact) < math.inf
+        return within and not (self.above and exact == self.least)
+
+
+Seed: TypeAlias = Annotated[int, Bounds(0)]
+"""Of random numbers."""
+
+Count: TypeAlias = Annotated[int, Bounds(1, 10**9)]
+"""How many samples: more do not fit into memory."""
+
+OrNaN: TypeAlias = Annotated[float, "or NaN"]
+"""A number that may be unknown."""
+
+Size: TypeAlias = Annotated[int, Bounds(0, 10**18)]
+"""A number of things that may be none."""
+
+Share: TypeAlias = Annotated[float, Bounds(0, 1)]
+"""A probability or a part of a whole."""
+
+
+class Numbers:
+    """In place of ``ArrayLike``: real numbers, as an array or a sequence."""
+
+
+_ARRAY_LIKE = typing.get_args(ArrayLike)
+
+
+def members(annotation: Any) -> tuple[Any, ...]:
+    """Return the alternatives of an annotation.
+
+    Examples
+    --------
+    >>> members(int | str | None)
+    (<class 'int'>, <class 'str'>, <class 'NoneType'>)
+    """
+    if typing.get_origin(annotation) not in (Union, types.UnionType):
+        return (annotation,)
+    found = typing.get_args(annotation)
+    if set(_ARRAY_LIKE) <= set(found):  # it names texts and bytes, which NumPy reads as such
+        found = (Numbers, *(x for x in found if x not in _ARRAY_LIKE))
+    return tuple(x for member in found for x in members(member))
+
+
+def bounded(member: Any) -> tuple[Any, Bounds | None]:
+    """Return an alternative without its bounds, and these.
+
+    Examples
+    --------
+    >>> bounded(Annotated[int, Bounds(0)])
+    (<class 'int'>, Bounds(least=0, most=inf, above=False))
+    """
+    if typing.get_origin(member) is not Annotated:
+        return member, None
+    base, *marks = typing.get_args(member)
+    return base, next((mark for mark in marks if isinstance(mark, Bounds)), None)
+
+
+def each(value: Any) -> list[Any]:
+    """Return the numbers of a row, or the one that stands for a row.
+
+    Examples
+    --------
+    >>> each((1, 2)), each(1)
+    ([1, 2], [1])
+    """
+    if isinstance(value, np.ndarray):
+        return list(np.atleast_1d(value)[: MANY + 1])
+    return list(value) if isinstance(value, (tuple, list, range)) else [value]
+
+
+def several(base: Any) -> bool:
+    """Tell whether an alternative is a row of words.
+
+    Examples
+    --------
+    >>> several(tuple[Literal["a", "b"], ...]), several(tuple[int, ...])
+    (True, False)
+    """
+    return typing.get_origin(base) is tuple and typing.get_origin(typing.get_args(base)[0]) is Literal
+
+
+def is_array_type(annotation: Any) -> bool:
+    """Tell whether an annotation is an array of NumPy, or None.
+
+    Examples
+    --------
+    >>> is_array_type(np.ndarray | None), is_array_type(tuple[float, ...] | np.ndarray)
+    (True, False)
+    """
+    kinds = [typing.get_origin(x) or x for x in members(annotation) if x is not types.NoneType]
+    return kinds == [np.ndarray]
+
+
+def beyond(number: Any, most: float = sys.float_info.max) -> bool:
+    """Tell whether a number of any kind is larger than another, which is that of 64 bits."""
+    return bool(abs(number) > most)

@@ -1,0 +1,138 @@
+"""The gate of public functions: their arguments are what their annotations declare."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import functools
+import inspect
+import sys
+import textwrap
+import types
+import typing
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from uqmbd.arguments.annotations import is_array_type
+from uqmbd.arguments.expected import refusal, shown
+from uqmbd.arguments.kinds import fits
+from uqmbd.errors import StudyError
+from uqmbd.names import check_arguments
+
+__all__ = ["typechecked"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def typechecked(called: F) -> F:
+    """Let a public function, or a class with its public methods, refuse arguments of other kinds than it declares.
+
+    What is judged: texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths, instances of
+    classes, functions, sequences and mappings with their entries, and arrays.  What is declared ``Any`` is left to the
+    function, as are shapes.  Rows in place of an array of NumPy become one.  Numbers are not NaN, but for those that
+    a class holds.
+
+    Examples
+    --------
+    >>> @typechecked
+    ... def share(part: float, of: float = 1.0) -> float:
+    ...     return part / of
+    >>> share("0.5")
+    Traceback (most recent call last):
+    uqmbd.errors.StudyError: share: part is '0.5'; expected a number.
+    """
+    if not isinstance(called, type):
+        return typing.cast("F", _of_function(called, nan=False))
+    one: Any = called
+    for name, member in list(vars(one).items()):
+        if name != "__init__" and name.startswith("_"):
+            continue
+        if isinstance(member, types.FunctionType):
+            setattr(one, name, _of_function(member, nan=name == "__init__"))
+        elif isinstance(member, (classmethod, staticmethod)):
+            setattr(one, name, type(member)(_of_function(member.__func__, nan=False)))
+    return called
+
+
+def _of_function(function: Any, *, nan: bool) -> Any:
+    if hasattr(function, "__kinds__") or getattr(function, "__isabstractmethod__", False):
+        return function
+    signature = inspect.signature(function)
+    what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    bound = next(iter(signature.parameters), "") in ("self", "cls")
+    kinds = functools.cache(lambda: _annotations(function, signature))
+
+    @functools.wraps(function)
+    def call(*arguments: Any, **keywords: Any) -> Any:
+        try:
+            bind = signature.bind(*arguments, **keywords)
+        except TypeError:
+            check_arguments(what, signature, arguments, keywords, bound=bound)
+            raise
+        given = bind.arguments
+        for name, declared, parameter in kinds():
+            if name not in given:
+                continue
+            if isinstance(given[name], (list, tuple)) and is_array_type(declared):
+                with contextlib.suppress(TypeError, ValueError):  # rows of different lengths are none
+                    given[name] = np.asarray(given[name])
+            value = given[name]
+            if value is parameter.default:
+                continue
+            entries = value if parameter.kind is parameter.VAR_POSITIONAL else (value,)
+            entries = value.values() if parameter.kind is parameter.VAR_KEYWORD else entries
+            for entry in entries:
+                if not fits(entry, declared, nan=nan):
+                    raise StudyError(f"{what}: {refusal(name, entry, declared)}")
+        try:
+            return function(*bind.args, **bind.kwargs)
+        except MemoryError:
+            sizes = [f"{k} is {shown(x)}" for k, x in given.items() if isinstance(x, np.ndarray)]
+            told = f" with what it is given: {'; '.join(sizes)}" if sizes else ""
+            raise StudyError(
+                f"{what}: the computer has less memory than this takes{told}. Give fewer values."
+            ) from None
+
+    call.__kinds__ = kinds  # type: ignore[attr-defined]
+    return call
+
+
+class _Absent:
+    """In place of a class of a package that is not loaded: no value is one."""
+
+
+def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str, Any, inspect.Parameter]]:
+    """Return the arguments of a function whose annotations say something, with these."""
+    found = []
+    names: dict[str, Any] | None = None
+    for name, parameter in signature.parameters.items():
+        declared = parameter.annotation
+        if isinstance(declared, str):
+            try:
+                declared = eval(declared, function.__globals__)  # noqa: S307 - text of this package
+            except NameError:
+                names = _for_checkers(function) if names is None else names
+                declared = eval(declared, {**names, **function.__globals__})  # noqa: S307
+        if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
+            found.append((name, declared, parameter))
+    return found
+
+
+def _for_checkers(function: Any) -> dict[str, Any]:
+    """Return what a module imports for checkers of types only, as far as others have loaded it."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(sys.modules[function.__module__])))
+    found: dict[str, Any] = {}
+    for block in tree.body:
+        if not (isinstance(block, ast.If) and ast.unparse(block.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")):
+            continue
+        for line in block.body:
+            if isinstance(line, ast.Import):
+                for alias in line.names:
+                    name = alias.asname or alias.name.partition(".")[0]
+                    found[name] = sys.modules.get(alias.name if alias.asname else name, types.SimpleNamespace())
+            elif isinstance(line, ast.ImportFrom):
+                module = sys.modules.get(line.module or "")
+                found |= {x.asname or x.name: getattr(module, x.name, _Absent) for x in line.names}
+    return found
