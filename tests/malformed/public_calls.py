@@ -34,7 +34,7 @@ LEFT_OUT = {
     **dict.fromkeys(("Planar", "Spatial", "Space", "_Turnless"), SPACE),
     **dict.fromkeys(("NamedFrame", "Local", "JointAngle"), MADE),
     **dict.fromkeys(("ElementRefinement", "Margins", "MechanismTerms", "Problem", "Realisations", "Reduced"), MADE),
-    **dict.fromkeys(("Reductions", "SampleStoreChunks", "Allocation", "Calibration"), MADE),
+    **dict.fromkeys(("Reductions", "Allocation", "Calibration"), MADE),
     **dict.fromkeys(("Propagator", "MonteCarlo", "Collocation", "Galerkin", "Reliability", "Calibrated"), HOOK),
     "Accessor": "xarray makes it, of its own data",
     **dict.fromkeys(("Symbolic", "step"), SYMPY),

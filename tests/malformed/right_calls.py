@@ -6,13 +6,13 @@ __all__ = ["EXAMPLES"]
 
 _STONE = """
 >>> import chaospy, numpy as np, uqmbd
->>> from uqmbd import results
+>>> from uqmbd import extend, results
 >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
 >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
 >>> stone = mechanism.body("stone", mass=1, velocity=speed)
 >>> mechanism.output("x", stone.position[0], units="m")
->>> space = uqmbd.GermSpace.of(mechanism.inputs)
->>> axes = results.labels([("x", "m")], [("speed", "m/s")], [0.0, 0.5])
+>>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+>>> axes = extend.labels([("x", "m")], [("speed", "m/s")], [0.0, 0.5])
 """
 
 EXAMPLES: dict[str, str] = {
@@ -39,46 +39,44 @@ EXAMPLES: dict[str, str] = {
 """,
     "statistics": """
 >>> import numpy as np
->>> from uqmbd import results
+>>> from uqmbd import extend, results
 >>> row = np.array([1.0])
->>> _ = results.Moments(3, row, row, row, row)
->>> _ = results.Violations(np.array([[[1]]]), 4, 1)
->>> _ = results.LeastSquares(np.ones((1, 1)), np.ones(1), 1.0)
->>> _ = results.NodeRegression(np.ones((1, 1)), np.array([[0]]))
->>> _ = results.CircularMoments(2, row, row, row, row)
->>> _ = results.Labels((results.OutputInfo("x"),), (results.InputInfo("a"),), np.array([0.0]))
+>>> _ = extend.Moments(3, row, row, row, row)
+>>> _ = extend.Violations(np.array([[[1]]]), 4, 1)
+>>> _ = extend.CircularMoments(2, row, row, row, row)
+>>> _ = extend.Labels((extend.OutputInfo("x"),), (extend.InputInfo("a"),), np.array([0.0]))
 """,
     "elements": """
 >>> import chaospy, numpy as np, uqmbd
->>> from uqmbd import results
+>>> from uqmbd import extend, results
 >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
 >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
 >>> stone = mechanism.body("stone", mass=1, velocity=speed)
->>> space = uqmbd.GermSpace.of(mechanism.inputs)
->>> box = uqmbd.GermBox.whole(space)
+>>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+>>> box = uqmbd.extend.GermBox.whole(space)
 >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])
->>> _ = results.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
->>> _ = uqmbd.GermBox(space, (0.0,), (1.0,))
+>>> _ = extend.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
+>>> _ = uqmbd.extend.GermBox(space, (0.0,), (1.0,))
 >>> _ = box.contains([[0.5]])
 >>> _ = box.divisible(0)
->>> _ = uqmbd.GermSpace(space.inputs, space.germs, space.groups)
+>>> _ = uqmbd.extend.GermSpace(space.inputs, space.germs, space.groups)
 >>> _ = space.to_germs([[2.0]])
 >>> _ = space.from_uniform([[0.5]])
->>> _ = uqmbd.Quadrature(np.zeros((1, 1)), np.ones(1), 1, "gauss")
->>> points = uqmbd.VerificationPoints(np.zeros((2, 1)), np.full(2, 0.5))
+>>> _ = uqmbd.extend.Quadrature(np.zeros((1, 1)), np.ones(1), 1, "gauss")
+>>> points = uqmbd.extend.VerificationPoints(np.zeros((2, 1)), np.full(2, 0.5))
 >>> _ = points.share(np.array([True, False]))
->>> _ = uqmbd.VerificationPoints.of_elements([box], 0, 4, 0, 1)
->>> verified = uqmbd.Verification(space, points, np.zeros((2, 1, 1)), asked=2)
->>> _ = uqmbd.Verification.failed_share([verified], [1.0], 4, 0)
+>>> _ = uqmbd.extend.VerificationPoints.of_elements([box], 0, 4, 0, 1)
+>>> verified = uqmbd.extend.Verification(space, points, np.zeros((2, 1, 1)), asked=2)
+>>> _ = uqmbd.extend.Verification.failed_share([verified], [1.0], 4, 0)
 """,
     "clocks": """
 >>> import numpy as np, uqmbd
 >>> times = np.linspace(0, 2, 21)
 >>> turning = np.array([6.0, 7.0])[:, None, None] * times
->>> found = uqmbd.Dense(times, turning, error=0.0)
->>> clock = uqmbd.Clock("angle", row=0, turn=2 * np.pi)
+>>> found = uqmbd.extend.Dense(times, turning, error=0.0)
+>>> clock = uqmbd.extend.Clock("angle", row=0, turn=2 * np.pi)
 >>> _ = clock.fitted(found)
->>> phases = uqmbd.Phases(times, turning[:, 0])
+>>> phases = uqmbd.extend.Phases(times, turning[:, 0])
 >>> _ = phases.steadiness(2.0)
 """,
     "descriptions": """
@@ -86,9 +84,9 @@ EXAMPLES: dict[str, str] = {
 >>> stiffness = uqmbd.Parameter("N/m", "spring rate", default=0, minimum=0)
 >>> _ = stiffness.offers(1.0), stiffness.allows(1.0)
 >>> _ = stiffness.fits(uqmbd.Line()), stiffness.size(uqmbd.Line())
->>> _ = uqmbd.Bounds(0, 1).hold(0.5)
->>> _ = uqmbd.Toleranced(30.0, 29.9, 30.1, 1.33, False, "tolerance")
->>> _ = uqmbd.Sizing(option="samples", at=lambda size: size, least=2)
+>>> _ = uqmbd.extend.Bounds(0, 1).hold(0.5)
+>>> _ = uqmbd.extend.Toleranced(30.0, 29.9, 30.1, 1.33, False, "tolerance")
+>>> _ = uqmbd.extend.Sizing(option="samples", at=lambda size: size, least=2)
 """,
     "methods": _STONE
     + """

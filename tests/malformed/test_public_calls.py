@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 import uqmbd
-from uqmbd import report, results
+from uqmbd import extend, report, results
 from uqmbd.arguments import fits, typechecked
 from uqmbd.typing import Array, Index
 from uqmbd_calibration import Bias, Series
@@ -35,9 +35,9 @@ ROWS = {"empty list", "list", "range", "empty array"}
 
 KINDS: dict[str, tuple[Any, set[str]]] = {
     "int": (int, {"minus one", "zero", "10**400"}),
-    "bounded int": (Annotated[int, uqmbd.Bounds(0, 10)], {"zero"}),
+    "bounded int": (Annotated[int, uqmbd.extend.Bounds(0, 10)], {"zero"}),
     "float": (float, NUMBERS | {"inf", "-inf"}),
-    "share": (Annotated[float, uqmbd.Bounds(0, 1)], {"zero", "half"}),
+    "share": (Annotated[float, uqmbd.extend.Bounds(0, 1)], {"zero", "half"}),
     "text": (str, TEXTS),
     "truth": (bool, {"True"}),
     "word": (Literal["text", "other"], {"text"}),
@@ -76,7 +76,7 @@ def test_rows_become_arrays_and_other_arguments_stay_as_they_are():
 
 
 def _space():
-    return uqmbd.GermSpace.of(_mechanism().inputs)
+    return uqmbd.extend.GermSpace.of(_mechanism().inputs)
 
 
 def _mechanism():
@@ -87,36 +87,37 @@ def _mechanism():
 
 
 def _chaos():
-    axes = results.labels(["x"], ["speed"], [0.0])
+    axes = extend.labels(["x"], ["speed"], [0.0])
     return results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], _space(), axes)
 
 
-AXES = results.labels(["x"], [], [0.0])
+AXES = extend.labels(["x"], [], [0.0])
 
 CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a number for nodes": (lambda: results.align(5), "nodes is 5; expected a mapping from texts to"),
     "a mapping for a tree": (lambda: results.validate({}), "tree is .*; expected an xarray.DataTree"),
-    "a number for names": (lambda: results.labels(5, [], [0.0]), "outputs is 5; expected a sequence"),
+    "a number for names": (lambda: extend.labels(5, [], [0.0]), "outputs is 5; expected a sequence"),
     "a text for inputs": (lambda: _chaos().evaluate("2"), "inputs.*non-numeric"),
     "rows of two lengths": (lambda: _chaos().evaluate([[1.0], [1.0, 2.0]]), "inputs.*non-numeric"),
     "ten to the 400th": (lambda: _chaos().evaluate(10**400), "inputs.*non-numeric"),
-    "a negative seed": (lambda: _chaos().sample(3, -1), "seed is -1; expected a whole number, 0 or more"),
-    "too many samples": (lambda: _chaos().sample(10**400, 1), "count is .*; at most 1e"),
     "a masked array": (lambda: results.circular_mean(HOSTILE["masked"]), "masked values, the first at index"),
     "a path with a null": (lambda: results.load("a\0b"), "path is"),
     "a broken status": (
-        lambda: results.sample_dataset([[[1.0]]], np.zeros((1, 0)), AXES, status=[0.5]),
+        lambda: extend.sample_dataset([[[1.0]]], np.zeros((1, 0)), AXES, status=[0.5]),
         "Status 0.5 has no meaning",
     ),
     "probabilities of two axes": (
-        lambda: results.statistics_dataset(AXES, mean=[[0.0]], std=[[0.0]], probability=[[0.5]]),
+        lambda: extend.statistics_dataset(AXES, mean=[[0.0]], std=[[0.0]], probability=[[0.5]]),
         "'probability' is .*; expected a row of numbers between 0 and 1",
     ),
     "a level of two": (lambda: results.clopper_pearson(1, 2, level=2), "level is 2; expected a number between 0 and 1"),
     "a number for a figure": (lambda: report.bands(5, "x"), "results is 5; expected"),
-    "germs of no axis": (lambda: uqmbd.GermBox.whole(_space()).contains(0.5), r"expected \(K, 1\)"),
-    "the germ before the first": (lambda: uqmbd.GermBox.whole(_space()).divisible(-1), "germ is -1; expected"),
-    "elements without probabilities": (lambda: uqmbd.Verification.failed_share([], [1.0], 4, 0), "expected as many"),
+    "germs of no axis": (lambda: uqmbd.extend.GermBox.whole(_space()).contains(0.5), r"expected \(K, 1\)"),
+    "the germ before the first": (lambda: uqmbd.extend.GermBox.whole(_space()).divisible(-1), "germ is -1; expected"),
+    "elements without probabilities": (
+        lambda: uqmbd.extend.Verification.failed_share([], [1.0], 4, 0),
+        "expected as many",
+    ),
     "units of two lines": (lambda: uqmbd.RandomVariable("a", chaospy.Normal(), units="m\ns"), "ends of lines"),
     "a bias that is too large": (lambda: Bias(1, length=10**400), "length is .*; expected a finite number above zero"),
     "a bias without times": (lambda: Bias(1).modes(None), "times"),

@@ -18,5 +18,5 @@ def test_a_status_is_one_of_those_with_a_meaning(status: Any) -> None:
 @pytest.mark.parametrize("probability", [[[0.5]], 0.5, [2.0], [float("nan")], "text"], ids=repr)
 def test_probabilities_of_quantiles_are_a_row_of_shares(probability: Any) -> None:
     axes = extend.labels(["x"], [], [0.0])
-    with pytest.raises(StudyError, match="'probability' is"):
+    with pytest.raises(StudyError, match="probability'? is"):
         extend.statistics_dataset(axes, mean=[[0.0]], std=[[0.0]], probability=probability)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
 from uqmbd.report.figures.scales import percent_ends
@@ -313,7 +313,7 @@ def errors_chart(results: Results, limit: float = EXACT) -> Chart:
 
 
 @typechecked
-def verification(results: Results, *, limit: float = EXACT) -> Figure:
+def verification(results: Results, *, limit: Annotated[float, Bounds(0)] = EXACT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
     The error at realisations that did not enter the surrogate, relative to the standard deviation, for each output. A

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Share, typechecked
 from uqmbd.names import ANY
 from uqmbd.results.schema import comparable, fixed_width
 from uqmbd.wording import format_interval, format_probability
