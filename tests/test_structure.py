@@ -22,6 +22,7 @@ MOST_LINES = 420
 
 STATEMENTS = {
     "uqmbd": 760,
+    "uqmbd.arguments": 420,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 260,
     "uqmbd.compiled": 2030,
@@ -32,10 +33,10 @@ STATEMENTS = {
     "uqmbd.new": 230,
     "uqmbd.plugins": 360,
     "uqmbd.progress": 400,
-    "uqmbd.propagation": 6390,
-    "uqmbd.randomness": 5160,
-    "uqmbd.report": 7410,
-    "uqmbd.results": 8380,
+    "uqmbd.propagation": 6320,
+    "uqmbd.randomness": 5180,
+    "uqmbd.report": 7440,
+    "uqmbd.results": 8430,
     "uqmbd.testing": 1880,
     "uqmbd.units": 290,
     "uqmbd_calibration": 3100,

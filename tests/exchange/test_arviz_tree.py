@@ -107,7 +107,7 @@ def test_arviz_computes_with_it(tree):
 def test_what_is_refused(tree):
     for arguments, words in (
         ((tree,), r"the results of 2 methods are given \('monte-carlo', 'collocation'\); expected one, as to_arviz"),
-        ((tree["monte-carlo"], 0), "draws is 0; expected a whole number above 0"),
+        ((tree["monte-carlo"], 0), "draws is 0; expected a whole number, 1 or more"),
         ((tree["monte-carlo"], 5, 1), "has samples, which no seed draws; leave seed= out"),
         (({},), "dict is given; expected the node of a method or a calibration"),
     ):

@@ -86,20 +86,12 @@ def _mechanism():
     return mechanism
 
 
-def _chaos():
-    axes = extend.labels(["x"], ["speed"], [0.0])
-    return results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], _space(), axes)
-
-
 AXES = extend.labels(["x"], [], [0.0])
 
 CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a number for nodes": (lambda: results.align(5), "nodes is 5; expected a mapping from texts to"),
     "a mapping for a tree": (lambda: results.validate({}), "tree is .*; expected an xarray.DataTree"),
     "a number for names": (lambda: extend.labels(5, [], [0.0]), "outputs is 5; expected a sequence"),
-    "a text for inputs": (lambda: _chaos().evaluate("2"), "inputs.*non-numeric"),
-    "rows of two lengths": (lambda: _chaos().evaluate([[1.0], [1.0, 2.0]]), "inputs.*non-numeric"),
-    "ten to the 400th": (lambda: _chaos().evaluate(10**400), "inputs.*non-numeric"),
     "a masked array": (lambda: results.circular_mean(HOSTILE["masked"]), "masked values, the first at index"),
     "a path with a null": (lambda: results.load("a\0b"), "path is"),
     "a broken status": (

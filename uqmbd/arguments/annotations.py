@@ -71,7 +71,13 @@ class Bounds:
         return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
 
     def hold(self, number: Any) -> bool:
-        """Tell whether a number lies within."""
+        """Test whether a number is within the bounds.
+
+        Raises
+        ------
+        StudyError
+            If it is not a number.
+        """
         masked = np.ma.is_masked(number)
         if not masked and not isinstance(number, Real) and getattr(number, "shape", None) == ():
             number = number.item()

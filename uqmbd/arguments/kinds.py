@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.arguments.annotations import MANY, Numbers, OrNaN, beyond, bounded, each, members, several
+from uqmbd.arguments.annotations import MANY, Numbers, OrNaN, beyond, bounded, each, is_array_type, members, several
 
 __all__ = ["fits", "is_one"]
 
@@ -30,6 +30,8 @@ def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
         and any(typing.get_origin(x) is os.PathLike for x in members(annotation))
     ):
         return False  # the system ends the name of a file there
+    if isinstance(value, np.number) and is_array_type(annotation):
+        value = np.asarray(value)  # sums over all axes of an array are NumPy's numbers
     return any(is_one(value, member, nan=nan) for member in members(annotation))
 
 
@@ -150,8 +152,7 @@ def _are_numbers(value: Any) -> bool:
 
 def _is_array(value: Any, arguments: tuple[Any, ...]) -> bool:
     """Tell whether a value is an array of NumPy of a kind of number that fits."""
-    # sums over all axes of an array are NumPy's numbers
-    if not isinstance(value, (np.ndarray, np.number)) or np.ma.is_masked(value):
+    if not isinstance(value, np.ndarray) or np.ma.is_masked(value):
         return False
     wanted = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []
     if not wanted or not issubclass(wanted[0], np.generic):

@@ -87,8 +87,6 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
             f"expected one{label}."
         )
     ((label, node),) = nodes.items()
-    if draws is not None and (isinstance(draws, bool) or not isinstance(draws, (int, np.integer)) or draws < 1):
-        raise StudyError(f"to_arviz: draws is {draws!r}; expected a whole number above 0.")
     parts = [node, *([node.children["scalars"]] if "scalars" in node.children else [])]
     sampled = [part for part in parts if "samples" in part.children]
     if sampled:

@@ -7,7 +7,6 @@ import importlib.metadata
 import os
 import warnings
 
-from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.plugins.hooks import COMMANDS_GROUP, GROUP, KINDS
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged
@@ -77,7 +76,6 @@ def component(name: str) -> type:
     return _find("components", name)
 
 
-@typechecked
 def propagator(name: str) -> type:
     """Return the propagator class that is registered by a name, for plugins that use the method of another one.
 
@@ -134,7 +132,7 @@ def unusable() -> str:
 
 def _find(kind: str, name: str) -> type:
     found = registered().classes[kind]
-    if name in found:
+    if isinstance(name, str) and name in found:
         return found[name]
     noun = KINDS[kind].noun
     offered = ", ".join(sorted(found)) or "none"

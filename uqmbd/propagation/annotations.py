@@ -24,12 +24,17 @@ class Method(Protocol):
 def check_options(kind: type, options: dict[str, Any]) -> None:
     """Raise StudyError where an option is none of the values that its field in the dataclass declares.
 
-    What is declared as ``Any``, or as a type that is not loaded, is left to the method itself.
+    The method itself checks options that hold objects of a class, as it knows which to suggest.
     """
     declared = option_types(kind)
     for name, value in options.items():
-        if name in declared and not fits(value, declared[name]):
+        if name in declared and not _names_a_class(declared[name]) and not fits(value, declared[name]):
             raise StudyError(f"{kind.__name__}: {refusal(name, value, declared[name])}")
+
+
+def _names_a_class(annotation: Any) -> bool:
+    """Test whether objects of a class, other than texts and numbers, are among the alternatives of an annotation."""
+    return any(isinstance(x, type) and x.__module__ != "builtins" for x in members(annotation))
 
 
 @lru_cache(maxsize=64)

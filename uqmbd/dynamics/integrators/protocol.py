@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar, Literal, Protocol
 
-from uqmbd.arguments import typechecked
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.errors import StudyError
@@ -43,7 +42,6 @@ FORMER: Mapping[str, Capability] = {
 """Class attributes that declared capabilities before 0.1; they are read until 0.2."""
 
 
-@typechecked
 @dataclass(frozen=True, kw_only=True)
 class Capabilities:
     """What an integrator can do besides integrating smooth motions.

@@ -221,6 +221,11 @@ class Verification:
             Probabilities of the elements; 1 of the whole.
         nodes, failed : int
             Other realisations, and how many of them failed.
+
+        Raises
+        ------
+        StudyError
+            If there is not one probability for each element.
         """
         if len(verified) != len(boxes):
             raise StudyError(

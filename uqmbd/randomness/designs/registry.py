@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 from uqmbd.plugins import designs as designs_of_plugins
@@ -183,7 +182,6 @@ def sampling_designs() -> tuple[str, ...]:
     return (*_offered(), *designs_of_plugins())
 
 
-@typechecked
 def sampling_design(name: str, where: str = "sampling_design: name", others: Sequence[str] = ()) -> Design:
     """Return the sampling design of a name.
 

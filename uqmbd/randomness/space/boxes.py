@@ -96,7 +96,13 @@ class GermBox:
         return GermSpace(self.space.inputs, germs, self.space.groups)
 
     def contains(self, germs: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which germ points (K, d) lie in the box, shape (K,)."""
+        """Test which germ points (K, d) lie in the box, shape (K,).
+
+        Raises
+        ------
+        StudyError
+            If the points have another number of germs.
+        """
         points = np.asarray(germs, dtype=float)
         if points.ndim != 2 or points.shape[1] != len(self.lower):
             raise StudyError(f"GermBox.contains: germs have the shape {points.shape}; expected (K, {len(self.lower)}).")
@@ -109,7 +115,13 @@ class GermBox:
         return found
 
     def divisible(self, germ: Size) -> bool:
-        """Tell whether the box can be split along a germ: it is not too narrow, and has several values."""
+        """Test whether the box can be split along a germ: it is not too narrow, and has several values.
+
+        Raises
+        ------
+        StudyError
+            If there is no germ of this number.
+        """
         if not 0 <= germ < len(self.lower):
             raise StudyError(
                 f"GermBox.divisible: germ is {germ!r:.40}; expected the number of one, below {len(self.lower)}."
