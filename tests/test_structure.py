@@ -21,7 +21,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 760,
+    "uqmbd": 766,
     "uqmbd.arguments": 420,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 260,
@@ -36,11 +36,11 @@ STATEMENTS = {
     "uqmbd.propagation": 6320,
     "uqmbd.randomness": 5180,
     "uqmbd.report": 7440,
-    "uqmbd.results": 8430,
+    "uqmbd.results": 8435,
     "uqmbd.testing": 1880,
     "uqmbd.units": 290,
     "uqmbd_calibration": 3100,
-    "uqmbd_collocation": 3490,
+    "uqmbd_collocation": 3496,
     "uqmbd_contact": 280,
     "uqmbd_drivers": 150,
     "uqmbd_galerkin": 820,
@@ -48,7 +48,7 @@ STATEMENTS = {
     "uqmbd_models": 1630,
     "uqmbd_montecarlo": 1200,
     "uqmbd_pytest": 30,
-    "uqmbd_reliability": 1850,
+    "uqmbd_reliability": 1855,
     "uqmbd_springs": 500,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""

@@ -14,6 +14,7 @@ import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Projection, Regression
 from uqmbd_collocation.given import Given, GivenProjection
+from uqmbd_collocation.sparse import SOLVERS, linear_models
 from uqmbd_collocation.sparse_grids import SparseProjection, fewest_nodes, level_of, levels_for, levels_of
 
 __all__ = ["DEFAULT_ORDER", "STREAM", "Adaptive", "Method", "Plans", "Terms"]
@@ -64,6 +65,8 @@ class Plans:
         if self.expansion is not None:
             self._only_given()
             return
+        if self.method in SOLVERS:
+            linear_models(self.method)
         design = None if self.grid else uqmbd.extend.sampling_design(self.design, "Collocation: rule", GRIDS)
         if self.method != "projection" and self.rule in GRIDS:
             raise uqmbd.StudyError(

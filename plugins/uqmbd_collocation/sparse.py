@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
+import uqmbd
 from uqmbd.typing import Array
 
-__all__ = ["SOLVERS", "sparse_regression"]
+__all__ = ["SOLVERS", "linear_models", "sparse_regression"]
 
 
 SOLVERS = ("omp", "lars")
@@ -28,6 +30,11 @@ ENOUGH = 1e-7
 
 FULL = 0.8
 """Most terms of a fit over the number of samples: beyond, the leave-one-out error means nothing."""
+
+
+def linear_models(solver: str) -> ModuleType:
+    """Import the module of scikit-learn that has the solver."""
+    return uqmbd.extend.require_package("sklearn.linear_model", f"Collocation(method={solver!r})", "uqmbd[learning]")
 
 
 def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple[Array, Array]:
@@ -118,8 +125,7 @@ def _at_time(values: Array, psi: Array, solver: str, known: list[_Order]) -> tup
 
 def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
     """Return the terms but the constant, in the order in which they enter; only independent ones."""
-    from sklearn.linear_model import lars_path, orthogonal_mp
-
+    linear = linear_models(solver)
     centred = psi[:, 1:] - psi[:, 1:].mean(axis=0)
     norm = np.linalg.norm(centred, axis=0)
     centred = centred / np.where(norm > 0, norm, 1.0)
@@ -129,10 +135,10 @@ def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:
         # both stop early, with a warning, where nothing is left to explain
         warnings.simplefilter("ignore")
         if solver == "lars":
-            _, active, _ = lars_path(centred, target, method="lar", max_iter=most)
+            _, active, _ = linear.lars_path(centred, target, method="lar", max_iter=most)
             entering = [int(k) for k in active]
         else:
-            path = orthogonal_mp(centred, target, n_nonzero_coefs=most, return_path=True)
+            path = linear.orthogonal_mp(centred, target, n_nonzero_coefs=most, return_path=True)
             chosen = path.reshape(centred.shape[1], -1) != 0
             step = chosen.shape[1] - chosen.sum(axis=1)  # a term that has entered stays
             entering = np.argsort(step, kind="stable")[: int(chosen.any(axis=1).sum())].tolist()

@@ -17,11 +17,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, ndtr
 
+import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_reliability.analysis import Analysis, analyse
 from uqmbd_reliability.estimating import Estimate, failing, with_any
@@ -29,7 +31,7 @@ from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import Ledger, LimitState
 from uqmbd_reliability.proposals import Proposal
 
-__all__ = ["FIRST", "learn"]
+__all__ = ["FIRST", "gaussian_processes", "learn"]
 
 
 POPULATION = 10_000
@@ -54,6 +56,13 @@ class _Population:
     predicted: Array
     doubt: Array
     drawn: Array
+
+
+def gaussian_processes() -> tuple[Any, ...]:
+    """Import what scikit-learn has for Gaussian processes: they, their kernels, and its exceptions."""
+    modules = ("gaussian_process", "gaussian_process.kernels", "exceptions")
+    needed = partial(uqmbd.extend.require_package, purpose="Reliability(surrogate=...)", install="uqmbd[learning]")
+    return tuple(needed(f"sklearn.{module}") for module in modules)
 
 
 def learn(
@@ -104,10 +113,7 @@ class _Corrected:
     @classmethod
     def of(cls, predict: Callable[[Array], Array], ledger: Ledger) -> _Corrected:
         """Fit to all that was computed."""
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
+        gaussian, kernels, exceptions = gaussian_processes()
         known = ledger.points
         left = ledger.margins - predict(known)
         length = 2.0 * np.sqrt(ledger.dimension)
@@ -117,10 +123,11 @@ class _Corrected:
             scale = float(np.sqrt((column[fine] ** 2).mean())) if fine.any() else 0.0
             process = None
             if fine.sum() >= 10 and scale > 0:
-                kernel = ConstantKernel(1.0, (1e-2, 1e4)) * RBF(length, (0.3, 100.0)) + WhiteKernel(1e-3, (1e-8, 1.0))
-                process = GaussianProcessRegressor(kernel, n_restarts_optimizer=0)
+                kernel = kernels.ConstantKernel(1.0, (1e-2, 1e4)) * kernels.RBF(length, (0.3, 100.0))
+                kernel += kernels.WhiteKernel(1e-3, (1e-8, 1.0))
+                process = gaussian.GaussianProcessRegressor(kernel, n_restarts_optimizer=0)
                 with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", ConvergenceWarning)
+                    warnings.simplefilter("ignore", exceptions.ConvergenceWarning)
                     process.fit(known[fine], column[fine] / scale)
             processes.append(process)
             scales.append(scale)

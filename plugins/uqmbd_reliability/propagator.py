@@ -14,7 +14,7 @@ from uqmbd.extend import sample_dataset, statistics_of_samples
 from uqmbd.results import requirement_names
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
-from uqmbd_reliability.learning import FIRST, learn
+from uqmbd_reliability.learning import FIRST, gaussian_processes, learn
 from uqmbd_reliability.predicting import Predictor, predictor
 from uqmbd_reliability.runs import Runs
 from uqmbd_reliability.space import StandardSpace
@@ -93,6 +93,8 @@ class Reliability(uqmbd.extend.Propagator):
         super().__post_init__()
         if self.method == "subset" and not available():
             raise uqmbd.StudyError(f"Reliability: {MISSING}.")
+        if self.surrogate is not None:
+            gaussian_processes()
         if self.surrogate is not None and self.method != "auto":
             raise uqmbd.StudyError(
                 f"Reliability: method is {self.method!r}, and a surrogate is given; with one, leave the method out."

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.packages import require_package
 
 __all__ = ["STARTED_HERE", "dask_executor"]
 
@@ -58,10 +59,7 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
     uqmbd.StudyWarning
         If a cluster that runs has no workers yet.
     """
-    try:
-        import distributed
-    except ImportError as error:
-        raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
+    distributed = require_package("distributed", "--dask", "uqmbd[distributed]")
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
         if asked not in STARTED_HERE and not client.nthreads():
             warnings.warn(
@@ -136,12 +134,7 @@ def _scheduler_file(file: Path) -> Path:
 
 def _queue(asked: str) -> Any:
     """Start a scheduler here, whose workers are jobs of a queue; no job yet."""
-    try:
-        import dask_jobqueue
-    except ImportError as error:
-        raise StudyError(
-            f'--dask {asked} needs dask-jobqueue, which is not installed: pip install "uqmbd[cluster]"'
-        ) from error
+    dask_jobqueue = require_package("dask_jobqueue", f"--dask {asked}", "uqmbd[cluster]")
     cluster = getattr(dask_jobqueue, QUEUES[asked])
     submit = cluster.job_cls.submit_command.split()[0]
     if shutil.which(submit) is None:

@@ -68,6 +68,7 @@ from .methods import propagator as propagator
 from .methods import refine_elements as refine_elements
 from .methods import require_clock as require_clock
 from .methods import require_outputs_over_time as require_outputs_over_time
+from .methods import require_package as require_package
 from .methods import varying as varying
 from .methods import watched_angles as watched_angles
 from .models import ImportedJoint as ImportedJoint

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.packages import require_package as require_package
 from uqmbd.plugins import propagator as propagator
 from uqmbd.progress import AtMost as AtMost
 from uqmbd.progress import Progress as Progress

@@ -12,12 +12,14 @@ import secrets
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.packages import require_package
 from uqmbd.typing import Array
 
 __all__ = ["check_file", "checksum_of", "codecs", "decoded", "encoded", "read_checked", "same_codecs", "write_file"]
@@ -31,9 +33,7 @@ _SUM = 4
 
 def codecs(kind: str, chunk: tuple[int, ...]) -> dict[str, Any]:
     """Return the codecs of an array, as Zarr and xarray take them."""
-    from numcodecs import CRC32
-
-    return {"filters": [_blosc()] if _small(kind, chunk) else [], "compressors": CRC32()}
+    return {"filters": [_blosc()] if _small(kind, chunk) else [], "compressors": _numcodecs().CRC32()}
 
 
 def same_codecs(about: Mapping[str, Any], kind: str, chunk: tuple[int, ...]) -> bool:
@@ -110,8 +110,7 @@ def _body(path: Path, content: bytes) -> memoryview:
 
 
 def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    from numcodecs import blosc
-
+    blosc = _numcodecs().blosc
     size, body = int(np.prod(chunk)) * np.dtype(kind).itemsize, _body(path, content)
     try:
         if not _small(kind, chunk):
@@ -125,9 +124,13 @@ def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> ND
 
 
 def _blosc() -> Any:
-    from numcodecs import Blosc
+    blosc = _numcodecs().Blosc
+    return blosc("lz4", clevel=5, shuffle=blosc.SHUFFLE)
 
-    return Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE)
+
+def _numcodecs() -> ModuleType:
+    """Import the codecs of Zarr."""
+    return require_package("numcodecs", "the store of many samples", "uqmbd[samples]")
 
 
 def _small(kind: str, chunk: tuple[int, ...]) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import warnings
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.packages import require_package
 from uqmbd.results.schema import fixed_width
 from uqmbd.results.storage.reading import NUMBERS
 from uqmbd.results.storage.sample_store import KINDS, SampleStore
@@ -68,11 +68,7 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     ...         print(type(mean.data).__module__, float(mean.sum()))
     dask.array.core 6.0
     """
-    if find_spec("dask") is None:
-        raise StudyError(
-            'uqmbd.results.open needs the package dask, which is not installed: pip install "uqmbd[distributed]" '
-            "brings it; or use uqmbd.results.load, which reads a result at once."
-        )
+    require_package("dask.array", "uqmbd.results.open (unlike uqmbd.results.load)", "uqmbd[distributed]")
     source = Path(path)
     tree = load_with(source, _unread)
     for node in [node for node in tree.subtree if "all_samples" in node.attrs]:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
+from uqmbd.packages import require_package
 from uqmbd.results.schema import SCHEMA_VERSION, Labels, check_version, labels, output_infos
 from uqmbd.results.storage.chunk_file import check_file, codecs, decoded, encoded, same_codecs, write_file
 from uqmbd.results.storage.zarr_check import check_folder
@@ -297,8 +298,7 @@ class SampleStore:
         SampleStore
             Empty.
         """
-        import zarr
-
+        zarr = require_package("zarr", "the store of many samples", "uqmbd[samples]")
         coords = _coordinates(axes)
         coords.attrs = {"schema_version": SCHEMA_VERSION, **(attrs or {})}
         checked = {str(key): codecs(str(one.dtype.str), one.shape) for key, one in coords.coords.items()}

@@ -19,6 +19,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.files import regular, replacing
 from uqmbd.logs import results
+from uqmbd.packages import require_package
 from uqmbd.results.schema import check_version, validate
 from uqmbd.results.storage.chunks import chunks_of
 from uqmbd.results.storage.digest import CHECKSUM, add_digest, check_digest
@@ -207,6 +208,7 @@ def _gated(
             check_folder(source)
             # the specification of format 3 has no consolidated metadata
             old = (source / ".zmetadata").is_file() and not (source / "zarr.json").is_file()
+            require_package("zarr", f"{source}, a Zarr folder,", "uqmbd[samples]")
             tree = xr.open_datatree(source, engine="zarr", consolidated=old, chunks=None, cache=False, **PLAIN)
         else:
             verified = _verified(source, whole=whole)

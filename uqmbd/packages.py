@@ -1,0 +1,55 @@
+"""Packages that some tasks need and that the base installation does not bring."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+
+from uqmbd.errors import StudyError
+
+__all__ = ["require_package"]
+
+
+def require_package(module: str, purpose: str, install: str) -> ModuleType:
+    """Import a module that an extra brings.
+
+    Parameters
+    ----------
+    module : str
+        Dotted name of the module.
+    purpose : str
+        What needs it, as the subject of the message.
+    install : str
+        What pip installs, such as ``"uqmbd[learning]"``.
+
+    Returns
+    -------
+    module
+        The imported module.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the package is not installed.
+
+    Examples
+    --------
+    >>> from uqmbd.extend import require_package
+    >>> require_package("numpy.linalg", "a solver", "numpy").__name__
+    'numpy.linalg'
+    >>> require_package("no_such_package", "method 'kriging'", "my-package[kriging]")
+    Traceback (most recent call last):
+    uqmbd.errors.StudyError: method 'kriging' needs no_such_package, ... pip install "my-package[kriging]"
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise StudyError(
+            f"{purpose} needs {PACKAGES.get(package, package)}, which is not installed or cannot be imported "
+            f'({error}): pip install "{install}"'
+        ) from error
+
+
+PACKAGES = {"dask": "Dask", "dask_jobqueue": "dask-jobqueue", "distributed": "Dask", "sklearn": "scikit-learn"}
+"""Names of packages by their modules, where they differ."""
