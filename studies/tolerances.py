@@ -68,7 +68,7 @@ study = uqmbd.Study(
 
 ALLOWED = 0.01
 COSTS = {"crank": 1.0, "rocker": 1.5, "frame": 2.0, "coupler": 2.5, "roller": 0.5}
-"""Of half a width of 0.1 mm; half of it costs twice as much: long distances are dear, a ground roller is cheap."""
+"""Of half a width of 0.1 mm; half of it costs twice as much: long distances are expensive, a ground roller is not."""
 
 if __name__ == "__main__":
     print(allocate(study, None, ALLOWED, cost={name: 1e-4 * price for name, price in COSTS.items()}))

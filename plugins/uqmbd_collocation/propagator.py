@@ -130,8 +130,8 @@ class Collocation(uqmbd.extend.Propagator):
         Polynomials of chaospy, of the inputs in the order of their names, with `nodes` and `weights` of a rule of
         chaospy: ``chaospy.generate_expansion(order, joint)`` and ``chaospy.generate_quadrature(order, joint)``.  The
         chaos is the projection on what they span, in orthonormal polynomials of the germs.  `order` has no meaning
-        then.  Polynomials that are not orthogonal for the distributions of the inputs are told, or refused where they
-        belong to others; so is a rule that is too coarse for them.
+        then.  A warning reports polynomials that are not orthogonal for the distributions of the inputs, and a rule
+        that is too coarse for them; polynomials of other distributions are refused.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int

@@ -1,4 +1,4 @@
-"""What a projected motion tells of itself: energy, constraints, norms, and how near its equations are to singular."""
+"""Diagnostics of a projected motion: energy, constraints, norms, and how near its equations are to singular."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a projected motion ends, and what is said of results that must not be trusted."""
+"""Where a projected motion ends, and the messages about results that are not reliable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What actuators do without any control: rotors and damping, which joints get, and forces, which are told."""
+"""What actuators do without any control: joints get their rotors and damping, and forces are listed as omissions."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
 def _equalities(
     loaded: Loaded, model: Any, off: set[str]
 ) -> tuple[tuple[Loop, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
-    """Read equality constraints: loops and couplings; what is switched off is told."""
+    """Read equality constraints: loops and couplings; those that are switched off are listed as omissions."""
     kinds = loaded.mujoco.mjtEq
     loops: list[Loop] = []
     couplings: list[Coupling] = []

@@ -1,4 +1,4 @@
-"""What is said of all samples where only the first are kept: from a store of them, or while they come."""
+"""Statistics of all samples where only the first are stored with the results: from a store, or while they arrive."""
 
 from __future__ import annotations
 

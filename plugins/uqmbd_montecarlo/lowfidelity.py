@@ -23,7 +23,7 @@ BLOCK = 2**18
 """Most further realisations whose inputs are held at once."""
 
 LEAST_FURTHER = 2
-"""Further realisations whose scatter can be told."""
+"""Smallest number of further realisations whose scatter can be estimated."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ class RotationalFriction(uqmbd.Component):
     """A moment against the rotation of body j relative to body i about a common axis.
 
     Coulomb's is smooth, ``friction w / sqrt(w^2 + transition^2)``: what should stick creeps, at less than the
-    transition speed; a lower one is truer, and dearer to integrate.
+    transition speed; a lower one is more accurate and more expensive to integrate.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class SlidingFriction(uqmbd.Component):
     """A force against the sliding of a point of body j along an axis fixed in body i.
 
     Coulomb's is smooth, ``friction v / sqrt(v^2 + transition^2)``: what should stick creeps, at less than the
-    transition speed; a lower one is truer, and dearer to integrate.
+    transition speed; a lower one is more accurate and more expensive to integrate.
 
     Examples
     --------

@@ -12,7 +12,7 @@ __all__ = ["turning"]
 def turning(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
     """Rate of the angle of body j relative to body i about a common axis, and the angle at the start.
 
-    In the plane the drawn angle ``p.drawn`` tells which turn is meant; in space the angle starts within half a turn of
+    In the plane the drawn angle ``p.drawn`` selects the turn; in space the angle starts within half a turn of
     zero, between ``p.frame_i`` and ``p.frame_j``, on the side of ``p.near``.
     """
     i, j = p.body_i, p.body_j
@@ -20,10 +20,10 @@ def turning(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
     if p.space.dimension == 3:
         r = uqmbd.extend.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
         start = 2 * sympy.Piecewise((sympy.atan2(r[3], r[0]), r[0] >= 0), (sympy.atan2(-r[3], -r[0]), True))
-        # half a turn to either side is one pose: the drawing tells which is meant
+        # half a turn to either side is one pose: the drawing selects one
         turns = sympy.floor((p.near - start) / (2 * sympy.pi) + sympy.Rational(1, 2))
         return speed.dot(i.direction(p.axis_i)), start + 2 * sympy.pi * turns
     r = uqmbd.extend.relative_quaternion(i.quaternion, j.quaternion)
     start = 2 * sympy.atan2(r[1], r[0])
-    # the pair of half angles knows two turns; the drawing tells which ones are meant
+    # the pair of half angles covers two turns; the drawing selects them
     return speed[0], start + 4 * sympy.pi * sympy.floor((p.drawn - start) / (4 * sympy.pi) + sympy.Rational(1, 2))

@@ -84,9 +84,9 @@ def limited() -> None:
 
 
 def child(script: str, root: Path, cache: str) -> tuple[float, str]:
-    """Run a script in a fresh process: its processor seconds, all told, and what it prints.
+    """Run a script in a fresh process: its processor seconds in total, and what it prints.
 
-    Infinite where it took too long, not a number where it failed, which is told.
+    The time is infinite where it took too long, and NaN where it failed, which is printed.
     """
     path = os.pathsep.join([str(root), str(root / "plugins")])
     environment = dict(os.environ, PYTHONPATH=path, UQMBD_CACHE=cache, MPLBACKEND="Agg")

@@ -155,7 +155,7 @@ def serve() -> None:
                 prepared[name] = TASKS[name].ready(count)
                 prepared[name]()
             answer: Any = spent(prepared[name])
-        except Exception as exception:  # what one version cannot do is told, and the others go on
+        except Exception as exception:  # a failure of one version is printed, and the others run
             answer = f"{type(exception).__name__}: {exception}"
         print(json.dumps(answer), file=out, flush=True)
 
@@ -176,7 +176,7 @@ class Version:
         )
 
     def run(self, name: str, count: int) -> float:
-        """Processor seconds of a task; not a number where it failed, which is told."""
+        """Processor seconds of a task; NaN where it failed, which is printed."""
         assert self.process.stdin is not None and self.process.stdout is not None
         print(json.dumps([name, count]), file=self.process.stdin, flush=True)
         answer = json.loads(self.process.stdout.readline())

@@ -40,7 +40,7 @@ from uqmbd_montecarlo import MonteCarlo
 Array = NDArray[np.float64]
 
 TARGETS = (0.01, 0.001)
-"""Errors of the standard deviation whose cost is told."""
+"""Errors of the standard deviation whose cost is printed."""
 CONVERGED = 20
 """Gauss nodes of each input of the reference."""
 STACK = 64

@@ -208,7 +208,7 @@ def test_files_that_are_none_are_refused(tmp_path):
         path: "no text in UTF-8",
         tmp_path / "none.csv": "no such file",
         tmp_path / "a.xlsx": "expected .csv",
-        tmp_path: "cannot be told",
+        tmp_path: "is not that of a record",
     }
     for place, message in wrong.items():
         with pytest.raises(uqmbd.StudyError, match=message):

@@ -309,7 +309,7 @@ class Sundial(Needle):
     ("component", "words"),
     [
         (Needle, "its angle changes by"),
-        (Tachometer, "the rate that it tells of its angle is"),
+        (Tachometer, "the stated rate of its angle is"),
         (Talker, "displacement 'displacement' contains t; expected coordinates of the bodies"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Events of an explicit integration: what the driver is told of contacts, and what it tells of what happens."""
+"""Events of an explicit integration: the driver's input on contacts, and its output on events."""
 
 from __future__ import annotations
 

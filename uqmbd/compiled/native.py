@@ -173,6 +173,6 @@ def addresses_of(names: Sequence[str], code: bytes) -> list[int]:
                 engine = _engine()
                 engine.add_object_file(llvm.ObjectFileRef.from_data(code))
                 engine.finalize_object()
-                for name in reversed(names):  # the first one tells that all are there
+                for name in reversed(names):  # the first one shows that all are there
                     _loaded[name] = engine.get_function_address(name)
     return [_loaded[name] for name in names]

@@ -1,4 +1,4 @@
-"""What can be said of a mechanism without moving it."""
+"""Checks of a mechanism that need no integration."""
 
 from __future__ import annotations
 

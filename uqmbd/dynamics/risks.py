@@ -24,7 +24,7 @@ SAMPLES = 10_000
 """Points at which expressions are evaluated whose distribution is not known."""
 
 EXPECTED = 0.05
-"""A risk is told from that many realisations on that are to be expected: of rarer ones 19 of 20 studies have none."""
+"""Expected number of realisations from which a risk is reported: of rarer ones 19 of 20 studies have none."""
 
 OFTEN = 1e-4
 """A risk of a number that may not leave its range is reported from this probability on, for any number of them."""

@@ -48,8 +48,8 @@ class ImportedJoint:
         Its position where the file lets it start: one number, of a ball joint a quaternion, of a free one the position
         and a quaternion.
     limits : tuple of float, or None
-        Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  They are told by the output
-        ``NAME.margin``, and hold nothing.
+        Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  The output ``NAME.margin``
+        reports them; they do not limit the motion.
 
     Examples
     --------
@@ -310,7 +310,7 @@ def from_mjcf(
     Returns
     -------
     ImportedMechanism
-        Its `not_taken` tells what was left out.
+        Its `not_taken` lists what was left out.
 
     Raises
     ------

@@ -300,8 +300,8 @@ class Mechanism:
         Raises
         ------
         uqmbd.StudyError
-            If it is no equation of such quantities, or was stated already.  That it cannot be met, or follows from the
-            others, is told where the mechanism is assembled.
+            If it is no equation of such quantities, or was stated already.  The assembly reports an equation that
+            cannot be met, or that follows from the others.
 
         Examples
         --------

@@ -31,7 +31,7 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[Column], dict
     source = Path(path)
     if source.suffix.lower() not in (*TABLES, *NETCDF):
         raise uqmbd.StudyError(
-            f"{source}: what it is cannot be told by {source.suffix!r}; expected .csv (or .tsv, .txt) or .nc."
+            f"{source}: its suffix {source.suffix!r} is not that of a record; expected .csv (or .tsv, .txt) or .nc."
         )
     if not source.is_file():
         raise uqmbd.StudyError(f"{source}: there is no such file.")

@@ -19,7 +19,7 @@ __all__ = ["checks_of", "named_strays", "warn_of"]
 
 
 PART = 0.01
-"""Probability of another maximum, beside the best one, at which it is told."""
+"""Probability of another maximum of the posterior above which a warning reports it."""
 
 FAR = 4.0
 """Standard deviations of the prior by which an input may be away from its median without a word."""

@@ -37,7 +37,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
     ----------
     study : uqmbd.Study
     found : Found
-        What is to be told.
+        Posterior and predictions.
     seed : int
         Of draws of the noise.
     about : mapping

@@ -117,7 +117,7 @@ class _Elements:
             runs.scale = scale
             with warnings.catch_warnings():
                 if lost:
-                    # the share of all such nodes is told in the end
+                    # the share of all such nodes is reported at the end
                     warnings.simplefilter("ignore")
                 fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
             edges, nodal = aligned.split(fit.coefficients)

@@ -103,7 +103,7 @@ def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
                 best = found
         if best is None or best.bad.all():
             break
-        # two frequencies that are commensurate in the middle are told apart elsewhere
+        # two frequencies that are commensurate in the middle are distinguished elsewhere
         begin = int(np.argmax(best.residuals))
     if best is None or not best.bad.all():
         return best

@@ -126,10 +126,10 @@ def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: fl
         coefficient = float(given)
         return lambda tolerance: coefficient / tolerance
     loose, now, tighter = (_number(where, name, given, x * width) for x in (loosest, 1.0, 0.7))
-    for wide, narrow, cheap, dear in ((1.0, 0.7, now, tighter), (loosest, 1.0, loose, now)):
-        if wide > narrow and not dear > cheap:
+    for wide, narrow, lower, higher in ((1.0, 0.7, now, tighter), (loosest, 1.0, loose, now)):
+        if wide > narrow and not higher > lower:
             raise uqmbd.StudyError(
-                f"{where}: the cost of {name} is {cheap:g} at a tolerance of {wide * width:g} and {dear:g} at "
+                f"{where}: the cost of {name} is {lower:g} at a tolerance of {wide * width:g} and {higher:g} at "
                 f"{narrow * width:g}; expected one that grows as the tolerance is tightened."
             )
     return given

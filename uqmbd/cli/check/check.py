@@ -338,13 +338,13 @@ def _estimate(propagator: Any, study: Study) -> Estimate | None:
     if not isinstance(propagator, Propagator) or not len(study.mechanism.inputs):
         return None
     found: Any = None
-    with Isolated(*ERRORS_AND_EXITS):  # what is in the way is told there
+    with Isolated(*ERRORS_AND_EXITS):  # obstacles are reported there
         found = propagator.estimate(study)
     return found if isinstance(found, Estimate) else None
 
 
 def _remarks(propagator: Any, study: Study) -> tuple[str, ...]:
-    """Ask a propagator what else it says; what is in the way is told where it fits."""
+    """Return the further notes of a propagator; obstacles are reported elsewhere."""
     found: tuple[str, ...] = ()
     if isinstance(propagator, Propagator):
         with Isolated(*ERRORS_AND_EXITS), warnings.catch_warnings():

@@ -200,7 +200,7 @@ def _computed(
 
     try:
         with warnings.catch_warnings():
-            # they are told at the end
+            # they are reported at the end
             warnings.simplefilter("ignore", MethodFailedWarning)
             for text in _list_findings(study, only):
                 # a method says it again of itself

@@ -372,7 +372,7 @@ def _stated(
 def _speed_equations(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, Array, list[str]]:
-    """Gradients (K, m, n) and right-hand sides (K, m) of all that is said of velocities, and what says it."""
+    """Gradients (K, m, n) and right-hand sides (K, m) of all conditions on velocities, and their names."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     rows, values, names = [found["d"], *statement_rows(model, q)], [-found["phi_t"]], list(model.equations)
     for statement in model.statements:

@@ -102,7 +102,7 @@ def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, paramete
 def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
     """Smallest relevant singular value, time to its zero (or that of others that are small), and rows concerned."""
     if not (rank and np.isfinite(a).all() and np.isfinite(slope).all()):
-        return 1.0, np.inf, np.zeros(0, dtype=np.int64)  # what is no number is told elsewhere
+        return 1.0, np.inf, np.zeros(0, dtype=np.int64)  # values that are not finite are reported elsewhere
     left, values, right = np.linalg.svd(a)
     values = np.concatenate([values, np.zeros(max(0, rank - len(values)))])
     size = max(float(values[0]), 1e-300)

@@ -1,4 +1,4 @@
-"""What the driver is told of a mechanism with events: its equations of motion, and programs of its contacts."""
+"""Input of the driver for a mechanism with events: its equations of motion, and programs of its contacts."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ def fingerprint(function: Callable[..., Any]) -> str:
     That is its code with the constants, defaults and closures; the source of its module; what it names of its module
     and of others, such as functions and numbers; the functions and arguments within a ``functools.partial``, and the
     classes and attributes of objects.  Of libraries (the standard one, and what is installed beside it) the name
-    counts.  What cannot be copied is told apart by its
-    text, without its address, and its attributes.
+    counts.  The hash of an object that cannot be copied is that of its text,
+    without its address, and of its attributes.
     """
     return _Hashing().of(function).hex()
 

@@ -46,7 +46,7 @@ class Limit:
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     def outside(self, values: Array) -> NDArray[np.bool_]:
-        """Whether values, shape (K,), are outside; what is not finite is told elsewhere."""
+        """Whether values, shape (K,), are outside; values that are not finite are reported elsewhere."""
         if self.exclusive:
             return (values <= self.minimum) | (values >= self.maximum)
         return (values < self.minimum) | (values > self.maximum)

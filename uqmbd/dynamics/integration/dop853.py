@@ -142,7 +142,7 @@ class _Integration:
         self.messages, self.final, self.stiff = [""] * len(batch), [False] * len(batch), 0
         compared = comparing and self.sampling is None  # from sample to sample somebody else compares
         self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if compared else None
-        self.dear = [0.0] * len(batch)
+        self.explicit_cost = [0.0] * len(batch)
         self.changed: set[int] = set()
 
     # -- the whole integration ---------------------------------------------------------------------------------------
@@ -186,9 +186,9 @@ class _Integration:
         off = self.main.off.copy() if self.model.layout.rank else None
         if off is not None:  # other equations led some of them, and states were changed
             off[[*self.others, *self.changed]] = np.nan
-        messages, final, dear = tuple(self.messages), tuple(self.final), tuple(self.dear)
+        messages, final, explicit_cost = tuple(self.messages), tuple(self.final), tuple(self.explicit_cost)
         path = self.main.recorder.found
-        return Solved(self.main.result, messages, Counters(), final, tuple(notes), dear, off, path)
+        return Solved(self.main.result, messages, Counters(), final, tuple(notes), explicit_cost, off, path)
 
     @property
     def counters(self) -> Counters:
@@ -298,7 +298,7 @@ class _Integration:
             more = None
         if more is None:
             self.stiff += 1
-            self.dear[member] = comparison.expected(member, steps, now)
+            self.explicit_cost[member] = comparison.expected(member, steps, now)
             what = "stiff at" if status == Status.STIFF else "implicit steps are cheaper until"
             self._fail(member, f"{what} t = {now:.6g} s")
         elif more:

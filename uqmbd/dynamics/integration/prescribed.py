@@ -22,7 +22,7 @@ __all__ = ["Prescribed", "instant", "jumped", "position_jumps", "prescribed_by"]
 
 
 INSTANT = 1e-12
-"""Time, over the larger of 1 s and the time itself, by which right before and right after are told apart."""
+"""Offset of the instants right before and right after a time, over the larger of 1 s and the time itself."""
 NEXT = 1e3
 """As many of these times next to a jump an equation is a number, on both sides."""
 POSES = 3
@@ -73,7 +73,7 @@ def prescribed_by(components: Sequence[Component], inputs: Sequence[RandomVariab
 
 
 def instant(time: float) -> float:
-    """Return the time, s, by which right before and right after a moment are told apart."""
+    """Return the offset, s, of the instants right before and right after a time."""
     return INSTANT * max(1.0, abs(time))
 
 
@@ -117,7 +117,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
                 np.clip(column[some] + far * np.array([[-2], [-1], [1], [2]]) * delta, begin, end)
                 for far in (1.0, NEXT)
             )
-            # next to a pole all is steep: what is no number there is told as such, by who integrates
+            # next to a pole all is steep: the integrator reports values that are not finite there
             steep = ~np.isfinite(_equation_jumps(ensemble, some, about))
             jumps = np.where(steep, 0.0, _equation_jumps(ensemble, some, sides)) / gradients[some]
             noise = ROUNDING * np.maximum(1.0, np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0))

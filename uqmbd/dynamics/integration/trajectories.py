@@ -131,7 +131,7 @@ class Solved:
     final: tuple[bool, ...] = ()
     notes: tuple[str, ...] = ()  # changes during the integration
     # of each that another integrator can do at lower cost: estimated cost here, in counts; else zero; empty: none
-    dear: tuple[float, ...] = ()
+    explicit_cost: tuple[float, ...] = ()
     off: Array | None = None  # (M, residual + 1), as that of `Trajectories`
     path: Path | None = None  # as that of `Trajectories`
 

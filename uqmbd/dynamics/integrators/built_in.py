@@ -179,16 +179,16 @@ class Auto:
             return found
         if ensemble.model.controls:
             return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol, recording)
-        dear = np.array(solved.dear)
-        for some in _stacks(left[dear[left] == 0]):
+        explicit_cost = np.array(solved.explicit_cost)
+        for some in _stacks(left[explicit_cost[left] == 0]):
             other = integrate_by_ida(ensemble, members[some], times, rtol, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
-        for some in _stacks(left[dear[left] > 0]):
-            most = float(dear[some].sum())
+        for some in _stacks(left[explicit_cost[left] > 0]):
+            most = float(explicit_cost[some].sum())
             other = integrate_by_ida(ensemble, members[some], times, rtol, most, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
-        # what is cheaper at first may be dearer later, or fail
-        again = np.array([k for k in left.tolist() if dear[k] and found.solved.messages[k]], dtype=np.int64)
+        # what is less expensive at first may be more expensive later, or fail
+        again = np.array([k for k in left.tolist() if explicit_cost[k] and found.solved.messages[k]], dtype=np.int64)
         if len(again):
             other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True, recording=recording)
             done = np.array([k for k, message in enumerate(other.messages) if not message], dtype=np.int64)

@@ -133,7 +133,7 @@ def index1_system(model: Model, typical: Array | None) -> System:
         motion,
         drift,
     )
-    # a pattern that is singular for all values cannot be eliminated; what it lacks is told by its builder
+    # a pattern that is singular for all values cannot be eliminated; its builder reports what it lacks
     if typical is None or _structural_rank(system) < size:
         return system
     if size > ELIMINATION_LIMIT:

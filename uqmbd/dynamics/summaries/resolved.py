@@ -40,7 +40,7 @@ ROUGH = 6
 
 FINEST = 1 / 4096
 """Part of the whole time within which an output of time alone is looked at in eight points: no step of an integrator
-tells how fast it changes."""
+shows how fast it changes."""
 
 LONGEST = 1 / 64
 """Part of the whole time that a part lasts at most: what an output does for a moment shows in some of its points."""

@@ -57,7 +57,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
     component.settled += 1
-    vars(component).pop("_told", None)  # what it tells of its motion holds the values that it had
+    vars(component).pop("_told", None)  # its motion quantities hold the values that it had
     return component.values
 
 

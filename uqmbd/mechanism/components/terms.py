@@ -360,7 +360,7 @@ class Separation:
 
     Examples
     --------
-    A wall that overlaps a ball at the start is told, and changes nothing:
+    A warning reports a wall that overlaps a ball at the start; the wall has no effect:
 
     >>> import warnings
     >>> import uqmbd

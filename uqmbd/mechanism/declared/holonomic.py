@@ -1,4 +1,4 @@
-"""Constraints and potentials contain no velocities: where values that a user gave bring some in, it is told at once."""
+"""Constraints and potentials contain no velocities: values of a user that contain some are refused at once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
         return
     try:
         found = _place(component, space)
-    except Exception:  # whatever is wrong with the terms is told, with all there is to say, when they are derived
+    except Exception:  # errors of the terms are reported completely when the terms are derived
         return
     if found:
         told = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())

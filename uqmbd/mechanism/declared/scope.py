@@ -29,7 +29,7 @@ __all__ = [
 Scope = Literal["number", "law", "start", "output"]
 """A number knows random variables; a law time, positions, angles and velocities as well; an output everything.
 
-A start condition knows what a law does; what it may not contain is told by its own words."""
+A start condition knows what a law does; the message about what it must not contain is its own."""
 
 
 class Described(Protocol):

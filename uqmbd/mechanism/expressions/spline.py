@@ -130,7 +130,7 @@ class Spline(OwnFunction):
 def spline(
     times_or_values: Sequence[Any],
     values: Sequence[Any],
-    periodic: bool = False,  # noqa: FBT001, FBT002 - a table that is one period is said so in passing
+    periodic: bool = False,  # noqa: FBT001, FBT002 - a short way to mark a table of one period
     *,
     ends: Ends | None = None,
     beyond: Beyond | None = None,

@@ -201,7 +201,7 @@ def _translated(source: Source, family: str, parameters: Parameters) -> Any:
         try:
             found, theirs = make(chaospy, parameters), source.quantile(PROBE)
             ours = np.asarray(found.inv(PROBE), dtype=float)
-        except Exception:  # parameters that belong to no distribution are told of by who looks at what is wrapped
+        except Exception:  # the wrapper reports parameters that belong to no distribution
             return None
         slack = 1e-9 * np.ptp(theirs) + 1e-14 * np.abs(theirs).max()
         return found if np.abs(ours - theirs).max() <= slack else None

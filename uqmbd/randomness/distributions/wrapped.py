@@ -17,7 +17,7 @@ from uqmbd.typing import Array
 __all__ = ["MovedDistribution", "WholeNumbers", "WrappedDistribution"]
 
 RARE = 1e-15
-"""Probability beyond an end of the support that chaospy is told of where the true one is infinite, as for its own."""
+"""Probability beyond an end of the support that chaospy gets where the true one is infinite, as for its own."""
 
 MOST_VALUES = 100_000
 """Whole numbers that a discrete distribution may take."""

@@ -54,7 +54,7 @@ def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Arra
         assert np.isfinite([one.value, one.told]).all(), f"{bench.title}: its {one.name} is no number: {one.value}."
         error = abs(one.told - one.derived)
         assert error < 1e-6 * (1 + abs(one.derived)), (
-            f"{bench.title}: the rate that it tells of its {one.name} is {one.told:.6g}, and its {one.name} changes at "
+            f"{bench.title}: the stated rate of its {one.name} is {one.told:.6g}, and its {one.name} changes at "
             f"{one.derived:.6g}; leave rate= out, and it is derived."
         )
         change = other.value - one.value

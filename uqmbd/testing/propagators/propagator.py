@@ -39,7 +39,7 @@ def check_propagator(
     - *storage*: the node is the same after a round trip through netCDF.
     - *label*: it names the node and its place in the result of a study; by default the registered name does.
     - *reproducibility*: the same object gives the same bits, and with other workers, too; another seed gives others.
-    - *failures*: realisations that cannot be assembled are counted and their reason is told, or there is an error with
+    - *failures*: realisations that cannot be assembled are counted with their reason, or there is an error with
       a remedy; statistics hold no NaN. Where all fail, there is an error.
     - *resume*: a run that was interrupted goes on with what is finished, to the same bits.
     - *sizes*: where it has some (`uqmbd.extend.Propagator.sizing`), larger ones take more, and one that an accuracy has

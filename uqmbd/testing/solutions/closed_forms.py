@@ -201,7 +201,7 @@ def impacts(heights: Array, end: float) -> Array:
 
 @cache
 def pulse(breaks: bool = False) -> ClosedForm:
-    """Push a body for about a thousandth of a second, or switch a force on: what ``ensemble.pace`` tells of time."""
+    """Push a body for about a thousandth of a second, or switch a force on: as ``ensemble.pace`` measures time."""
     size = uniform_variable("size", 0.5, 1.5)
     mechanism = Mechanism("switch" if breaks else "pulse", Translational())
     body = mechanism.body("body", mass=1)
