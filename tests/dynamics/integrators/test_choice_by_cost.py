@@ -86,7 +86,7 @@ def test_who_integrates_depends_on_nothing_but_the_realisation():
     for k in range(3):
         alone = integrate_by_dop853(Ensemble(model, values[k : k + 1]), np.arange(1), times, 1e-6, comparing=True)
         assert alone.messages[0] == together.messages[k]
-        assert alone.dear[0] == together.dear[k] > 0
+        assert alone.explicit_cost[0] == together.explicit_cost[k] > 0
     found = integrate(Ensemble(model, values), times)
     assert found.counters.by_ida == found.counters.stiff == 3
     slow = (damping - np.sqrt(damping**2 - 4 * values)) / 2
