@@ -21,6 +21,11 @@ class Nothing:
         return "<nothing>"
 
 
+def _raising(*_: Any, **__: Any) -> Any:
+    """Raise an error, whatever it is called with."""
+    raise ZeroDivisionError("of the function that is given")
+
+
 def _foreign() -> Any:
     """Return a coordinate of a body of another mechanism."""
     mechanism = uqmbd.Mechanism("elsewhere", uqmbd.Planar())
@@ -39,6 +44,8 @@ HOSTILE: dict[str, Any] = {
     "empty text": "",
     "text": "text",
     "lines": "a\nb",
+    "digits": "5",
+    "no units": "m^(1/0)",
     "null": "a\0b",
     "surrogate": "a\udcff",
     "bytes": b"a",
@@ -61,6 +68,7 @@ HOSTILE: dict[str, Any] = {
     "object": Nothing(),
     "class": dict,
     "function": len,
+    "raising": _raising,
     "empty array": np.zeros(0),
     "flat array": np.zeros((2, 0)),
     "four axes": np.zeros((2, 2, 2, 2)),

@@ -30,7 +30,7 @@ def test_every_public_name_is_called_by_an_example_or_left_out_with_a_reason():
 
 
 NUMBERS = {"minus one", "zero", "1e307", "half"}
-TEXTS = {"empty text", "text", "lines", "null", "surrogate"}
+TEXTS = {"empty text", "text", "lines", "digits", "no units", "null", "surrogate"}
 ROWS = {"empty list", "list", "range", "empty array"}
 
 KINDS: dict[str, tuple[Any, set[str]]] = {
@@ -47,7 +47,7 @@ KINDS: dict[str, tuple[Any, set[str]]] = {
     "row": (Sequence[float], ROWS | {"huge"}),
     "texts": (Sequence[str], {"empty list", "empty array", "texts"}),
     "class": (xr.DataTree, set()),
-    "function": (Callable[[], Any], {"class", "function"}),
+    "function": (Callable[[], Any], {"class", "function", "raising"}),
     "numbers": (
         ArrayLike,
         NUMBERS | ROWS | {"nan", "inf", "-inf", "deep", "nan in list", "flat array", "four axes", "huge"},
