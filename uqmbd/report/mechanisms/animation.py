@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import Bounds, Count, Seed, typechecked
+from uqmbd.arguments import Bounds, Seed, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.mechanisms.film import Film
 
@@ -53,7 +53,7 @@ STORED = 4_000_000
 @typechecked
 def motion(
     study: Study,
-    samples: Count = 20,
+    samples: Annotated[int, Bounds(0, 10**9)] = 20,
     frames: Annotated[int, Bounds(2, 10**6)] = 60,
     seed: Seed = 1,
     method: str | None = None,
