@@ -1,4 +1,4 @@
-"""How objects show themselves in notebooks: which function draws a type is said by an entry point of any package.
+"""Display of objects in notebooks: an entry point of any package names the function that draws a type.
 
 The group is ``uqmbd.display``.  The name is that of the type after that of its package, such as ``uqmbd.Mechanism``.
 The value is a function from the object to a text of HTML; it is imported when the first object is shown.

@@ -22,7 +22,7 @@ ERRORS_AND_EXITS = Exception, SystemExit
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 
 _LONGEST = 1000
-"""Characters of a text that are told."""
+"""Characters of a text that are reported."""
 
 
 class Isolated:

@@ -1,4 +1,4 @@
-"""What uqmbd tells of its work by the standard library's `logging`: silent unless a program listens.
+"""Log messages of uqmbd by the standard library's `logging`: silent unless a program listens.
 
 Loggers are ``uqmbd.methods`` (what begins and ends, and fails), ``uqmbd.realisations`` (chunks, and what failed in
 them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` (compiled, or taken from the cache),
@@ -6,10 +6,10 @@ them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` 
 without a digest).
 INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations, kernel and part.
 
-What they say in worker processes reaches this one with the results (uqmbd/propagation/execution/transport/said.py).
+Their messages in worker processes reach this one with the results (uqmbd/propagation/execution/transport/said.py).
 
 The logger ``uqmbd`` has a level of its own: chaospy, when it is imported, gives the root logger the level DEBUG and a
-handler that writes to nowhere, so that all would be said, to nobody.
+handler that writes to nowhere, so that all messages would be made, for nobody.
 """
 
 from __future__ import annotations

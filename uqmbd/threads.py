@@ -105,7 +105,7 @@ def _set(library: Any, threads: int) -> None:
 
 
 class _Object(ctypes.Structure):
-    """What the loader of Linux tells of a library: ``dl_phdr_info``."""
+    """A library as the loader of Linux describes it: ``dl_phdr_info``."""
 
     _fields_ = (
         ("address", ctypes.c_void_p),

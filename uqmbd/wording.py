@@ -35,7 +35,7 @@ LIBRARIES = ("uqmbd", "sympy", "numpy", "scipy", "chaospy")
 """Whose lines say nothing of a mistake to those who call them."""
 
 SMALLEST_SHARE = 1e-6
-"""Errors below this part are said to be below it: what they are exactly, rounding decides."""
+"""Errors below this part are stated as below it: rounding decides their exact values."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

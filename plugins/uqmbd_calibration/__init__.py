@@ -1,4 +1,4 @@
-"""From records of a mechanism back to its inputs: what a record says of them, and how sure that is.
+"""Calibration: the posterior distribution of the inputs of a mechanism, from measured records.
 
 The names of this package are loaded when they are first used: its command is listed by `uqmbd --help`, which does not
 wait for them.

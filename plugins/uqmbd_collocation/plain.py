@@ -56,7 +56,7 @@ def expand(
         "nodes": len(np.unique(fit.where)) + fit.failed,
         "verification": len(verification),
     }
-    # those that are known stand in front, and were told by whoever knows them
+    # known nodes come first; their progress has been reported already
     nodes, before = nodes_dataset(runs, runs.at(points.germs), fit), 0 if given is None else len(points)
     found = Expanded(
         chaos,

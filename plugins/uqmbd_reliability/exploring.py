@@ -1,7 +1,7 @@
 """Where violations are: points all around, and splitting into levels by chains that keep the distribution.
 
 OpenTURNS's SubsetSampling takes stacked points, but cannot begin from points that were computed, stay within a budget,
-pass over a realisation that fails, or say how sure it is: at 1.1e-8 with 40 inputs it takes 4,300 realisations for a
+pass over a realisation that fails, or state its error: at 1.1e-8 with 40 inputs it takes 4,300 realisations for a
 standard deviation of 77 %, and states 64 %; with 300 realisations a level it raises "The variance estimate must be
 >= 0".
 """

@@ -411,7 +411,7 @@ def test_what_a_joint_does_not_have_is_told():
     with pytest.raises(AttributeError, match=r"Prismatic 'slide' has no .angle: it has .displacement \(m\) and .speed"):
         slide.angle  # noqa: B018 - asking is what raises
     weld = free(plane, lambda g, b: Fixed("weld", g, b, O2, O2))
-    with pytest.raises(AttributeError, match=r"Fixed 'weld' has no .speed: it tells no motion"):
+    with pytest.raises(AttributeError, match=r"Fixed 'weld' has no .speed: it states no motion quantities"):
         weld.speed  # noqa: B018 - asking is what raises
     ball = free(space, lambda g, b: Spherical("ball", g, b, O3, O3))
     with pytest.raises(AttributeError, match=r"has no .angle"):
@@ -424,7 +424,7 @@ def test_what_a_joint_does_not_have_is_told():
     massless = uqmbd.Mechanism("points", uqmbd.Translational())
     point = massless.body("point", 1)
     pin = massless.add(Revolute("pin", massless.ground, point, O2, O2))
-    with pytest.raises(AttributeError, match="Revolute 'pin' has no .angle: it tells no motion"):
+    with pytest.raises(AttributeError, match="Revolute 'pin' has no .angle: it states no motion quantities"):
         pin.angle  # noqa: B018 - asking is what raises
 
 

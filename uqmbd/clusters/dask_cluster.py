@@ -177,7 +177,7 @@ def _scale(asked: str, cluster: Any, count: int | None) -> None:
 
 
 def _submit(asked: str, cluster: Any, count: int) -> None:
-    """Submit the first jobs; a queue that refuses them would else be told in a log, and waited for without end."""
+    """Submit the first jobs; otherwise only a log would report a queue that refuses them, and the run would wait."""
     from distributed.core import Status
 
     log = logging.getLogger("tornado.application")

@@ -43,7 +43,18 @@ CONTAINERS = (dict, list, tuple, set, frozenset, str, bytes, bytearray, int, flo
 """Types whose subclasses hold more than their attributes show."""
 
 OF_OBJECTS = frozenset(
-    {"name", "world_pose", "attached", "given", "values", "read", "prepared_from", "settled", "stating", "_told"}
+    {
+        "name",
+        "world_pose",
+        "attached",
+        "given",
+        "values",
+        "read",
+        "prepared_from",
+        "settled",
+        "stating",
+        "_quantities",
+    }
 )
 """What every component has: its equations follow from its name, what it is attached to, its values, and all else."""
 

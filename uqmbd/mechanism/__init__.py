@@ -37,8 +37,8 @@ from uqmbd.mechanism.components import (
     half_angle,
     law_at,
     law_values,
+    motion_quantities,
     range_text,
-    told_by,
 )
 from uqmbd.mechanism.controller import Controller, HeldStates, HeldSymbol
 from uqmbd.mechanism.declared import Output, Requirement, StartCondition, mode_shape, time_derivative
@@ -227,6 +227,6 @@ __all__ = [
     "time_of_maximum",
     "time_of_minimum",
     "told",
-    "told_by",
+    "motion_quantities",
     "unit_findings",
 ]

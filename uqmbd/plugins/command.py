@@ -15,7 +15,7 @@ class Command(Protocol):
     it imports when it runs.
 
     The parameters of `run` are arguments and options, annotated as typer wants them.  It returns nothing and prints
-    what is to be said.  A `uqmbd.StudyError` is shown as a message and ends the program with the status 2, any other
+    its result.  A `uqmbd.StudyError` is shown as a message and ends the program with the status 2, any other
     `uqmbd.UqmbdError` with 1, and ``raise SystemExit(status)`` with another one.  ``--debug`` is an option of all
     commands, and shows the traceback.
 

@@ -1,4 +1,4 @@
-"""Loading of plugins: each is looked at alone, and what cannot be used is told with the plugin's name."""
+"""Loading of plugins: each is examined alone, and a message with its name reports what cannot be used."""
 
 from __future__ import annotations
 

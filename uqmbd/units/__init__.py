@@ -5,8 +5,8 @@ from __future__ import annotations
 from uqmbd.units.names import SPELLINGS, TABLE
 from uqmbd.units.quantities import is_quantity, without_quantities
 from uqmbd.units.text import advice_on, read_units, spelling
-from uqmbd.units.told import warn
 from uqmbd.units.unit import PURE, Dimension, Unit, in_words
+from uqmbd.units.warn_units import warn
 
 __all__ = [
     "PURE",

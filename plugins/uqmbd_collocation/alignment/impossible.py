@@ -10,7 +10,7 @@ __all__ = ["Impossible", "without_clock"]
 
 
 class Impossible(uqmbd.StudyError):
-    """A family that is impossible; where it is one of several the reason alone is told."""
+    """A family that is impossible; where it is one of several, the message has the reason alone."""
 
     def __init__(self, label: str, reason: str, advice: str) -> None:
         super().__init__(f"{label}: {reason}. {advice}")

@@ -30,8 +30,8 @@ SEEN = 1.5
 """Periods of each frequency that realisations show, at least."""
 
 PERIODS = 30.0
-"""Periods of the slowest frequency in which all harmonics can be told apart: where there are fewer, and something is
-left, realisations are followed longer."""
+"""Periods of the slowest frequency in which all harmonics can be separated: with fewer of them, and a residual,
+realisations are integrated for longer."""
 
 FEW = 10.0
 """Periods of the fastest main line after which what is not quasi-periodic is refused."""

@@ -184,7 +184,7 @@ def _modes(study: Study) -> tuple[xr.Dataset, str]:
 
     time = float(study.times[0])
     with warnings.catch_warnings():
-        # what is redundant has been said already
+        # redundant constraints have been listed already
         warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
         try:
             return uqmbd.eigenfrequencies(study.mechanism, time=time), "in static equilibrium"

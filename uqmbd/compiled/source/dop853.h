@@ -39,7 +39,7 @@ enum {
     STIFF,
     MANY,    /* more attempts than are allowed */
     SMALL,   /* the step size has become too small */
-    STEPPED, /* a step was taken, and each is to be told */
+    STEPPED, /* a step was taken, and the caller asked for each */
     EVENT,   /* a guard has fallen through zero */
     NOTED    /* there might not be room for the marks of another step */
 };

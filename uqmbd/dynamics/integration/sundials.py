@@ -1,6 +1,6 @@
-"""IDA of SUNDIALS through scikit-sundae, with its rough edges off: nothing is printed, and nothing ends the process.
+"""IDA of SUNDIALS through scikit-sundae, without output to the terminal and without ends of the process.
 
-scikit-sundae prints what SUNDIALS has to say of an integration that fails; here it is part of what comes back.  The
+scikit-sundae prints the messages of SUNDIALS on an integration that fails; here they are part of the result.  The
 solver for sparse matrices (SuperLU_MT) frees what only its first factorisation allocates: a solver that stopped before
 that is never freed.  An exception of a callback is handed on as Python's C interface wants it, as an instance.
 """

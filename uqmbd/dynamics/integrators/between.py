@@ -181,7 +181,7 @@ def _jumps(surprise: Array) -> Index:
 
 
 def _surprise(states: Array) -> Array:
-    """By how much states (M, S, width) at even times differ from what those on one side foretell: (M, S - 1, width).
+    """Differences of states (M, S, width) at even times from the prediction by those on one side: (M, S - 1, width).
 
     By cubic polynomials, of lower degree near the ends; the better of the two sides.
     """

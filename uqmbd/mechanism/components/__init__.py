@@ -21,7 +21,13 @@ from uqmbd.mechanism.components.component import (
     flatten,
 )
 from uqmbd.mechanism.components.effects import effective_parameters, known_effects, no_effect, require_effects
-from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in, told_by
+from uqmbd.mechanism.components.joint_motion import (
+    AngleSymbol,
+    JointAngle,
+    JointDisplacement,
+    angles_in,
+    motion_quantities,
+)
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
 from uqmbd.mechanism.components.reaction import Loaded
@@ -64,6 +70,6 @@ __all__ = [
     "require_effects",
     "settle",
     "stated_in_bodies",
-    "told_by",
+    "motion_quantities",
     "unseen_in",
 ]

@@ -18,7 +18,7 @@ from uqmbd.mechanism.components.joint_motion import (
     JointDisplacement,
     angle_between,
     angle_from_drawn,
-    told_motion,
+    motion_quantity,
 )
 from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.components.mistakes import remedy
@@ -357,7 +357,7 @@ class Component:
             return object.__getattribute__(self, name)
         if name.startswith("_") or "values" not in self.__dict__:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
-        return told_motion(self, name)
+        return motion_quantity(self, name)
 
     def joint_angle(
         self, body_i: str = "body_i", body_j: str = "body_j", *, drawn: bool = False, speed: str = "speed"

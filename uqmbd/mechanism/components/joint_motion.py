@@ -38,8 +38,8 @@ __all__ = [
     "angles_in",
     "in_words",
     "motion_values",
-    "told_by",
-    "told_motion",
+    "motion_quantities",
+    "motion_quantity",
 ]
 
 VOCABULARY = ("angle", "speed", "displacement", "sliding_speed")
@@ -285,8 +285,8 @@ def angles_in(values: Iterable[Any]) -> list[AngleSymbol]:
     return sorted((s for s in symbols if isinstance(s, AngleSymbol)), key=str)
 
 
-class Telling(Protocol):
-    """What tells its motion: a component."""
+class HasMotion(Protocol):
+    """A component, as far as its motion quantities are concerned."""
 
     name: str
     settled: int
@@ -297,12 +297,12 @@ class Telling(Protocol):
     def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]: ...
 
 
-def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
+def motion_quantities(component: HasMotion) -> dict[str, tuple[sympy.Expr, str]]:
     """Return the motion quantities of a component in a mechanism: expressions and their units by name.
 
     Raises `uqmbd.StudyError` if its `motion` fails or returns an invalid value.
     """
-    found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_told")
+    found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_quantities")
     if found is None:
         where = f"{type(component).__name__} {component.name!r}"
         try:
@@ -314,18 +314,18 @@ def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
                 f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
                 "uqmbd.extend.JointAngle and uqmbd.extend.JointDisplacement by name."
             ) from error
-        found = vars(component)["_told"] = motion_values(component, where, motion, component.attached.values())
+        found = vars(component)["_quantities"] = motion_values(component, where, motion, component.attached.values())
     return found
 
 
-def told_motion(component: Telling, name: str) -> sympy.Expr:
+def motion_quantity(component: HasMotion, name: str) -> sympy.Expr:
     """Return the expression of a motion quantity of a component by name.
 
     Raises AttributeError, with the known names, if there is no such quantity, and `uqmbd.StudyError` if the component
     has not been added to a mechanism, or its `motion` is invalid.
     """
     kind = type(component).__name__
-    found = told_by(component) if component.settled else {}
+    found = motion_quantities(component) if component.settled else {}
     if name in found:
         return found[name][0]
     if name not in VOCABULARY:
@@ -340,7 +340,7 @@ def told_motion(component: Telling, name: str) -> sympy.Expr:
 
 
 def motion_values(
-    owner: Telling,
+    owner: HasMotion,
     where: str,
     motion: Mapping[str, JointAngle | JointDisplacement | None],
     frames: Iterable[NamedFrame],
@@ -399,8 +399,8 @@ def motion_values(
 
 
 def in_words(found: Mapping[str, tuple[sympy.Expr, str]]) -> str:
-    """Say what a component tells about its motion, as the end of a sentence."""
+    """List the motion quantities of a component, as the end of a sentence."""
     if not found:
-        return "it tells no motion"
+        return "it states no motion quantities"
     words = [f".{name} ({units})" for name, (_, units) in found.items()]
     return f"it has {' and '.join(filter(None, (', '.join(words[:-1]), words[-1])))}"

@@ -57,7 +57,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
     component.settled += 1
-    vars(component).pop("_told", None)  # its motion quantities hold the values that it had
+    vars(component).pop("_quantities", None)  # its motion quantities hold the values that it had
     return component.values
 
 
@@ -129,7 +129,7 @@ def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], h
             continue
         try:
             value = nominal(entry)
-        except StudyError:  # no finite number at the means: told with all others when the mechanism is assembled
+        except StudyError:  # no finite number at the means: reported with all others when the mechanism is assembled
             continue
         if not parameter.allows(value):
             at_means = "" if entry.is_number else f" at the means of the random variables ({shown(entry)})"

@@ -20,7 +20,7 @@ from uqmbd.testing.components.energy import check_energy
 from uqmbd.testing.components.events import check_events
 from uqmbd.testing.components.methods import check_studies
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
-from uqmbd.testing.components.told_motion import check_told_motion
+from uqmbd.testing.components.motion_rates import check_motion_rates
 from uqmbd.testing.components.units import check_units
 from uqmbd.typing import Array
 from uqmbd.units import spelling
@@ -113,7 +113,7 @@ def check_component(
             if internal and case.free and len(component.bodies) > 1:
                 _check_mechanics(bench, rng)
             if number == 0 and type(case.component).motion is not Component.motion:
-                _check_told(bench, np.random.default_rng(seed))
+                _check_motion(bench, np.random.default_rng(seed))
         check_studies(component, space, given or {}, rng, propagators, conservative=conservative)
 
 
@@ -286,10 +286,10 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         )
 
 
-def _check_told(bench: Bench, rng: np.random.Generator) -> None:
+def _check_motion(bench: Bench, rng: np.random.Generator) -> None:
     parameters = bench.parameters(bench.inputs)[0]
     q, s, v, time = _feasible(bench, parameters, rng)
-    check_told_motion(bench, 0, q, v, _loads(bench.instance, q, s, v, time, parameters).gradient, rng)
+    check_motion_rates(bench, 0, q, v, _loads(bench.instance, q, s, v, time, parameters).gradient, rng)
 
 
 def _feasible(bench: Bench, parameters: Array, rng: np.random.Generator) -> tuple[Array, Array, Array, float]:

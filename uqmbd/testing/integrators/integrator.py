@@ -114,7 +114,7 @@ class _Subject:
             raise AssertionError(f"{self.title}: {prop}: {case}: it raised {type(error).__name__}: {error}") from error
 
     def integrated(self, ensemble: Ensemble, times: Array, prop: str, case: str, rtol: float = RTOL) -> Trajectories:
-        """Integrate an ensemble, and look at the form of what comes back."""
+        """Integrate an ensemble, and check the form of the result."""
         with self.unbroken(prop, case):
             found: Any = self.integrator().integrate(ensemble, times, rtol)
         what = f"{self.title}: {prop}: {case}"

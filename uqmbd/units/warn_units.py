@@ -1,4 +1,4 @@
-"""How units that do not fit are told."""
+"""Warnings about units that do not fit."""
 
 from __future__ import annotations
 

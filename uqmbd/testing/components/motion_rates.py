@@ -1,4 +1,4 @@
-"""The motion that a component tells: rates are those of its expressions, and all is the same wherever the whole is."""
+"""Motion quantities of a component: their rates are consistent, and independent of the pose of the whole mechanism."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import AngleSymbol, as_symbolic, told_by
+from uqmbd.mechanism import AngleSymbol, as_symbolic, motion_quantities
 from uqmbd.testing.components.bench import Bench
 from uqmbd.testing.components.motion import displaced, random_turn
 from uqmbd.typing import Array
 
-__all__ = ["check_told_motion"]
+__all__ = ["check_motion_rates"]
 
 STEP = 1e-5
 """Of central differences, s."""
 
 
-class Told(NamedTuple):
-    """What is told of one motion: up to whole turns its value, its rate as told, and that of its value."""
+class MotionRate(NamedTuple):
+    """One motion quantity: its value up to whole turns, its stated rate, and the rate of its value."""
 
     name: str
     value: float
-    told: float
+    stated: float
     derived: float
     period: float
 
 
-def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Array, rng: np.random.Generator) -> None:
+def check_motion_rates(bench: Bench, row: int, q: Array, v: Array, gradient: Array, rng: np.random.Generator) -> None:
     """Check that stated rates are those of angles and displacements, independent of the pose of the whole mechanism.
 
     q and v are a state of realisation `row` at which the constraints hold; `gradient` is theirs, (m, n). Raise
     AssertionError otherwise.
     """
-    if not told_by(bench.case.component):
+    if not motion_quantities(bench.case.component):
         return
     space = bench.case.mechanism.space
     rows = gradient
@@ -51,10 +51,10 @@ def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Arra
     there = list(_values(bench, row, displaced(space, turn, q, shift), displaced(space, turn, v)))
     between = bench.case.free and len(bench.case.component.bodies) > 1
     for one, other in zip(here, there, strict=True):
-        assert np.isfinite([one.value, one.told]).all(), f"{bench.title}: its {one.name} is no number: {one.value}."
-        error = abs(one.told - one.derived)
+        assert np.isfinite([one.value, one.stated]).all(), f"{bench.title}: its {one.name} is no number: {one.value}."
+        error = abs(one.stated - one.derived)
         assert error < 1e-6 * (1 + abs(one.derived)), (
-            f"{bench.title}: the stated rate of its {one.name} is {one.told:.6g}, and its {one.name} changes at "
+            f"{bench.title}: the stated rate of its {one.name} is {one.stated:.6g}, and its {one.name} changes at "
             f"{one.derived:.6g}; leave rate= out, and it is derived."
         )
         change = other.value - one.value
@@ -64,8 +64,8 @@ def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Arra
         )
 
 
-def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[Told]:
-    """Yield what is told, in numbers; rates of values by central differences."""
+def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[MotionRate]:
+    """Yield the motion quantities as numbers; rates of values by central differences."""
     size = bench.case.mechanism.space.size
     symbols = [x for body in bench.instance.bodies for x in (*body.q, *body.v)]
     inputs = dict(zip(bench.case.mechanism.inputs.variables, map(sympy.Float, bench.inputs[row]), strict=True))
@@ -83,7 +83,7 @@ def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[Told]:
     def rate(f: Callable[[Array], float]) -> float:
         return (f(q + STEP * v) - f(q - STEP * v)) / (2 * STEP)
 
-    found = told_by(bench.case.component)
+    found = motion_quantities(bench.case.component)
     for name, motion in bench.case.component.motion().items():
         if motion is None:
             continue
@@ -94,7 +94,7 @@ def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[Told]:
             cosine, sine = (function(x, angle.constants) for x in (angle.cosine, angle.sine))
             c, s = cosine(q), sine(q)
             derived = angle.parts * (c * rate(sine) - s * rate(cosine)) / (c**2 + s**2)
-            yield Told(name, angle.parts * float(np.arctan2(s, c)), speed, derived, 2 * np.pi)
+            yield MotionRate(name, angle.parts * float(np.arctan2(s, c)), speed, derived, 2 * np.pi)
         else:
             displacement = function(value)
-            yield Told(name, displacement(q), function(found[motion.speed][0])(q), rate(displacement), 0.0)
+            yield MotionRate(name, displacement(q), function(found[motion.speed][0])(q), rate(displacement), 0.0)
