@@ -42,9 +42,9 @@ static void remember(const Problem *p, Group *g, Mask taken) {
     for (int64_t i = 0; i < width; i++) newest[i] = choose(taken, g->z[i], newest[i]);
 }
 
-/* Go on from the states that were reached, put on the constraints; their rates change by the same little.  Rates of what
-   turns do not: they change by the square of its speed times that, which a step of some radians makes larger from one
-   step to the next.  These are evaluated anew. */
+/* Continue from the states at the end of the step, projected onto the constraints.  The projection changes most rates by
+   as little as the states, so that they are kept.  Rates of rotating bodies are evaluated again: they change by the
+   square of the speed times that, and steps of some radians would amplify the change from step to step. */
 static void accept(const Problem *p, Group *g, Mask taken, V now) {
     int64_t width = p->width, n = p->coordinates;
     const V *reached = g->rates + STAGES * width;
