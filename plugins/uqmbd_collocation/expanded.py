@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.extend import stored_as
 from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 
@@ -31,16 +30,9 @@ class Expanded:
     children: Mapping[str, xr.Dataset] = field(default_factory=dict)  # further datasets of the node
     leave_one_out: Array | None = None  # (O, T), of a regression
 
-    @property
-    def stored(self) -> dict[str, xr.Dataset]:
-        """The surrogate as datasets, by their paths under the node."""
-        if isinstance(self.chaos, ComposedChaos):
-            return self.chaos.to_datasets()
-        return {stored_as(self.chaos): self.chaos.to_dataset()}
-
     def node(self, propagator: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, wall_time: float) -> xr.DataTree:
         """Make the node of the method, which took so many seconds; where samples of it end early, it ends with them."""
-        if isinstance(self.chaos, AlignedChaos) and (reached := self.chaos.reached()) is not self.chaos:
+        if (reached := self.chaos.reached()) is not self.chaos:
             last = float(np.asarray(reached.labels.times)[-1])
             return replace(self, chaos=reached, attrs={**self.attrs, "ends_at": last}).node(
                 propagator, problem, wall_time
@@ -59,6 +51,6 @@ class Expanded:
             realisations=self.realisations,
             wall_time=wall_time,
             counters=dict(self.counters),
-            children={**self.stored, "nodes": self.nodes, **self.children},
+            children={**self.chaos.to_datasets(), "nodes": self.nodes, **self.children},
             attrs=self.attrs,
         )

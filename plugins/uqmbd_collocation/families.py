@@ -225,7 +225,7 @@ def _composed(work: _Work, chaoses: Mapping[Way, Part], taken: Sequence[Way], er
     outputs = [o.name for o in work.problem.labels.outputs]
     used = [name for name in SIMPLEST if name in taken]
     rows = {name: [k for k, family in enumerate(taken) if family == name] for name in used}
-    parts: dict[str, Part] = {name: _of_outputs(chaoses[name], rows[name]) for name in used}
+    parts: dict[str, Part] = {name: chaoses[name].selected(rows[name]) for name in used}
     if isinstance(at_equal_times := parts.get("plain"), PolynomialChaos):
         warn_of_discontinuities(at_equal_times, work.plans, work.problem.label)
     own = [work.found[name] for name in used]
@@ -314,13 +314,6 @@ def _largest(std: Array, size: Array, rtol: float) -> Array:
     """Return the largest standard deviations over time (O,), from (O, T); sizes where they are rounding of these."""
     found, other = np.fmax.reduce(std, axis=-1), np.fmax.reduce(size, axis=-1)
     return np.asarray(np.where(found > rtol * other, found, np.where(other > 0, other, 1.0)))
-
-
-def _of_outputs(chaos: Part, rows: list[int]) -> Part:
-    """Return the chaos of some of the outputs."""
-    if len(rows) == len(chaos.labels.outputs):
-        return chaos
-    return type(chaos).from_dataset(chaos.to_dataset().isel(output=rows))
 
 
 def _reasons(left_out: Mapping[Way, str]) -> str:

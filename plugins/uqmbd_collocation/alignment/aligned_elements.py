@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -25,11 +24,11 @@ from uqmbd_collocation.alignment.landmarks import PER_TURN
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
+from uqmbd_collocation.element_fits import ElementFits, FittedElement
 from uqmbd_collocation.expanded import Expanded
-from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import Plans
-from uqmbd_collocation.record import nodes_of_elements, warn_of_failures
-from uqmbd_collocation.refinement import Limits, Refinement, history
+from uqmbd_collocation.record import warn_of_failures
+from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["Alignment", "align"]
@@ -48,55 +47,32 @@ LATE = 1e-12
 """Part of the times by which the last landmark may miss the last of them."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Fitted:
-    """An element."""
-
-    chaos: AlignedChaos
-    fit: Fit
-    runs: Runs
-    verified: Runs
-    sequence: Sequence
-    lost: float
-    """Share of its nodes, and verification realisations, that belong to another sequence."""
-    refinement: Refinement | None
-
-
 @dataclass
-class _Elements:
-    """All elements that were computed, replaced ones too, in that order."""
+class _Elements(ElementFits):
+    """Elements between landmarks."""
 
-    problem: uqmbd.extend.Problem
-    plans: Plans
-    paths: Paths
-    tolerance: Limits
-    given: uqmbd.extend.Verification | None = None
-    """Verification realisations that are known; else each element has its own."""
-    done: list[_Fitted] = field(default_factory=list)
+    source: Paths
 
-    def compute(self, boxes: Iterable[uqmbd.extend.GermBox]) -> list[AlignedChaos]:
-        """Fit and verify the elements of some boxes."""
-        plans, boxes = self.plans, list(boxes)
-        points = plans.points_of_elements(boxes, len(self.done))
-        if self.given is not None:
-            # a refinement cannot do without any
-            known = [self.given.points[box.contains(self.given.points.germs)] for box in boxes]
-            points = [a if len(a) or plans.adaptive == "no" else b for a, b in zip(known, points, strict=True)]
-        found = [self._fitted(box, own) for box, own in zip(boxes, points, strict=True)]
-        self.done += found
-        return [one.chaos for one in found]
+    def points(self, boxes: list[uqmbd.extend.GermBox]) -> list[uqmbd.extend.VerificationPoints]:
+        """Return the verification points of the next elements: those that are known, where there are some."""
+        drawn = super().points(boxes)
+        if self.given is None:
+            return drawn
+        # a refinement cannot do without any
+        known = [self.given.points[box.contains(self.given.points.germs)] for box in boxes]
+        return [a if len(a) or self.plans.adaptive == "no" else b for a, b in zip(known, drawn, strict=True)]
 
-    def _fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> _Fitted:
+    def fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
         """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
         while True:
-            before = self.paths.least, self.paths.longer
+            before = self.source.least, self.source.longer
             found = self._fitted_once(box, points)
-            if (self.paths.least, self.paths.longer) == before:
+            if (self.source.least, self.source.longer) == before:
                 return found
 
-    def _fitted_once(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> _Fitted:
+    def _fitted_once(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
         """Fit an element to those of its nodes that have the most frequent sequence; verify it at points."""
-        paths, problem, plans, local = self.paths, self.problem, self.plans, box.local
+        paths, problem, plans, local = self.source, self.problem, self.plans, box.local
         nodes = plans.first_nodes(local)
         sequences = paths.sequences(local.to_inputs(nodes))
         sequence = Counter(sequences).most_common(1)[0][0]
@@ -149,7 +125,7 @@ class _Elements:
                 )
                 break
             cutting = further
-        return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
+        return FittedElement(chaos, fit, runs, verified, refinement, sequence, lost)
 
     def _known(
         self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints
@@ -188,8 +164,6 @@ def align(
             lost=lambda number: work.done[number].lost,
         )
         chaos, kept, children = refined.chaos, [work.done[k] for k in refined.kept], {"elements": refined.steps}
-    if len(kept) == 1 and kept[0].refinement is not None:
-        children["refinement"] = history(kept[0].refinement.steps)
     mixed = sum(one.lost * e.box.probability for one, e in zip(kept, chaos.elements, strict=True))
     if mixed > 0:
         warnings.warn(
@@ -201,31 +175,17 @@ def align(
     standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)
     if standing > 0 and isinstance(paths, PhasePaths):
         warnings.warn(paths.of_standing(standing, [one.sequence for one in kept]), stacklevel=3)
-    problem.progress.finish(problem.label)
-    failures = sum(int((one.verified.status != Status.OK).sum()) for one in work.done if len(one.verified))
-    verified = Counter[str]()
-    for one in work.done:
-        verified.update(one.verified.counters)
-    return Expanded(
+    return work.expanded(
         chaos,
-        paths.spent + sum(len(one.verified) for one in work.done),
-        verified + paths.counters,
-        nodes_of_elements(problem.labels, space.names, [(one.runs, one.verified) for one in work.done]),
-        children=children,
-        attrs={
-            "failures": failures + paths.failures,
-            "fit": f"{paths.landmarks} and segments by {kept[0].fit.how}",
-            "terms": len(chaos.multi_index),
-            "highest_degree": int(chaos.multi_index.max()),
-            "elements": len(kept),
+        kept,
+        f"{paths.landmarks} and segments",
+        work.verified_counters + paths.counters,
+        children,
+        {
             "segments": max(len(e.events) for e in chaos.elements),
-            "verification": sum(
-                len(one.chaos.verification_germs) for one in kept if one.chaos.verification_germs is not None
-            ),
             "mixed": float(mixed),
             **({"standing": float(standing)} if isinstance(paths, PhasePaths) else {}),
             **paths.attributes([one.sequence for one in kept]),
-            **({} if kept[0].refinement is None else {"tolerance_met": str(all(map(_met, kept)))}),
         },
     )
 
@@ -243,10 +203,6 @@ def _share(runs: Runs, points: uqmbd.extend.VerificationPoints, which: Mask) -> 
     good = np.flatnonzero(runs.good(where))
     place = np.cumsum(runs.status == Status.OK) - 1
     return points[good].share(which[place[where[good]]])
-
-
-def _met(one: _Fitted) -> bool:
-    return one.refinement is None or one.refinement.met
 
 
 def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int) -> list[uqmbd.extend.GermBox]:

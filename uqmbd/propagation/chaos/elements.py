@@ -331,12 +331,10 @@ def refine_elements(
 def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
     """Join the chaoses of all elements; polynomial ones up to the last time that all have."""
     boxes = [p.box for p in parts]
-    aligned = [p.chaos for p in parts if isinstance(p.chaos, AlignedChaos)]
-    if aligned:
-        return AlignedChaos.joined(aligned, boxes)
-    waves = [p.chaos for p in parts if isinstance(p.chaos, QuasiPeriodicChaos)]
-    if waves:
-        return QuasiPeriodicChaos.joined(waves, boxes)
+    first: Any = parts[0].chaos
+    if not isinstance(first, PolynomialChaos):
+        found: AlignedChaos | QuasiPeriodicChaos = first.joined([p.chaos for p in parts], boxes)
+        return found
     count = min(_times(p.chaos) for p in parts)
     if count < 2 <= max(_times(p.chaos) for p in parts):
         raise IntegrationError(
@@ -423,14 +421,11 @@ def _until(chaos: PolynomialChaos, count: int) -> PolynomialChaos:
     if chaos.labels.times is None or len(chaos.labels.times) == count:
         return chaos
     known = chaos.verification_response
-    return PolynomialChaos(
-        chaos.coefficients[:, :, :count],
-        chaos.multi_index,
-        chaos.space,
-        replace(chaos.labels, times=chaos.labels.times[:count]),
-        verification_germs=chaos.verification_germs,
+    return replace(
+        chaos,
+        coefficients=chaos.coefficients[:, :, :count],
+        labels=replace(chaos.labels, times=chaos.labels.times[:count]),
         verification_response=None if known is None else known[:, :, :count],
-        verification_weights=chaos.verification_weights,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
-from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.composed import ComposedChaos, Part, chaos_from_dataset, stored_as
 from uqmbd.results.chaos.decay import error_words, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
@@ -11,9 +10,9 @@ from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares,
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
-from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
-from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
+from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos, QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
+from uqmbd.results.chaos.segments import AlignedElement, Landmarks
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread, weighted_std
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,

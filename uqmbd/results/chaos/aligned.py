@@ -1,45 +1,33 @@
-"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately.
-
-Length: it is one class, whose public methods have examples.
-"""
+"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
-from uqmbd.errors import StudyError
-from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
-from uqmbd.results.chaos.boxes import check_filled, checked_weights, rows_of_boxes, terms_of_all, verification_of_all
-from uqmbd.results.chaos.decay import top_order
-from uqmbd.results.chaos.interface import Samples
-from uqmbd.results.chaos.sampled import MOMENTS, TOPS, SampledSurrogate
-from uqmbd.results.chaos.sampling import basis_derivatives, basis_values, spread_germs
-from uqmbd.results.chaos.storage import aligned_arguments, aligned_dataset
+from uqmbd.results.chaos.interface import Surrogate
+from uqmbd.results.chaos.sampling import spread_germs
+from uqmbd.results.chaos.segments import AlignedElement, Segmented
+from uqmbd.results.chaos.surrogate_moments import MOMENTS, TOPS, frozen_germs
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness import GermBox, GermSpace
+    from uqmbd.randomness import GermSpace
 
 __all__ = ["AlignedChaos"]
 
-
-AT_ONCE = 64
-"""Samples that are differentiated at once."""
 
 ROUNDING = 1e-12
 """Part of the times by which the last landmark of a sample may miss the last of them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AlignedChaos(SampledSurrogate):
+class AlignedChaos(Surrogate):
     """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
 
     The times of landmarks and the outputs between them, each in its own normalised time, are smooth in the inputs where
@@ -101,16 +89,7 @@ class AlignedChaos(SampledSurrogate):
     verification_weights: Array | None = None
     space: GermSpace = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Check that the elements fill the space."""
-        object.__setattr__(self, "elements", tuple(self.elements))
-        check_filled([e.box for e in self.elements])
-        object.__setattr__(self, "space", self.elements[0].box.space)
-        boxes = [e.box for e in self.elements]
-        weights = checked_weights(self.verification_weights, self.verification_germs, boxes)
-        object.__setattr__(self, "verification_weights", weights)
-        if self.labels.times is None:
-            raise StudyError("Outputs without times have no events to follow; use PolynomialChaos.")
+    _kind = Segmented
 
     def __repr__(self) -> str:
         names = "; ".join(", ".join(x for x in e.events if x) or f"equal {e.landmarks}" for e in self.elements)
@@ -168,8 +147,8 @@ class AlignedChaos(SampledSurrogate):
         """
         most = max(e.edges.shape[1] for e in self.elements)
         found = np.full((len(germs), most), np.nan)
-        for sampled in self._sampled(germs):
-            found[sampled.rows, : sampled.edges.shape[1]] = sampled.edges
+        for rows, edges in self._edges(germs):
+            found[rows, : edges.shape[1]] = edges
         return found
 
     def aligned(self, inputs: ArrayLike, where: ArrayLike) -> Array:
@@ -212,176 +191,12 @@ class AlignedChaos(SampledSurrogate):
         most = max(e.segments.shape[1] for e in self.elements)
         at = np.asarray(where, dtype=float)
         found = np.full((len(germs), most, len(self.labels.outputs), len(at)), np.nan)
-        for s in self._sampled(germs):
+        for _, s in self._sampled(germs):
             powers = s.element.segments.shape[-1]
             polynomials = np.polynomial.chebyshev.chebvander(2 * at - 1, powers - 1)
             values = np.einsum("kp,pson,tn->ksot", s.basis, s.element.segments, polynomials, optimize=True)
             found[s.rows, : values.shape[1]] = values
         return found
-
-    @classmethod
-    def joined(cls, chaoses: Sequence[AlignedChaos], boxes: Sequence[GermBox]) -> AlignedChaos:
-        """Join chaoses, each on the conditional distribution in its box, that were not split themselves.
-
-        Parameters
-        ----------
-        chaoses : sequence
-            Of the elements.
-        boxes : sequence of GermBox
-            Their parts of the germ space, which they fill.
-
-        Returns
-        -------
-        AlignedChaos
-            On the whole germ space.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos
-        >>> from uqmbd.extend import AlignedElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> def half(box, level):  # a constant in half of the germ space
-        ...     values, edges = np.full((1, 1, 1, 3), level), np.array([[0.0, 1.0]])
-        ...     element = AlignedElement.through(uqmbd.extend.GermBox.whole(box.local), ("",), edges, values, "time")
-        ...     return AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.5]))
-        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
-        >>> chaos = AlignedChaos.joined([half(box, level) for box, level in zip(boxes, (-1.0, 1.0))], boxes)
-        >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
-        [-1.0, 1.0]
-        """
-        terms, places = terms_of_all(chaoses)
-        elements = []
-        for chaos, box, rows in zip(chaoses, boxes, places, strict=True):
-            (own,) = chaos.elements
-            edges, segments = (np.zeros((len(terms), *x.shape[1:])) for x in (own.edges, own.segments))
-            edges[rows], segments[rows] = own.edges, own.segments
-            elements.append(AlignedElement(box, own.events, edges, segments, own.landmarks))
-        known = verification_of_all(chaoses, [box.probability for box in boxes])
-        return cls(tuple(elements), terms, chaoses[0].labels, **known)
-
-    def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos
-        >>> from uqmbd.extend import AlignedElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> values = np.zeros((2, 2, 1, 3))
-        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
-        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> whole = uqmbd.extend.GermBox.whole(space)
-        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
-        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
-        >>> dict(chaos.to_dataset().sizes)["term"]
-        2
-        """
-        return aligned_dataset(self, self.elements)
-
-    @classmethod
-    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> AlignedChaos:
-        """Make it from the dataset `aligned` of a result, without the mechanism.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import AlignedChaos
-        >>> from uqmbd.extend import AlignedElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> values = np.zeros((2, 2, 1, 3))
-        >>> values[0, :, 0] = 2 * AlignedElement.points(3), np.full(3, 2.0)
-        >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])  # the event is at 1 + 0.1 psi
-        >>> whole = uqmbd.extend.GermBox.whole(space)
-        >>> element = AlignedElement.through(whole, ("stop", ""), edges, values, "events")
-        >>> chaos = AlignedChaos((element,), np.array([[0], [1]]), labels(["x"], ["a"], [0.5, 1.5]))
-        >>> AlignedChaos.from_dataset(chaos.to_dataset()).edges([[0.0]]).round(4).tolist()
-        [[0.0, 1.0, 2.0]]
-        """
-        return cls(**aligned_arguments(dataset))
-
-    def _evaluate(self, germs: Array) -> Array:
-        found = np.empty((len(germs), *self.labels.shape))
-        for one in self._sampled(germs):
-            one.evaluate(slice(len(self.labels.outputs)), self._times, found)
-        return found
-
-    def _derivative(self, germs: Array, germ: int) -> Array:
-        found = np.empty((len(germs), *self.labels.shape))
-        for one in self._sampled(germs):
-            local = one.element.box.local
-            for start in range(0, len(one.rows), AT_ONCE):
-                part = slice(start, start + AT_ONCE)
-                rows = one.rows[part]
-                change = basis_derivatives(local, germs[rows], self.multi_index, germ)
-                SampledElement(one.element, rows, one.basis[part]).evaluate_change(change, self._times, found)
-        return found
-
-    def _sampler(self, germs: Array) -> Samples:
-        sampled, count = self._sampled(germs), self.labels.shape[1]
-
-        def columns(part: slice) -> Array:
-            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
-            found = np.empty((len(germs), last - first))
-            for output in range(first // count, -(-last // count)):
-                begin, end = max(first, output * count), min(last, (output + 1) * count)
-                times = self._times[begin - output * count : end - output * count]
-                values = np.empty((len(germs), 1, len(times)))
-                for one in sampled:
-                    one.evaluate(slice(output, output + 1), times, values)
-                found[:, begin - first : end - first] = values[:, 0]
-            return found
-
-        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
-
-    @property
-    def _times(self) -> Array:
-        return np.asarray(self.labels.times)
-
-    def _sampled(self, germs: Array) -> list[SampledElement]:
-        found = []
-        for element, rows in zip(self.elements, rows_of_boxes([e.box for e in self.elements], germs), strict=True):
-            if len(rows):
-                basis = basis_values(element.box.local, germs[rows], self.multi_index)
-                found.append(SampledElement(element, rows, basis))
-        return found
-
-    @cached_property
-    def _tops(self) -> Array:
-        germs = spread_germs(self.space, TOPS, 0)
-        whole, (_, edge) = self.evaluate_germs(germs), top_order(self.multi_index)
-        found = []
-        for left_out in (edge, *(edge & (self.multi_index[:, k] > 0) for k in range(len(self.germ_names)))):
-            kept = ~left_out
-            # the last landmark stays: behind it nothing is known
-            inner = [
-                np.where(np.arange(e.edges.shape[1]) < e.edges.shape[1] - 1, kept[:, None], True) for e in self.elements
-            ]
-            fewer = [
-                replace(e, edges=e.edges * which, segments=e.segments * kept[:, None, None, None])
-                for e, which in zip(self.elements, inner, strict=True)
-            ]
-            found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
-        return np.array(found)
 
     @cached_property
     def rough_moments(self) -> tuple[Array, Array]:
@@ -421,11 +236,11 @@ class AlignedChaos(SampledSurrogate):
         >>> float(chaos.late().max())  # the last landmark is at 2 s, behind the last time
         0.0
         """
-        a, b = self._frozen
+        a, b = frozen_germs(self.space)
         mixed = [np.where(np.arange(a.shape[1]) == k, b, a) for k in range(a.shape[1])]
         verified = a[:0] if self.verification_germs is None else self.verification_germs
         germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed, verified])
-        last = [sampled.edges[:, -1] for sampled in self._sampled(germs)]
+        last = [edges[:, -1] for _, edges in self._edges(germs)]
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
 
     def reached(self) -> AlignedChaos:
@@ -455,7 +270,15 @@ class AlignedChaos(SampledSurrogate):
             return self
         # all begin at the first time
         count = max(int(np.count_nonzero(self._times <= self._times[-1] - late)), 1)
-        return type(self).from_dataset(self.to_dataset().isel(time=slice(count)))
+        return self.selected(times=range(count))
+
+    @property
+    def _times(self) -> Array:
+        return np.asarray(self.labels.times)
+
+    def _edges(self, germs: Array) -> list[tuple[Index, Array]]:
+        """Return numbers of samples, and times of their landmarks (K, S + 1), s, by element."""
+        return [(one.rows, one.element.table.edges_at(one.basis)) for _, one in self._sampled(germs)]
 
     def _why_unknown(self) -> dict[str, str]:
         why = "some samples of the surrogate do not reach this time within the landmarks that were followed"

@@ -1,32 +1,43 @@
-"""Boxes that fill the germ space: the elements of a chaos."""
+"""Boxes that fill the germ space, verification realisations in them, and the datasets of both."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.results.schema import InputInfo, Labels, output_infos, united
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness import GermBox
-    from uqmbd.results.chaos.interface import Surrogate
+    from uqmbd.randomness import GermBox, GermSpace
 
 __all__ = [
+    "BOUNDS",
     "VERIFICATION",
+    "box_variables",
+    "boxes_of",
     "check_filled",
     "checked_weights",
+    "degrees",
+    "read_surrogate",
     "rows_of_boxes",
+    "surrogate_dataset",
     "terms_of_all",
+    "verification_of",
     "verification_of_all",
 ]
 
 
 VERIFICATION = ("verification_germs", "verification_response", "verification_weights")
 """Names of what a surrogate knows of its verification realisations."""
+
+BOUNDS = ("lower", "upper")
+"""Names of the ends of boxes."""
 
 ROUNDING = 1e-12
 """By how much weights that are read again may differ from 1 in sum."""
@@ -55,7 +66,7 @@ def rows_of_boxes(boxes: Sequence[GermBox], germs: Array) -> list[NDArray[np.int
     return [np.flatnonzero(where == k) for k in range(len(boxes))]
 
 
-def terms_of_all(chaoses: Sequence[Surrogate]) -> tuple[Index, list[list[int]]]:
+def terms_of_all(chaoses: Sequence[Any]) -> tuple[Index, list[list[int]]]:
     """Return the terms (P, d) that any of the chaoses has, by their degree, and the numbers of each chaos's own."""
     every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
     terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
@@ -64,7 +75,7 @@ def terms_of_all(chaoses: Sequence[Surrogate]) -> tuple[Index, list[list[int]]]:
     return np.array(terms, dtype=np.int64), rows
 
 
-def verification_of_all(chaoses: Sequence[Surrogate], probabilities: Sequence[float]) -> dict[str, Array | None]:
+def verification_of_all(chaoses: Sequence[Any], probabilities: Sequence[float]) -> dict[str, Array | None]:
     """Return the verification realisations of the chaoses of all elements: germ points (V, d), responses, weights.
 
     Each element counts by its probability, however many of the realisations are in it.  None where none has any.
@@ -113,3 +124,73 @@ def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[
         found /= found.sum()
     found.setflags(write=False)
     return found
+
+
+def surrogate_dataset(
+    space: GermSpace, labels: Labels, variables: Mapping[str, Any], known: Mapping[str, Array]
+) -> xr.Dataset:
+    """Put variables next to the germ space, the meaning of the axes, and verification realisations that are known."""
+    dims = (("verification", "germ"), ("verification", *labels.dims), ("verification",))
+    verified = {name: (dim, known[name]) for name, dim in zip(VERIFICATION, dims, strict=True) if known}
+    coords = {**labels.output_coords(), **labels.input_coords()}
+    return united(space.to_dataset().assign({**variables, **verified}).assign_coords(coords))
+
+
+def degrees(multi_index: Index, comment: str = "") -> dict[str, Any]:
+    """Return the degrees (P, d) of terms as a variable."""
+    about = {"long_name": "degrees of each polynomial", **({"comment": comment} if comment else {})}
+    return {"multi_index": (("term", "input"), multi_index, about)}
+
+
+def read_surrogate(
+    dataset: xr.Dataset | xr.DataTree, name: str, needed: Sequence[str], dim: str = ""
+) -> tuple[xr.Dataset, Labels, GermSpace]:
+    """Check that variables are there, all but the degrees with a dimension, and read axes and germ space."""
+    from uqmbd.randomness import GermSpace
+
+    data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset
+    for variable in needed:
+        if variable not in data or (dim and dim not in data[variable].dims and variable != "multi_index"):
+            of = f"'{name}' of elements" if dim else f"'{name}'"
+            the = f"the variable {variable!r}" + (" with its dimensions" if dim else "")
+            raise StudyError(f"A dataset {of} needs {the}; found {sorted(map(str, data.data_vars))}.")
+    for coord in ("output", "output_units", "input", "input_units", "input_description"):
+        if coord not in data.coords:
+            raise StudyError(
+                f"A dataset '{name}' needs the coordinate {coord!r}; found {sorted(map(str, data.coords))}."
+            )
+    inputs = zip(*(data[x].values for x in ("input", "input_units", "input_description")), strict=True)
+    labels = Labels(
+        outputs=output_infos(data),
+        inputs=tuple(InputInfo(*map(str, texts)) for texts in inputs),
+        times=np.array(data["time"].values, dtype=float) if "time" in data.coords else None,
+    )
+    return data, labels, GermSpace.from_dataset(data)
+
+
+def verification_of(data: xr.Dataset) -> dict[str, Any]:
+    """Return the verification realisations of a dataset by their names; none: empty."""
+    # results of earlier versions have no weights: their realisations are spread like the inputs
+    return {name: data[name].values for name in VERIFICATION if name in data}
+
+
+def box_variables(boxes: Sequence[GermBox], about: Mapping[str, str]) -> dict[str, Any]:
+    """Return ends (E, d) and probabilities (E,) of boxes as variables; `about` are attributes of the latter."""
+    note = "in the coordinates of the germs; an element holds its upper end, not its lower one"
+    ends = {
+        name: (
+            ("element", "input"),
+            np.array([getattr(box, name) for box in boxes]).reshape(len(boxes), -1),
+            {"long_name": f"{name} end", "comment": note},
+        )
+        for name in BOUNDS
+    }
+    return {"probability": ("element", np.array([box.probability for box in boxes]), about), **ends}
+
+
+def boxes_of(data: xr.Dataset, space: GermSpace) -> tuple[GermBox, ...]:
+    """Return the boxes of a dataset."""
+    from uqmbd.randomness import GermBox
+
+    ends = (data[name].transpose("element", "input").values.tolist() for name in BOUNDS)
+    return tuple(GermBox(space, tuple(low), tuple(high)) for low, high in zip(*ends, strict=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -12,14 +13,17 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.discontinuity import Discontinuity
-from uqmbd.results.chaos.interface import Samples, Surrogate
+from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
+from uqmbd.results.chaos.readouts import Composed, Samples
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
 
 __all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
+
+_Said = TypeVar("_Said")
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 """Surrogates that can be stored."""
@@ -62,6 +66,8 @@ def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | P
     return kind.from_dataset(dataset)
 
 
+_SEVERAL = "use to_datasets and from_datasets"
+
 KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
     "chaos": chaos_from_dataset,
     "aligned": AlignedChaos.from_dataset,
@@ -94,9 +100,7 @@ def stored_as(chaos: Part) -> str:
     >>> name, name in tree["collocation"].children
     ('chaos', True)
     """
-    if isinstance(chaos, QuasiPeriodicChaos):
-        return "quasi_periodic"
-    return "aligned" if isinstance(chaos, AlignedChaos) else "chaos"
+    return chaos.readout.name
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,6 +150,8 @@ class ComposedChaos(Surrogate):
     outputs: tuple[str, ...]
     labels: Labels = field(init=False)
 
+    _kind = Composed
+
     def __post_init__(self) -> None:
         """Check that each output is there once."""
         object.__setattr__(self, "parts", dict(self.parts))
@@ -160,8 +166,9 @@ class ComposedChaos(Surrogate):
         first = next(iter(self.parts.values()))
         object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos)))
         object.__setattr__(self, "space", first.space)
+        object.__setattr__(self, "elements", tuple(e for part in self.parts.values() for e in part.elements))
         alike = ("verification_germs", "verification_weights")
-        same = all(_equal(getattr(p, x), getattr(first, x)) for p in self.parts.values() for x in alike)
+        same = all(np.array_equal(getattr(p, x), getattr(first, x)) for p in self.parts.values() for x in alike)
         known = same and first.verification_germs is not None
         response = self._gathered(lambda part: np.asarray(part.verification_response), 1) if known else None
         for name in alike:
@@ -176,35 +183,13 @@ class ComposedChaos(Surrogate):
         )
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
 
-    @cached_property
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-        return self._gathered(lambda part: part.mean, 0)
-
-    @cached_property
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-        return self._gathered(lambda part: part.std, 0)
-
-    @cached_property
-    def variance(self) -> Array:
-        """Variance, shape (O, T)."""
-        return self._gathered(lambda part: part.variance, 0)
+    def _statistic(self, name: str, axis: int, part: Any = slice(None)) -> Array:
+        return np.asarray(self._gathered(lambda one: one._statistic(name, axis), axis)[part])
 
     @property
     def shape_samples(self) -> int:
         """Samples of the surrogate from which skewness and kurtosis are, of the part that has fewest."""
         return min((part.shape_samples for part in self.parts.values() if part.shape_samples), default=0)
-
-    @cached_property
-    def sobol_first_germ(self) -> Array:
-        """First-order indices, shape (germ, O, T)."""
-        return self._gathered(lambda part: part.sobol_first_germ, 1)
-
-    @cached_property
-    def sobol_total_germ(self) -> Array:
-        """Total indices, shape (germ, O, T)."""
-        return self._gathered(lambda part: part.sobol_total_germ, 1)
 
     def discontinuities(self) -> tuple[Discontinuity | None, ...]:
         """Suspect each output of a discontinuity in the germ space, or not (None), where it is a plain polynomial.
@@ -225,12 +210,9 @@ class ComposedChaos(Surrogate):
         >>> chaos.discontinuities()  # none is suspected
         (None, None)
         """
-        found: list[Discontinuity | None] = [None] * len(self.outputs)
-        for part, rows in zip(self.parts.values(), self._rows, strict=True):
-            if isinstance(part, PolynomialChaos):
-                for row, one in zip(rows, part.discontinuities(), strict=True):
-                    found[row] = one
-        return tuple(found)
+        none = {name: (None,) * len(rows) for name, rows in zip(self.parts, self._rows, strict=True)}
+        known = {name: p.discontinuities() for name, p in self.parts.items() if isinstance(p, PolynomialChaos)}
+        return self._by_output(list((none | known).values()))
 
     def to_datasets(self) -> dict[str, xr.Dataset]:
         """Build the datasets of a propagator's node, by their paths under it; see :meth:`from_datasets`.
@@ -287,6 +269,13 @@ class ComposedChaos(Surrogate):
         parts = {name: KINDS[kind](data) for name, (kind, data) in datasets.items()}
         return cls(parts, tuple(sorted(places, key=lambda name: places[name])))
 
+    def _variables(self, stated: bool) -> dict[str, Any]:
+        raise StudyError(f"A {type(self).__name__} is stored in several datasets; {_SEVERAL}.")
+
+    @classmethod
+    def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        raise StudyError(f"A {cls.__name__} is made from several datasets; {_SEVERAL}.")
+
     @property
     def _rows(self) -> list[list[int]]:
         return [[self.outputs.index(o.name) for o in part.labels.outputs] for part in self.parts.values()]
@@ -327,11 +316,6 @@ class ComposedChaos(Surrogate):
         )
 
     @cached_property
-    def _shape_moments(self) -> tuple[Array, Array]:
-        skewness = self._gathered(lambda part: part._shape_moments[0], 0)
-        return skewness, self._gathered(lambda part: part._shape_moments[1], 0)
-
-    @cached_property
     def _stated_error(self) -> Array:
         return self._gathered(lambda part: part._stated_error, 0)
 
@@ -340,18 +324,12 @@ class ComposedChaos(Surrogate):
         return np.asarray(self._gathered(lambda part: part._constant.astype(float), 0) > 0)
 
     def _suspicions(self) -> tuple[str, ...]:
-        return self._said(lambda part: part._suspicions())
+        return self._by_output([part._suspicions() for part in self.parts.values()])
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
-        return self._said(lambda part: part._verdicts_of_decay(tolerance))
+        return self._by_output([part._verdicts_of_decay(tolerance) for part in self.parts.values()])
 
-    def _said(self, say: Callable[[Part], tuple[str, ...]]) -> tuple[str, ...]:
-        words = [""] * len(self.outputs)
-        for part, rows in zip(self.parts.values(), self._rows, strict=True):
-            for row, said in zip(rows, say(part), strict=True):
-                words[row] = said
-        return tuple(words)
-
-
-def _equal(one: Array | None, other: Array | None) -> bool:
-    return one is other if one is None or other is None else np.array_equal(one, other)
+    def _by_output(self, said: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
+        """Put what each part says of its outputs into the order of all."""
+        found = {row: x for rows, own in zip(self._rows, said, strict=True) for row, x in zip(rows, own, strict=True)}
+        return tuple(found[row] for row in sorted(found))

@@ -24,7 +24,6 @@ __all__ = [
     "stated_words",
     "top_order",
     "verdict_of_decay",
-    "verdict_of_error",
 ]
 
 
@@ -111,13 +110,6 @@ def top_order(multi_index: Index) -> tuple[int, Mask]:
     totals = multi_index.sum(axis=1)
     edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))
     return int(tops.max(initial=0)), edge
-
-
-def verdict_of_error(
-    name: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order"
-) -> str:
-    """Say how far a surrogate can be trusted by its stated error (T,), or (1,) without times."""
-    return f"{name}: {stated_words('surrogate', error, times, limit, remedy)}"
 
 
 def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:

@@ -1,4 +1,4 @@
-"""What a surrogate of outputs does, whatever polynomials it is made of.
+"""What a surrogate of outputs does, whatever it is made of.
 
 Length: it is one class, the interface of all surrogates, whose methods have their types for each kind of inputs, and
 examples.
@@ -6,150 +6,47 @@ examples.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar, overload
+from typing import Any, ClassVar, overload
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.decay import factor_words, verdict_of_error
-from uqmbd.results.chaos.labelled import (
-    DERIVATIVE,
-    VALUE,
-    Named,
-    StatedErrors,
-    labelled_array,
-    points_of,
-    surrogate_statistics,
-)
+from uqmbd.results.chaos.container import SurrogateContainer
+from uqmbd.results.chaos.decay import factor_words, stated_words
+from uqmbd.results.chaos.labelled import DERIVATIVE, VALUE, Named, labelled_array, points_of, surrogate_statistics
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
-from uqmbd.results.chaos.stated_error import Verified
-from uqmbd.results.chaos.terms import constant_columns
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, output_index, reasons_where_missing, time_index, united
+from uqmbd.results.chaos.stated_error import (
+    first_above,
+    root_mean_square,
+    stated_error,
+    uncertainty_factor,
+    weighted_std,
+)
+from uqmbd.results.chaos.surrogate_moments import FEWER
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, output_index, reasons_where_missing, time_index, united
 from uqmbd.results.statistics import circular_of_blocks
-from uqmbd.typing import Array, Index, Mask
+from uqmbd.typing import Array
 
-if TYPE_CHECKING:
-    from uqmbd.randomness import GermSpace
-
-__all__ = ["FEWER", "SAMPLES", "Samples", "Surrogate", "frozen"]
-
-_Kind = TypeVar("_Kind", bound=np.generic)
-
-ROUNDING = 1e-6
-"""By how much a germ may be outside its support, which rounding of inputs far from zero makes it."""
+__all__ = ["SAMPLES", "Surrogate"]
 
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
 
-FEWER = 8192
-"""The same for quantiles of all outputs at all times together."""
 
-
-class Samples(NamedTuple):
-    """Samples of a surrogate, block by block: from a slice of its O x T columns to (K, c), or to rows (c, K)."""
-
-    columns: Callable[[slice], Array]
-    rows: Callable[[slice], Array]
-
-
-class Surrogate(Verified, ABC):
+class Surrogate(SurrogateContainer):
     """Outputs as functions of the inputs that are cheap to evaluate, with their statistics and stated errors.
 
-    A kind of surrogate evaluates, and knows its moments and indices; all else follows here.
+    Elements hold coefficients, and `readout` says how outputs follow from these.  The five public kinds only say what
+    they are made of, and what else can be read of them: others use their names as types, and their class methods.
     """
-
-    labels: Labels
-    space: GermSpace
-    multi_index: Index
 
     _remedy: ClassVar[str] = "raise the order"
     """What makes the stated error smaller."""
-
-    @abstractmethod
-    def _evaluate(self, germs: Array) -> Array:
-        """Evaluate at germ points (K, d): (K, O, T)."""
-
-    @abstractmethod
-    def _derivative(self, germs: Array, germ: int) -> Array:
-        """Differentiate with respect to one germ, at germ points (K, d): (K, O, T)."""
-
-    @abstractmethod
-    def _sampler(self, germs: Array) -> Samples:
-        """Prepare samples at germ points (K, d), in any order."""
-
-    @property
-    @abstractmethod
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-
-    @property
-    @abstractmethod
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-
-    @property
-    @abstractmethod
-    def _shape_moments(self) -> tuple[Array, Array]:
-        """Skewness and kurtosis."""
-
-    @property
-    @abstractmethod
-    def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
-
-    @property
-    @abstractmethod
-    def sobol_first_germ(self) -> Array:
-        """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
-
-    @property
-    @abstractmethod
-    def sobol_total_germ(self) -> Array:
-        """Total Sobol' indices of the germs, shape (germ, O, T)."""
-
-    @cached_property
-    def variance(self) -> Array:
-        """Variance, shape (O, T)."""
-        return frozen(np.asarray(self.std**2))
-
-    @property
-    def skewness(self) -> Array:
-        """Third standardised moment, shape (O, T); 0 where an output does not vary.
-
-        Of samples of the surrogate, where exact ones need too many operations (:attr:`shape_samples`).
-        """
-        return self._shape_moments[0]
-
-    @property
-    def kurtosis(self) -> Array:
-        """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
-        return self._shape_moments[1]
-
-    @property
-    def germ_names(self) -> tuple[str, ...]:
-        """Names of the germs: those of the inputs where these are independent."""
-        return tuple(self.space.names)
-
-    @cached_property
-    def sobol_first(self) -> Array:
-        """First-order Sobol' indices, shape (input, O, T): the share of the variance that one input alone explains."""
-        return self._by_input("sobol_first")
-
-    @cached_property
-    def sobol_total(self) -> Array:
-        """Total Sobol' indices, shape (input, O, T): the share of the variance that vanishes with an input."""
-        return self._by_input("sobol_total")
-
-    @cached_property
-    def sobol_second(self) -> Array:
-        """Sobol' indices of pairs, shape (input, input, O, T): symmetric, 0 on the diagonal."""
-        return self._by_input("sobol_second")
 
     @overload
     def evaluate(self, inputs: Named) -> xr.DataArray: ...
@@ -277,41 +174,6 @@ class Surrogate(Verified, ABC):
             return of(np.asarray(inputs, dtype=float))
         return labelled_array(of(points.values), points, self.labels, about)
 
-    def evaluate_germs(self, germs: ArrayLike) -> Array:
-        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs.
-
-        Raises
-        ------
-        StudyError
-            If the shape is another one, or a germ lies outside its support.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
-        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
-        >>> chaos.evaluate_germs([[0.0], [2.0]]).ravel().tolist()
-        [1.0, 2.0]
-        """
-        points = np.asarray(germs, dtype=float)
-        if points.ndim != 2 or points.shape[1] != len(self.germ_names):
-            raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
-        low, high = np.array([germ.bounds for germ in self.space.germs]).T
-        outside = ~((points >= low - ROUNDING) & (points <= high + ROUNDING))
-        if outside.any():
-            row, k = np.argwhere(outside)[0]
-            raise StudyError(
-                f"Germ {self.germ_names[k]!r} is {points[row, k]:.10g} in row {row}; expected a number from {low[k]:g} "
-                f"to {high[k]:g}, its support."
-            )
-        return self._evaluate(points)
-
     def sample(self, count: int, seed: int) -> tuple[Array, Array]:
         """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T).
 
@@ -331,14 +193,12 @@ class Surrogate(Verified, ABC):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> inputs, outputs = chaos.sample(100, seed=1)
         >>> inputs.shape, outputs.shape
@@ -371,14 +231,12 @@ class Surrogate(Verified, ABC):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.quantiles([0.5, 0.975]).round(1).ravel().tolist()  # 1 and 1 + 1.96 * 0.5
         [1.0, 2.0]
@@ -409,14 +267,12 @@ class Surrogate(Verified, ABC):
         Examples
         --------
         >>> import math
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels([("y", "rad", 2 * math.pi)], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels([("y", "rad", 2 * math.pi)], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.circular()["circular_mean"].round(2).tolist()  # rad
         [[1.0]]
@@ -460,14 +316,12 @@ class Surrogate(Verified, ABC):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> chaos.density([1.0], "y", 0.0).round(2).tolist()  # 0.8 in theory: of the normal distribution
         [0.79]
@@ -502,14 +356,12 @@ class Surrogate(Verified, ABC):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> found = chaos.statistics(samples=256)
         >>> float(found["mean"].item()), float(found["std"].item())
@@ -531,7 +383,7 @@ class Surrogate(Verified, ABC):
             wanted=wanted,
             terms=len(self.multi_index),
             of_germs=None if independent else (self.germ_names, self.sobol_first_germ, self.sobol_total_germ),
-            stated=StatedErrors(self.verification_error(), self.verification_factor()) if known else None,
+            stated=(self.verification_error(), self.verification_factor()) if known else None,
         )
         reasons = self._why_unknown()
         return reasons_where_missing(found, reasons) if reasons else found
@@ -600,14 +452,12 @@ class Surrogate(Verified, ABC):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a, units="m/s")
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a"], [0.0])
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
         >>> verdict, = chaos.verdicts()
         >>> print(verdict.partition(":")[0])
@@ -619,11 +469,163 @@ class Surrogate(Verified, ABC):
         factors, count = self.verification_factor().reshape(errors.shape), len(self.verification_germs)
         rows = zip(self.labels.outputs, errors, factors, self._suspicions(), strict=True)
         return tuple(
-            verdict_of_error(output.name, row, self.labels.times, tolerance, self._remedy)
+            f"{output.name}: {stated_words('surrogate', row, self.labels.times, tolerance, self._remedy)}"
             + factor_words(float(factor[np.nan_to_num(row, nan=-1.0).argmax()]), count)
             + suspicion
             for output, row, factor, suspicion in rows
         )
+
+    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
+        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
+
+        The root mean square over the realisations, each by its weight: they lie in the tails more often than the inputs
+        do, and count for less there.  Where the standard deviation is below 1 % of its maximum over time, 1 % of that
+        maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the error 1 where the
+        realisations differ from its mean.  :meth:`verification_factor` says how well it is known.
+
+        Parameters
+        ----------
+        output : str, optional
+            Default: all.
+        time : float, optional
+            One of the times, in s. Default: all.
+
+        Returns
+        -------
+        array, shape (O, T), without the axes that were chosen
+
+        Raises
+        ------
+        StudyError
+            If there is no verification data, or output or time are unknown.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5))]))
+        >>> seen = {"verification_germs": [[-1.0], [1.0]], "verification_response": [[[0.5]], [[1.6]]]}
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]), **seen)
+        >>> chaos.verification_error().round(4).tolist()  # 0.1 at one of two, over 0.5
+        [[0.1414]]
+        """
+        found = self._stated_error.reshape(self.labels.shape)
+        row = slice(None) if output is None else output_index(self.labels, output)
+        return np.array(found[(row, *time_index(self.labels, time))])
+
+    def verification_factor(self) -> Array:
+        """Return by which factor the stated error may be off, shape (O, T): two standard errors, from the scatter.
+
+        Where it exceeds 2, there are too few verification realisations for the error.  What none of them reaches it
+        does not know.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5))]))
+        >>> seen = {"verification_germs": [[-1.0], [1.0]], "verification_response": [[[0.5]], [[1.6]]]}
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]), **seen)
+        >>> chaos.verification_factor().round(2).tolist()  # two realisations know little
+        [[2.72]]
+        """
+        germs, response, weights = self._verified
+        return uncertainty_factor(self.evaluate_germs(germs) - response, weights)
+
+    def verification_rms(self) -> Array:
+        """Return the root mean square error (O, T) by the weighted verification realisations, in units of the outputs.
+
+        NaN where the surrogate is not known.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5))]))
+        >>> seen = {"verification_germs": [[-1.0], [1.0]], "verification_response": [[[0.5]], [[1.6]]]}
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]), **seen)
+        >>> chaos.verification_rms().round(4).tolist()
+        [[0.0707]]
+        """
+        germs, response, weights = self._verified
+        return root_mean_square(self.evaluate_germs(germs) - response, weights)
+
+    def verification_std(self) -> Array:
+        """Return the standard deviation (O, T) of the outputs by the weighted verification realisations.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5))]))
+        >>> seen = {"verification_germs": [[-1.0], [1.0]], "verification_response": [[[0.5]], [[1.6]]]}
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]), **seen)
+        >>> chaos.verification_std().round(4).tolist()
+        [[0.55]]
+        """
+        _, response, weights = self._verified
+        return weighted_std(response, weights)
+
+    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
+        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none.
+
+        Raises
+        ------
+        StudyError
+            If the outputs have no times, or there is no verification data.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(2, 0.5))]))
+        >>> seen = {"verification_germs": [[-1.0], [1.0]], "verification_response": [[[0.5]], [[1.6]]]}
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]), **seen)
+        >>> chaos.horizon(limit=0.1), chaos.horizon(limit=0.2)
+        ({'x': 0.0}, {'x': None})
+        """
+        if self.labels.times is None:
+            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
+        first = [first_above(row, limit) for row in self._stated_error]
+        names = (o.name for o in self.labels.outputs)
+        times = self.labels.times
+        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
+
+    @cached_property
+    def _stated_error(self) -> Array:
+        """The stated error as (O, T), with T = 1 for outputs without times."""
+        germs, response, weights = self._verified
+        shape = (len(self.labels.outputs), -1)
+        surrogate = self.evaluate_germs(germs)
+        return stated_error(
+            surrogate.reshape(len(surrogate), *shape),
+            response.reshape(len(surrogate), *shape),
+            self.mean.reshape(shape),
+            self.std.reshape(shape),
+            weights,
+            terms=self._moments.summands,
+        )
+
+    @property
+    def _verified(self) -> tuple[Array, Array, Array]:
+        """Germ points, responses and weights of the verification realisations."""
+        found = self.verification_germs, self.verification_response, self.verification_weights
+        if found[0] is None or found[1] is None or found[2] is None:
+            raise StudyError(
+                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
+                "verify=16, or see 'verdicts' for what the coefficients tell."
+            )
+        return found[0], found[1], found[2]
 
     def _repr_html_(self) -> str | None:
         """Tables, for notebooks."""
@@ -636,32 +638,3 @@ class Surrogate(Verified, ABC):
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
         """Say what the coefficients tell."""
         raise StudyError("This chaos has no verification realisations; give the propagator verify=16.")
-
-    @cached_property
-    def _constant(self) -> Mask:
-        """Where (O, T) an output does not vary."""
-        return constant_columns(self.mean, self.std, self._summands)
-
-    def _by_input(self, name: str) -> Array:
-        if not self.space.independent:
-            raise StudyError(
-                f"'{name}' has no meaning here: inputs depend on one another, so that shares of the variance belong to "
-                f"the germs {', '.join(self.germ_names)}. Use '{name}_germ', in that order."
-            )
-        found: Array = getattr(self, f"{name}_germ")
-        return found
-
-    def _columns(self, names: tuple[str, ...]) -> list[int]:
-        known = self.germ_names
-        for k, name in enumerate(names):
-            if name not in known or name in names[:k]:
-                raise StudyError(f"Different germs are expected, of {', '.join(known)}; {', '.join(names)} was given.")
-        if not names:
-            raise StudyError(f"At least one germ is expected, of {', '.join(known)}; none was given.")
-        return [known.index(name) for name in names]
-
-
-def frozen(array: NDArray[_Kind]) -> NDArray[_Kind]:
-    """Return an array that cannot be changed any more."""
-    array.setflags(write=False)
-    return array

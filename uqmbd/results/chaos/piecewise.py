@@ -5,22 +5,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, verification_of_all
+from uqmbd.results.chaos.boxes import (
+    BOUNDS,
+    box_variables,
+    boxes_of,
+    check_filled,
+    degrees,
+    read_surrogate,
+    rows_of_boxes,
+    terms_of_all,
+    verification_of,
+    verification_of_all,
+)
+from uqmbd.results.chaos.container import frozen
 from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders
-from uqmbd.results.chaos.interface import Samples, Surrogate
+from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.chaos.readouts import Piece, Plain
 from uqmbd.results.chaos.stated_error import reference_spread
-from uqmbd.results.chaos.storage import piecewise_arguments, piecewise_dataset
-from uqmbd.results.chaos.terms import closed_variance
+from uqmbd.results.chaos.surrogate_moments import MergedMoments
 from uqmbd.results.schema import Labels
 from uqmbd.results.statistics import divisor
-from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 from uqmbd.wording import format_at_most
 
@@ -81,6 +92,7 @@ class PiecewiseChaos(Surrogate):
     verification_response: Array | None = field(init=False)
     verification_weights: Array | None = field(init=False)
 
+    _kind = Plain
     _remedy = "allow more elements, or raise the order"
 
     def __post_init__(self) -> None:
@@ -119,62 +131,22 @@ class PiecewiseChaos(Surrogate):
     @cached_property
     def multi_index(self) -> Index:  # type: ignore[override]
         """Degrees of all terms that any element has, shape (P, d), the mean first."""
-        terms = {tuple(row) for element in self.elements for row in element.multi_index.tolist()}
-        ordered = sorted(terms, key=lambda row: (sum(row), [-k for k in row]))
-        return np.array(ordered, dtype=np.int64).reshape(len(ordered), -1)
+        return self._terms[0]
 
     @cached_property
     def coefficients(self) -> Array:
         """Coefficients of each element, shape (E, P, O, T); 0 where it does not have a term."""
-        place = {tuple(row): k for k, row in enumerate(self.multi_index.tolist())}
-        found = np.zeros((len(self.elements), len(place), *self.labels.shape))
-        for part, element in zip(found, self.elements, strict=True):
-            part[[place[tuple(row)] for row in element.multi_index.tolist()]] = element.coefficients
-        found.setflags(write=False)
-        return found
+        terms, places = self._terms
+        found = np.zeros((len(self.elements), len(terms), *self.labels.shape))
+        for part, element, rows in zip(found, self.elements, places, strict=True):
+            part[rows] = element.coefficients
+        return frozen(found)
 
     @cached_property
     def has_term(self) -> Mask:
         """Whether each element has each term, shape (E, P)."""
-        own = [set(map(tuple, element.multi_index.tolist())) for element in self.elements]
-        return np.array([[tuple(row) in terms for row in self.multi_index.tolist()] for terms in own], dtype=bool)
-
-    @cached_property
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-        return self._merged(self._means)
-
-    @cached_property
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-        return np.sqrt(self._merged(self._stds**2 + (self._means - self.mean) ** 2))
-
-    @property
-    def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis of an element are; 0: they are exact."""
-        return max(element.shape_samples for element in self.elements)
-
-    @cached_property
-    def sobol_first_germ(self) -> Array:
-        """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
-        return np.stack([self._closed([k]) for k in range(len(self.germ_names))])
-
-    @cached_property
-    def sobol_total_germ(self) -> Array:
-        """Total Sobol' indices of the germs, shape (germ, O, T)."""
-        every = range(len(self.germ_names))
-        found = [1.0 - self._closed([j for j in every if j != k]) for k in every]
-        return np.where(self._constant, 0.0, np.clip(np.stack(found), 0.0, 1.0))
-
-    @cached_property
-    def sobol_second_germ(self) -> Array:
-        """Sobol' indices of pairs of germs, shape (germ, germ, O, T): symmetric, 0 on the diagonal."""
-        count, first = len(self.germ_names), self.sobol_first_germ
-        found = np.zeros((count, count, *self.labels.shape))
-        for i, j in zip(*np.triu_indices(count, 1), strict=True):
-            both = np.maximum(self._closed([int(i), int(j)]) - first[i] - first[j], 0.0)
-            found[i, j] = found[j, i] = both
-        return found
+        terms, places = self._terms
+        return np.array([np.isin(np.arange(len(terms)), rows) for rows in places])
 
     def element_errors(self) -> Array:
         """Return the stated error within each element, over the standard deviation of the whole.
@@ -247,84 +219,63 @@ class PiecewiseChaos(Surrogate):
             rate_note="within the elements; decades of the remaining standard deviation per order",
         )
 
-    def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`.
+    @property
+    def _boxes(self) -> tuple[GermBox, ...]:
+        return self.boxes
 
-        Examples
-        --------
-        >>> import chaospy
-        >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
-        >>> def part(sign, box):
-        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
-        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
-        >>> chaos = PiecewiseChaos(parts, boxes)
-        >>> dict(chaos.to_dataset().sizes)["element"]
-        2
-        """
-        return piecewise_dataset(self, self.boxes, self.coefficients, self.has_term, self.element_errors)
+    @property
+    def _pieces(self) -> tuple[Piece, ...]:
+        return tuple(piece for element in self.elements for piece in element._pieces)
+
+    @cached_property
+    def _terms(self) -> tuple[Index, list[list[int]]]:
+        """All terms (P, d), and the numbers of those that each element has."""
+        return terms_of_all(self.elements)
+
+    @cached_property
+    def _moments(self) -> MergedMoments:
+        parts = [element._moments for element in self.elements]
+        return MergedMoments(parts, self.boxes, self.multi_index, self.coefficients)
+
+    def _variables(self, stated: bool) -> dict[str, Any]:
+        about = {
+            "long_name": "coefficients of the orthonormal polynomials of each element",
+            "comment": "in the units of the outputs; 0 where an element does not have a term",
+        }
+        kept = {"long_name": "whether an element has a term", "comment": "1: it has"}
+        found = {
+            "coefficients": (("element", "term", *self.labels.dims), self.coefficients, about),
+            "has_term": (("element", "term"), self.has_term.astype(np.int8), kept),
+        }
+        if stated:
+            note = (
+                "root mean square at realisations in the element that no node uses, over the whole standard deviation"
+            )
+            about = {"long_name": "stated error of the surrogate within the element", "comment": note}
+            found["verification_error"] = (("element", *self.labels.dims), self.element_errors(), about)
+        boxes = box_variables(self.boxes, {"long_name": "probability of the element"})
+        return found | boxes | degrees(self.multi_index, "column k belongs to germ k")
 
     @classmethod
-    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> PiecewiseChaos:
-        """Make a chaos from the dataset `chaos` of a result, without the mechanism.
-
-        Raises
-        ------
-        StudyError
-            If it is no such dataset.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import uqmbd
-        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["sign"], ["a"], [0.0])
-        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
-        >>> def part(sign, box):
-        ...     return PolynomialChaos([[[sign]], [[0.0]]], [[0], [1]], box.local, axes)
-        >>> parts = [part(-1.0, boxes[0]), part(1.0, boxes[1])]
-        >>> chaos = PiecewiseChaos(parts, boxes)
-        >>> again = PiecewiseChaos.from_dataset(chaos.to_dataset())
-        >>> again.evaluate([[-0.5], [0.5]]).ravel().tolist()
-        [-1.0, 1.0]
-        """
-        boxes, elements = piecewise_arguments(dataset)
-        return cls(tuple(PolynomialChaos(**element) for element in elements), boxes)
-
-    def _evaluate(self, germs: Array) -> Array:
-        found = np.empty((len(germs), *self.labels.shape))
-        for element, rows in zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True):
-            if len(rows):
-                found[rows] = element._evaluate(germs[rows])
-        return found
-
-    def _derivative(self, germs: Array, germ: int) -> Array:
-        found = np.empty((len(germs), *self.labels.shape))
-        for element, rows in zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True):
-            if len(rows):
-                found[rows] = element._derivative(germs[rows], germ)
-        return found
-
-    def _sampler(self, germs: Array) -> Samples:
-        pairs = zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True)
-        parts = [element._sampler(germs[rows]) for element, rows in pairs if len(rows)]
-        return Samples(
-            lambda part: np.concatenate([of.columns(part) for of in parts]),
-            lambda part: np.concatenate([of.rows(part) for of in parts], axis=1),
-        )
+    def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        data, labels, space = read_surrogate(dataset, "chaos", ("coefficients", "multi_index", *BOUNDS), "element")
+        boxes, verified = boxes_of(data, space), verification_of(data)
+        coefficients = data["coefficients"].transpose("element", "term", *labels.dims).values
+        multi_index = data["multi_index"].transpose("term", "input").values
+        germs = verified.get("verification_germs", np.zeros((0, space.dimension)))
+        elements = []
+        for k, (box, own) in enumerate(zip(boxes, rows_of_boxes(boxes, germs), strict=True)):
+            # a part of a discrete germ has fewer polynomials
+            highest = [germ.values - 1 if germ.values is not None else np.inf for germ in box.local.germs]
+            kept = (multi_index <= highest).all(axis=1)
+            if "has_term" in data:
+                kept &= data["has_term"].values[k] != 0
+            known = {name: values[own] for name, values in verified.items()} if len(own) else {}
+            elements.append(PolynomialChaos(coefficients[k][kept], multi_index[kept], box.local, labels, **known))
+        return {"elements": tuple(elements), "boxes": boxes}
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
-        tops = np.sqrt(self._merged(np.stack([e.top_energy for e in self.elements])))
+        tops = np.sqrt(self.top_energy)
         shape = (len(self.labels.outputs), -1)
         spread = reference_spread(self.std.reshape(shape))
         share = tops.reshape(shape) / divisor(spread)
@@ -335,40 +286,5 @@ class PiecewiseChaos(Surrogate):
             for output, row in zip(self.labels.outputs, share, strict=True)
         )
 
-    @cached_property
-    def _means(self) -> Array:
-        return np.stack([element.mean for element in self.elements])
-
-    @cached_property
-    def _stds(self) -> Array:
-        return np.stack([element.std for element in self.elements])
-
-    @cached_property
-    def _shape_moments(self) -> tuple[Array, Array]:
-        std = np.where(self._constant, 1.0, self.std)
-        away, s = (self._means - self.mean) / std, self._stds / std
-        skewness = np.stack([e.skewness for e in self.elements])
-        kurtosis = np.stack([e.kurtosis for e in self.elements])
-        third = self._merged(s**3 * skewness + 3 * s**2 * away + away**3)
-        fourth = self._merged(s**4 * kurtosis + 4 * s**3 * skewness * away + 6 * s**2 * away**2 + away**4)
-        return np.where(self._constant, 0.0, third), np.where(self._constant, 3.0, fourth)
-
-    def _merged(self, values: Array) -> Array:
-        """Average over the elements (E, O, T), by their probabilities."""
-        found: Array = np.einsum("e,e...->...", self.probabilities, values) / self.probabilities.sum()
-        return found
-
     def _weighted(self, energies: Callable[[Array, Index], Array]) -> Array:
-        return self._merged(np.stack([energies(local, self.multi_index) for local in self.coefficients]))
-
-    def _closed(self, germs: list[int]) -> Array:
-        """Share of the variance that the expectation given some germs has."""
-        if not germs:
-            return np.zeros(self.labels.shape)
-        shape = self.coefficients.shape
-        with one_thread():
-            found = closed_variance(
-                self.coefficients.reshape(*shape[:2], -1), self.multi_index, self.boxes, self.mean.ravel(), germs
-            )
-        share = found.reshape(self.labels.shape) / np.where(self._constant, 1.0, self.variance)
-        return np.where(self._constant, 0.0, np.clip(share, 0.0, 1.0))
+        return self._moments.merged(np.stack([energies(local, self.multi_index) for local in self.coefficients]))

@@ -1,11 +1,8 @@
-"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with what their coefficients tell.
-
-Length: it is one class, whose public methods have examples.
-"""
+"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with what their coefficients tell."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,31 +10,15 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import checked_weights
-from uqmbd.results.chaos.decay import (
-    decay_dataset,
-    energy_of_germs,
-    energy_of_orders,
-    top_order,
-    verdict_of_decay,
-)
+from uqmbd.results.chaos.boxes import checked_weights, degrees, read_surrogate, verification_of
+from uqmbd.results.chaos.container import frozen
+from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity, find_discontinuities
-from uqmbd.results.chaos.interface import FEWER, Samples, Surrogate, frozen
-from uqmbd.results.chaos.sampling import affordable, basis_derivatives, basis_values, sampled_shape
-from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
-from uqmbd.results.chaos.terms import (
-    first_order_masks,
-    interaction_mask,
-    second_order_masks,
-    shape_route,
-    skewness_kurtosis,
-    standard_deviation,
-    total_order_masks,
-    variance_shares,
-)
+from uqmbd.results.chaos.interface import Surrogate
+from uqmbd.results.chaos.readouts import Piece, Plain, Terms
+from uqmbd.results.chaos.surrogate_moments import ExactMoments
 from uqmbd.results.schema import Labels, check_shape
-from uqmbd.threads import one_thread
-from uqmbd.typing import Array, Index, Mask
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
@@ -115,9 +96,14 @@ class PolynomialChaos(Surrogate):
     verification_germs: Array | None = None
     verification_response: Array | None = None
     verification_weights: Array | None = None
+    elements: tuple[Terms, ...] = field(init=False)
+
+    _kind = Plain
 
     def __post_init__(self) -> None:
         """Check shapes and numbers, and keep copies that nobody can change."""
+        from uqmbd.randomness import GermBox
+
         self._set("coefficients", np.array(self.coefficients, dtype=float))
         self._set("multi_index", _whole(self.multi_index))
         names, terms = tuple(i.name for i in self.labels.inputs), len(self.multi_index)
@@ -150,9 +136,9 @@ class PolynomialChaos(Surrogate):
             ):
                 check_shape(name, getattr(self, name), shape, dims)
                 _check_finite(name, getattr(self, name))
-        object.__setattr__(
-            self, "verification_weights", checked_weights(self.verification_weights, self.verification_germs)
-        )
+        weights = checked_weights(self.verification_weights, self.verification_germs)
+        object.__setattr__(self, "verification_weights", weights)
+        object.__setattr__(self, "elements", (Terms(GermBox.whole(self.space), self.coefficients),))
 
     def __repr__(self) -> str:
         sizes = zip(("terms", *self.labels.dims), self.coefficients.shape, strict=True)
@@ -160,40 +146,10 @@ class PolynomialChaos(Surrogate):
         top = int(self.multi_index.max())
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} up to degree {top} ({axes})>"
 
-    @cached_property
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-        return np.asarray(self.coefficients[0])
-
-    @cached_property
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-        return self._shaped(standard_deviation(self._flat))
-
-    @cached_property
-    def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
-        exact = self._shape_route != "samples"
-        return 0 if exact else affordable(FEWER, len(self.multi_index), self._flat.shape[1])
-
-    @cached_property
-    def sobol_first_germ(self) -> Array:
-        """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
-        return self._shares(first_order_masks(self.multi_index))
-
-    @cached_property
-    def sobol_total_germ(self) -> Array:
-        """Total Sobol' indices of the germs, shape (germ, O, T)."""
-        return self._shares(total_order_masks(self.multi_index))
-
-    @cached_property
-    def sobol_second_germ(self) -> Array:
-        """Sobol' indices of pairs of germs, shape (germ, germ, O, T): symmetric, 0 on the diagonal."""
-        count = len(self.germ_names)
-        rows, columns = np.triu_indices(count, 1)
-        found = np.zeros((count, count, *self.labels.shape))
-        found[rows, columns] = found[columns, rows] = self._shares(second_order_masks(self.multi_index))
-        return frozen(found)
+    @property
+    def variance_germ(self) -> Array:
+        """Parts of the variance by germ (d, O, T): a term counts by its degrees."""
+        return self._moments.by_germ(slice(None))
 
     def sobol_interaction(self, *names: str) -> Array:
         """Return the Sobol' index of an interaction: the share of the variance that needs all these germs together.
@@ -215,20 +171,17 @@ class PolynomialChaos(Surrogate):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[1.2]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> chaos.sobol_interaction("a", "b").round(4).tolist()  # 1.44 / 1.69
         [[0.8521]]
         """
-        return np.asarray(self._shares(interaction_mask(self.multi_index, self._columns(names))[None])[0])
+        return self._moments.interaction(self._columns(names))
 
     def marginal(self, *names: str) -> PolynomialChaos:
         """Return the chaos of the expectation of the outputs given some germs: only their terms are kept.
@@ -243,15 +196,12 @@ class PolynomialChaos(Surrogate):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> alone = chaos.marginal("a")
         >>> alone.std.tolist(), alone.labels.inputs[0].name
@@ -260,27 +210,6 @@ class PolynomialChaos(Surrogate):
         others = np.delete(self.multi_index, self._columns(names), axis=1)
         kept = ~np.any(others > 0, axis=1)
         return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
-
-    @property
-    def top_energy(self) -> Array:
-        """Sum of squared coefficients (O, T) of the terms of the top order: what the next order would add, or more."""
-        _, edge = top_order(self.multi_index)
-        return np.asarray(np.sum(self.coefficients[edge] ** 2, axis=0))
-
-    @property
-    def top_energy_germ(self) -> Array:
-        """Parts of :attr:`top_energy` by germ (d, O, T): a term counts by its degrees."""
-        _, edge = top_order(self.multi_index)
-        degrees = self.multi_index[edge] / np.maximum(self.multi_index[edge].sum(axis=1, keepdims=True), 1)
-        found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients[edge] ** 2)
-        return found
-
-    @property
-    def variance_germ(self) -> Array:
-        """Parts of the variance by germ (d, O, T): a term counts by its degrees."""
-        degrees = self.multi_index / np.maximum(self.multi_index.sum(axis=1, keepdims=True), 1)
-        found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients**2)
-        return found
 
     def decay(self) -> xr.Dataset:
         """Build a dataset of how the coefficients fall with the order.
@@ -294,15 +223,12 @@ class PolynomialChaos(Surrogate):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> found = chaos.decay()
         >>> sorted(found.data_vars)
@@ -330,15 +256,12 @@ class PolynomialChaos(Surrogate):
 
         Examples
         --------
-        >>> import chaospy
-        >>> import uqmbd
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
         >>> from uqmbd.results import PolynomialChaos
         >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
         >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
         >>> chaos.discontinuities()  # none is suspected
         (None,)
@@ -352,26 +275,6 @@ class PolynomialChaos(Surrogate):
             self.top_energy_germ,
             int(self.multi_index.max(initial=0)),
         )
-
-    def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
-        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
-        >>> chaos.to_dataset()["coefficients"].sizes["term"]
-        4
-        """
-        return chaos_dataset(self, self.coefficients)
 
     def to_chaospy(self) -> Any:
         """Return it as a polynomial of chaospy, e.g. for ``chaospy.E``.
@@ -401,72 +304,39 @@ class PolynomialChaos(Surrogate):
 
         return as_numpoly(self.space.germs, self.multi_index, self.coefficients)
 
+    @property
+    def _pieces(self) -> tuple[Piece, ...]:
+        return ((self.space, self.multi_index, self.elements[0]),)
+
+    @cached_property
+    def _moments(self) -> ExactMoments:
+        return ExactMoments(self.space, self.multi_index, self.coefficients)
+
+    def _variables(self, stated: bool) -> dict[str, Any]:
+        order = "column k belongs to germ k"
+        if not self.space.independent:
+            order += ", which is not input k alone: inputs are dependent"
+        about = {"long_name": "coefficients of the orthonormal polynomials", "comment": "in the units of the outputs"}
+        found = {"coefficients": (("term", *self.labels.dims), self.coefficients, about)}
+        if stated:
+            about = {
+                "long_name": "stated error of the surrogate",
+                "comment": "root mean square at weighted realisations that no node uses, over the standard deviation",
+            }
+            found["verification_error"] = (self.labels.dims, self.verification_error(), about)
+        return found | degrees(self.multi_index, order)
+
     @classmethod
-    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos:
-        """Make a chaos from the dataset `chaos` of a result, without the mechanism.
-
-        Raises
-        ------
-        StudyError
-            If it is no such dataset.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import uqmbd
-        >>> from uqmbd.results import PolynomialChaos
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> b = uqmbd.RandomVariable("b", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("sum", a + b)
-        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), labels(["y"], ["a", "b"], [0.0])
-        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
-        >>> again = PolynomialChaos.from_dataset(chaos.to_dataset())
-        >>> bool((again.coefficients == chaos.coefficients).all())
-        True
-        """
-        return cls(**chaos_arguments(dataset))
-
-    def _evaluate(self, germs: Array) -> Array:
-        with one_thread():
-            found: Array = basis_values(self.space, germs, self.multi_index) @ self._flat
-        return found.reshape(len(germs), *self.labels.shape)
-
-    def _derivative(self, germs: Array, germ: int) -> Array:
-        with one_thread():
-            found: Array = basis_derivatives(self.space, germs, self.multi_index, germ) @ self._flat
-        return found.reshape(len(germs), *self.labels.shape)
-
-    def _sampler(self, germs: Array) -> Samples:
-        basis, flat = basis_values(self.space, germs, self.multi_index), self._flat
-        return Samples(
-            lambda part: np.asarray(basis @ flat[:, part]),
-            lambda part: np.asarray(np.ascontiguousarray(flat[:, part].T) @ basis.T),
-        )
-
-    @property
-    def _flat(self) -> Array:
-        """Coefficients as (P, C)."""
-        return self.coefficients.reshape(len(self.coefficients), -1)
-
-    @property
-    def _summands(self) -> int:
-        return len(self.coefficients)
-
-    @cached_property
-    def _shape_route(self) -> str:
-        return shape_route(self._flat, self.multi_index, self.space.germs)
-
-    @cached_property
-    def _shape_moments(self) -> tuple[Array, Array]:
-        if self.shape_samples:
-            std = np.where(self._constant, 0.0, self.std).ravel()
-            skewness, kurtosis = sampled_shape(self.space, self._flat, self.multi_index, std, self.shape_samples)
-        else:
-            route = self._shape_route
-            skewness, kurtosis = skewness_kurtosis(self._flat, self.multi_index, self.space.germs, route)
-        return self._shaped(skewness), self._shaped(kurtosis)
+    def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        data, labels, space = read_surrogate(dataset, "chaos", ("coefficients", "multi_index"))
+        if "element" in data["coefficients"].dims:
+            raise StudyError("This chaos has elements; read it by uqmbd.results.PiecewiseChaos, or chaos_from_dataset.")
+        return {
+            "coefficients": data["coefficients"].transpose("term", *labels.dims).values,
+            "multi_index": data["multi_index"].transpose("term", "input").values,
+            "space": space,
+            "labels": labels,
+        } | verification_of(data)
 
     def _suspicions(self) -> tuple[str, ...]:
         return tuple(f". {one.words()}" if one else "" for one in self.discontinuities())
@@ -478,12 +348,14 @@ class PolynomialChaos(Surrogate):
             for k, output in enumerate(self.labels.outputs)
         )
 
-    def _shares(self, masks: Mask) -> Array:
-        found = variance_shares(self._flat, masks, self.std.ravel())
-        return frozen(found.reshape(len(masks), *self.labels.shape))
-
-    def _shaped(self, columns: Array) -> Array:
-        return frozen(columns.reshape(self.labels.shape))
+    def _columns(self, names: tuple[str, ...]) -> list[int]:
+        known = self.germ_names
+        for k, name in enumerate(names):
+            if name not in known or name in names[:k]:
+                raise StudyError(f"Different germs are expected, of {', '.join(known)}; {', '.join(names)} was given.")
+        if not names:
+            raise StudyError(f"At least one germ is expected, of {', '.join(known)}; none was given.")
+        return [known.index(name) for name in names]
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, frozen(value))

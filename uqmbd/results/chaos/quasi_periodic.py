@@ -3,33 +3,160 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import check_filled, checked_weights, rows_of_boxes, terms_of_all, verification_of_all
-from uqmbd.results.chaos.decay import top_order
-from uqmbd.results.chaos.interface import Samples
-from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement, SampledWaves
-from uqmbd.results.chaos.sampled import TOPS, SampledSurrogate
-from uqmbd.results.chaos.sampling import basis_derivatives, basis_values, spread_germs
-from uqmbd.results.chaos.storage import quasi_periodic_arguments, quasi_periodic_dataset
+from uqmbd.compiled import wave_values
+from uqmbd.results.chaos.interface import Surrogate
+from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox, GermSpace
 
-__all__ = ["QuasiPeriodicChaos"]
+__all__ = ["QuasiPeriodicChaos", "QuasiPeriodicElement"]
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiPeriodicElement(Element):
+    """Part of the germ space in which motions are sums of the same harmonics.
+
+    Attributes
+    ----------
+    box : GermBox
+        The part.
+    frequencies : array, shape (P, M)
+        Coefficients of the base frequencies, rad/s.
+    constants, drifts : array, shape (P, O)
+        Coefficients of what is constant, and of mean rates (1/s), in the units of the outputs.
+    waves : array of complex, shape (P, O, H)
+        Coefficients of the harmonics: a - i b for a cos + b sin.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> import numpy as np
+    >>> import uqmbd
+    >>> from uqmbd.extend import QuasiPeriodicElement
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+    >>> element = QuasiPeriodicElement(
+    ...     uqmbd.extend.GermBox.whole(space),
+    ...     frequencies=np.array([[2.0], [0.1]]),
+    ...     constants=np.zeros((2, 1)),
+    ...     drifts=np.zeros((2, 1)),
+    ...     waves=np.array([[[1.0 + 0j]], [[0j]]]),
+    ... )
+    >>> element.frequencies[0].tolist(), element.waves.shape  # cos(2 t) at the mean; terms, outputs, harmonics
+    ([2.0], (2, 1, 1))
+    """
+
+    frequencies: Array
+    constants: Array
+    drifts: Array
+    waves: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledWaves(SampledPiece):
+    """Samples in one element."""
+
+    element: QuasiPeriodicElement
+    lattice: Index
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array, Array, NDArray[np.complex128]]:
+        """Frequencies (K, M), constants and drifts (K, O), and waves (K, O, H)."""
+        of, basis = self.element, self.basis
+        return basis @ of.frequencies, basis @ of.constants, basis @ of.drifts, np.tensordot(basis, of.waves, 1)
+
+    def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
+        """Evaluate some outputs at times (T,) since the origin, into rows of (N, C, T)."""
+        frequencies, constants, drifts, waves = self.parts
+        of_outputs = constants[:, outputs], drifts[:, outputs], waves[:, outputs]
+        wave_values(frequencies, self.lattice, *of_outputs, times, found, self.rows)
+
+    def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
+        """Evaluate the change by that of the basis (K, P) at times (T,) since the origin, into rows of (N, O, T)."""
+        frequencies, constants, _, waves = self.parts
+        changes = SampledWaves(self.element, self.rows, change, self.lattice).parts
+        wave_values(frequencies, self.lattice, changes[1], changes[2], changes[3], times, found, self.rows)
+        # d/dw of a wave is i t times the wave
+        turned = 1j * (changes[0] @ self.lattice.T)[:, None, :] * waves
+        still = np.zeros_like(constants)
+        phases = np.zeros_like(found)
+        wave_values(frequencies, self.lattice, still, still, turned, times, phases, self.rows)
+        found[self.rows] += times * phases[self.rows]
+
+
+COEFFICIENTS = {
+    "frequency": ("base", {"long_name": "coefficients of the base frequencies", "units": "rad/s"}),
+    "constant": (
+        "output",
+        {"long_name": "coefficients of what is constant", "comment": "in the units of the outputs"},
+    ),
+    "drift": (
+        "output",
+        {"long_name": "coefficients of mean rates", "comment": "in the units of the outputs, per second"},
+    ),
+    "cosine": ("output", {"long_name": "coefficients of the cosines", "comment": "in the units of the outputs"}),
+    "sine": ("output", {"long_name": "coefficients of the sines", "comment": "in the units of the outputs"}),
+}
+"""Stored coefficients: their last dimension (harmonics follow in waves), and attributes."""
+
+
+@dataclass(frozen=True)
+class Harmonic(OverTime):
+    """Outputs are sums of harmonics, whose frequencies and amplitudes are polynomials of the germs."""
+
+    lattice: Index  # (H, M) multiples of the base frequencies
+    origin: float  # time from which phases count, s
+
+    name = "quasi_periodic"
+    needed = (*(f"{name}_coefficients" for name in COEFFICIENTS), "harmonics", "origin")
+    of_times = "frequencies"
+
+    def since(self, labels: Labels) -> Array:
+        """Return times since the origin (T,), s."""
+        return np.asarray(labels.times) - self.origin
+
+    def at(self, element: QuasiPeriodicElement, rows: NDArray[np.intp], basis: Array) -> SampledWaves:
+        """Prepare samples."""
+        return SampledWaves(element, rows, basis, self.lattice)
+
+    def variables(self, elements: Sequence[QuasiPeriodicElement]) -> dict[str, Any]:
+        """Return elements, multiples of the base frequencies and the origin as variables."""
+        parts = [(e.frequencies, e.constants, e.drifts, e.waves.real, -e.waves.imag) for e in elements]
+        found: dict[str, Any] = {
+            f"{name}_coefficients": (_dims(name), np.array([part[k] for part in parts]), about)
+            for k, (name, (_, about)) in enumerate(COEFFICIENTS.items())
+        }
+        return found | {
+            "harmonics": (("harmonic", "base"), self.lattice, {"long_name": "multiples of the base frequencies"}),
+            "origin": ((), self.origin, {"long_name": "time from which phases count", "units": "s"}),
+        }
+
+    @classmethod
+    def read(cls, data: xr.Dataset, boxes: Sequence[GermBox]) -> tuple[Self, tuple[QuasiPeriodicElement, ...]]:
+        """Return the readout and the elements of a dataset."""
+        found = [data[f"{name}_coefficients"].transpose(*_dims(name)).values for name in COEFFICIENTS]
+        elements = [
+            QuasiPeriodicElement(box, found[0][k], found[1][k], found[2][k], found[3][k] - 1j * found[4][k])
+            for k, box in enumerate(boxes)
+        ]
+        return cls(data["harmonics"].transpose("harmonic", "base").values, float(data["origin"])), tuple(elements)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class QuasiPeriodicChaos(SampledSurrogate):
+class QuasiPeriodicChaos(Surrogate):
     """Outputs as sums of harmonics of one or two frequencies, whose frequencies and amplitudes are polynomials.
 
     Where realisations oscillate with frequencies of their own their phases drift apart, and no order follows outputs at
@@ -97,16 +224,7 @@ class QuasiPeriodicChaos(SampledSurrogate):
     verification_weights: Array | None = None
     space: GermSpace = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Check that the elements fill the space."""
-        object.__setattr__(self, "elements", tuple(self.elements))
-        check_filled([e.box for e in self.elements])
-        object.__setattr__(self, "space", self.elements[0].box.space)
-        boxes = [e.box for e in self.elements]
-        weights = checked_weights(self.verification_weights, self.verification_germs, boxes)
-        object.__setattr__(self, "verification_weights", weights)
-        if self.labels.times is None:
-            raise StudyError("Outputs without times have no frequencies; use PolynomialChaos.")
+    _kind = Harmonic
 
     def __repr__(self) -> str:
         numbers = f"{len(self.lattice)} harmonics of {self.lattice.shape[1]} frequencies"
@@ -137,8 +255,8 @@ class QuasiPeriodicChaos(SampledSurrogate):
         """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         found = np.empty((len(germs), self.lattice.shape[1]))
-        for one in self._sampled(germs):
-            found[one.rows] = one.frequencies
+        for _, one in self._sampled(germs):
+            found[one.rows] = one.basis @ one.element.frequencies
         return found
 
     def amplitudes(self, inputs: ArrayLike) -> Array:
@@ -166,175 +284,11 @@ class QuasiPeriodicChaos(SampledSurrogate):
         """
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         found = np.empty((len(germs), len(self.labels.outputs), len(self.lattice)))
-        for one in self._sampled(germs):
-            found[one.rows] = np.abs(one.waves)
+        for _, one in self._sampled(germs):
+            found[one.rows] = np.abs(np.tensordot(one.basis, one.element.waves, 1))
         return found
 
-    @classmethod
-    def joined(cls, chaoses: Sequence[QuasiPeriodicChaos], boxes: Sequence[GermBox]) -> QuasiPeriodicChaos:
-        """Join chaoses of the same harmonics, each on the conditional distribution in its box, that were not split.
 
-        Parameters
-        ----------
-        chaoses : sequence
-            Of the elements.
-        boxes : sequence of GermBox
-            Their parts of the germ space, which they fill.
-
-        Returns
-        -------
-        QuasiPeriodicChaos
-            On the whole germ space.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos
-        >>> from uqmbd.extend import QuasiPeriodicElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> def half(box, size):  # size times cos(2 t) in half of the germ space
-        ...     zero, waves = np.zeros((1, 1)), np.array([[[size + 0j]]])
-        ...     whole = uqmbd.extend.GermBox.whole(box.local)
-        ...     element = QuasiPeriodicElement(whole, np.array([[2.0]]), zero, zero, waves)
-        ...     axes = labels(["x"], ["a"], [0.0])
-        ...     return QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0]]), axes)
-        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
-        >>> chaos = QuasiPeriodicChaos.joined([half(box, size) for box, size in zip(boxes, (1.0, 3.0))], boxes)
-        >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
-        [1.0, 3.0]
-        """
-        terms, places = terms_of_all(chaoses)
-        elements = []
-        for chaos, box, rows in zip(chaoses, boxes, places, strict=True):
-            (own,) = chaos.elements
-            parts = (own.frequencies, own.constants, own.drifts, own.waves)
-            frequencies, constants, drifts, waves = (np.zeros((len(terms), *x.shape[1:]), x.dtype) for x in parts)
-            frequencies[rows], constants[rows], drifts[rows], waves[rows] = parts
-            elements.append(QuasiPeriodicElement(box, frequencies, constants, drifts, waves))
-        first = chaoses[0]
-        known = verification_of_all(chaoses, [box.probability for box in boxes])
-        return cls(tuple(elements), first.lattice, first.origin, terms, first.labels, **known)
-
-    def to_dataset(self) -> xr.Dataset:
-        """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos
-        >>> from uqmbd.extend import QuasiPeriodicElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
-        >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
-        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
-        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
-        >>> dict(chaos.to_dataset().sizes)["harmonic"]
-        1
-        """
-        return quasi_periodic_dataset(self, self.elements, self.lattice, self.origin)
-
-    @classmethod
-    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> QuasiPeriodicChaos:
-        """Make it from the dataset `quasi_periodic` of a result, without the mechanism.
-
-        Examples
-        --------
-        >>> import chaospy
-        >>> import numpy as np
-        >>> import uqmbd
-        >>> from uqmbd.results import QuasiPeriodicChaos
-        >>> from uqmbd.extend import QuasiPeriodicElement
-        >>> from uqmbd.extend import labels
-        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
-        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
-        >>> mechanism.output("a", a)
-        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
-        >>> frequencies, waves = np.array([[2.0], [0.1]]), np.array([[[1.0 + 0j]], [[0j]]])
-        >>> zero = np.zeros((2, 1))
-        >>> element = QuasiPeriodicElement(uqmbd.extend.GermBox.whole(space), frequencies, zero, zero, waves)
-        >>> axes = labels(["x"], ["a"], [0.0, 1.0])
-        >>> chaos = QuasiPeriodicChaos((element,), np.array([[1]]), 0.0, np.array([[0], [1]]), axes)
-        >>> QuasiPeriodicChaos.from_dataset(chaos.to_dataset()).frequencies([[0.0]]).round(4).tolist()
-        [[2.0]]
-        """
-        return cls(**quasi_periodic_arguments(dataset))
-
-    def _evaluate(self, germs: Array) -> Array:
-        found = np.empty((len(germs), *self.labels.shape))
-        for one in self._sampled(germs):
-            one.evaluate(slice(None), self._times - self.origin, found)
-        return found
-
-    def _derivative(self, germs: Array, germ: int) -> Array:
-        found = np.zeros((len(germs), *self.labels.shape))
-        for one, change in zip(self._sampled(germs), self._sampled(germs, germ), strict=True):
-            one.evaluate_change(change, self._times - self.origin, found)
-        return found
-
-    def _sampler(self, germs: Array) -> Samples:
-        sampled, count = self._sampled(germs), self.labels.shape[1]
-
-        def columns(part: slice) -> Array:
-            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
-            found = np.empty((len(germs), last - first))
-            for output in range(first // count, -(-last // count)):
-                begin, end = max(first, output * count), min(last, (output + 1) * count)
-                times = self._times[begin - output * count : end - output * count]
-                values = np.empty((len(germs), 1, len(times)))
-                for one in sampled:
-                    one.evaluate(slice(output, output + 1), times - self.origin, values)
-                found[:, begin - first : end - first] = values[:, 0]
-            return found
-
-        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
-
-    @property
-    def _times(self) -> Array:
-        return np.asarray(self.labels.times)
-
-    def _sampled(self, germs: Array, germ: int | None = None) -> list[SampledWaves]:
-        """Find what elements have of samples, or how that changes with a germ."""
-        found = []
-        for element, rows in zip(self.elements, rows_of_boxes([e.box for e in self.elements], germs), strict=True):
-            if len(rows):
-                where = element.box.local, germs[rows], self.multi_index
-                basis = basis_values(*where) if germ is None else basis_derivatives(*where, germ)
-                waves = np.tensordot(basis, element.waves, 1)
-                frequencies, constants, drifts = (
-                    basis @ x for x in (element.frequencies, element.constants, element.drifts)
-                )
-                found.append(SampledWaves(rows, frequencies, constants, drifts, waves, self.lattice))
-        return found
-
-    @cached_property
-    def _tops(self) -> Array:
-        germs = spread_germs(self.space, TOPS, 0)
-        whole, (_, edge) = self.evaluate_germs(germs), top_order(self.multi_index)
-        found = []
-        for left_out in (edge, *(edge & (self.multi_index[:, k] > 0) for k in range(len(self.germ_names)))):
-            kept = ~left_out[:, None]
-            fewer = [
-                replace(
-                    e,
-                    frequencies=e.frequencies * kept,
-                    constants=e.constants * kept,
-                    drifts=e.drifts * kept,
-                    waves=e.waves * kept[:, :, None],
-                )
-                for e in self.elements
-            ]
-            found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
-        return np.array(found)
+def _dims(name: str) -> tuple[str, ...]:
+    """Return the dimensions of stored coefficients."""
+    return ("element", "term", COEFFICIENTS[name][0], *(("harmonic",) if name in ("cosine", "sine") else ()))

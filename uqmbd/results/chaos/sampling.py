@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "affordable",
-    "basis_derivatives",
     "basis_values",
     "kernel_density",
     "quantiles_of_rows",
@@ -115,21 +114,13 @@ def sampled_shape(
     return skewness, kurtosis
 
 
-def basis_values(space: GermSpace, germs: Array, multi_index: Index) -> Array:
-    """Evaluate the basis (K, P), some thousand points at a time."""
+def basis_values(space: GermSpace, germs: Array, multi_index: Index, by: int | None = None) -> Array:
+    """Evaluate the basis (K, P), or its derivatives by a germ, some thousand points at a time."""
     found = np.empty((len(germs), len(multi_index)))
     for start in range(0, len(germs), ROWS):
-        part = slice(start, start + ROWS)
-        found[part] = space.evaluate(germs[part], multi_index)
-    return found
-
-
-def basis_derivatives(space: GermSpace, germs: Array, multi_index: Index, germ: int) -> Array:
-    """Evaluate the derivatives of the basis (K, P) with respect to one germ, some thousand points at a time."""
-    found = np.empty((len(germs), len(multi_index)))
-    for start in range(0, len(germs), ROWS):
-        part = slice(start, start + ROWS)
-        found[part] = space.evaluate_derivative(germs[part], multi_index, germ)
+        part = germs[start : start + ROWS]
+        values = space.evaluate(part, multi_index) if by is None else space.evaluate_derivative(part, multi_index, by)
+        found[start : start + ROWS] = values
     return found
 
 

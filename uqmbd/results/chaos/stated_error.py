@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from functools import cached_property
-
 import numpy as np
-from numpy.typing import ArrayLike
 
-from uqmbd.errors import StudyError
 from uqmbd.results.chaos.terms import constant_columns
-from uqmbd.results.schema import Labels, output_index, time_index
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 
 __all__ = [
     "SPREAD_FLOOR",
-    "Verified",
     "first_above",
     "reference_spread",
     "root_mean_square",
@@ -31,119 +24,6 @@ MOST = 50.0
 
 SPREAD_FLOOR = 0.01
 """Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
-
-
-class Verified(ABC):
-    """What a surrogate states of its own error, from realisations that did not enter it."""
-
-    labels: Labels
-    verification_germs: Array | None
-    verification_response: Array | None
-    verification_weights: Array | None
-
-    @property
-    @abstractmethod
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-
-    @property
-    @abstractmethod
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-
-    @abstractmethod
-    def evaluate_germs(self, germs: ArrayLike) -> Array:
-        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs."""
-
-    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
-        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
-
-        The root mean square over the realisations, each by its weight: they lie in the tails more often than the inputs
-        do, and count for less there.  Where the standard deviation is below 1 % of its maximum over time, 1 % of that
-        maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the error 1 where the
-        realisations differ from its mean.  :meth:`verification_factor` says how well it is known.
-
-        Parameters
-        ----------
-        output : str, optional
-            Default: all.
-        time : float, optional
-            One of the times, in s. Default: all.
-
-        Returns
-        -------
-        array, shape (O, T), without the axes that were chosen
-
-        Raises
-        ------
-        StudyError
-            If there is no verification data, or output or time are unknown.
-        """
-        found = self._stated_error.reshape(self.labels.shape)
-        row = slice(None) if output is None else output_index(self.labels, output)
-        return np.array(found[(row, *time_index(self.labels, time))])
-
-    def verification_factor(self) -> Array:
-        """Return by which factor the stated error may be off, shape (O, T): two standard errors, from the scatter.
-
-        Where it exceeds 2, there are too few verification realisations for the error.  What none of them reaches it
-        does not know.
-        """
-        germs, response, weights = self._verified
-        return uncertainty_factor(self.evaluate_germs(germs) - response, weights)
-
-    def verification_rms(self) -> Array:
-        """Return the root mean square error (O, T) by the weighted verification realisations, in units of the outputs.
-
-        NaN where the surrogate is not known.
-        """
-        germs, response, weights = self._verified
-        return root_mean_square(self.evaluate_germs(germs) - response, weights)
-
-    def verification_std(self) -> Array:
-        """Return the standard deviation (O, T) of the outputs by the weighted verification realisations."""
-        _, response, weights = self._verified
-        return weighted_std(response, weights)
-
-    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
-        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
-        if self.labels.times is None:
-            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
-        first = [first_above(row, limit) for row in self._stated_error]
-        names = (o.name for o in self.labels.outputs)
-        times = self.labels.times
-        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
-
-    @cached_property
-    def _stated_error(self) -> Array:
-        """The stated error as (O, T), with T = 1 for outputs without times."""
-        germs, response, weights = self._verified
-        shape = (len(self.labels.outputs), -1)
-        surrogate = self.evaluate_germs(germs)
-        return stated_error(
-            surrogate.reshape(len(surrogate), *shape),
-            response.reshape(len(surrogate), *shape),
-            self.mean.reshape(shape),
-            self.std.reshape(shape),
-            weights,
-            terms=self._summands,
-        )
-
-    @property
-    def _verified(self) -> tuple[Array, Array, Array]:
-        """Germ points, responses and weights of the verification realisations."""
-        found = self.verification_germs, self.verification_response, self.verification_weights
-        if found[0] is None or found[1] is None or found[2] is None:
-            raise StudyError(
-                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
-                "verify=16, or see 'verdicts' for what the coefficients tell."
-            )
-        return found[0], found[1], found[2]
-
-    @property
-    def _summands(self) -> int:
-        """Terms of the sum that the standard deviation comes from, for its rounding."""
-        return 1
 
 
 def reference_spread(std: Array) -> Array:

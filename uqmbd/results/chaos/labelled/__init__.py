@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from uqmbd.results.chaos.labelled.arrays import DERIVATIVE, VALUE, labelled_array
 from uqmbd.results.chaos.labelled.points import Frame, Named, Points, points_of
-from uqmbd.results.chaos.labelled.statistics import StatedErrors, surrogate_statistics
+from uqmbd.results.chaos.labelled.statistics import (
+    DERIVATIVE,
+    VALUE,
+    labelled_array,
+    surrogate_statistics,
+)
 
 __all__ = [
     "DERIVATIVE",
@@ -12,7 +16,6 @@ __all__ = [
     "Frame",
     "Named",
     "Points",
-    "StatedErrors",
     "labelled_array",
     "points_of",
     "surrogate_statistics",

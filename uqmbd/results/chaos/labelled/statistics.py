@@ -1,23 +1,56 @@
-"""The dataset of the statistics of a surrogate."""
+"""Values and statistics of a surrogate as labelled data."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import xarray as xr
 
-from uqmbd.results.schema import Labels, fixed_width, statistics_dataset, united
+from uqmbd.results.chaos.labelled.points import Points
+from uqmbd.results.schema import Labels, fixed_width, statistics_dataset, united, units_of
 from uqmbd.typing import Array
 
-__all__ = ["StatedErrors", "surrogate_statistics"]
+__all__ = ["DERIVATIVE", "VALUE", "labelled_array", "surrogate_statistics"]
+
+VALUE: Mapping[str, str] = {"name": "response", "long_name": "response"}
+DERIVATIVE: Mapping[str, str] = {"name": "gradient", "long_name": "derivative with respect to the input"}
 
 
-class StatedErrors(NamedTuple):
-    """Stated error of a surrogate, over the standard deviation, and the factor by which it may be off: (O, T)."""
+def labelled_array(values: Array, points: Points, labels: Labels, about: Mapping[str, str]) -> xr.DataArray:
+    """Give values the dimensions of the points, and those of the outputs.
 
-    error: Array
-    factor: Array
+    Parameters
+    ----------
+    values : array, shape (K, O, T), or (K, d, O, T) of derivatives
+    points : Points
+    labels : Labels
+    about : mapping
+        `VALUE` or `DERIVATIVE`: what they are.
+
+    Returns
+    -------
+    xarray.DataArray
+        With ``units`` where they are one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.extend import labels
+    >>> from uqmbd.results.chaos.labelled.points import points_of
+    >>> axes = labels([("x", "m")], [("k", "N/m")], [0.0, 0.5])
+    >>> found = labelled_array(np.zeros((3, 1, 2)), points_of(None, {"k": [1, 2, 3]}, axes.inputs), axes, VALUE)
+    >>> found.dims, found.attrs["units"], found["k"].values.tolist()
+    (('point', 'output', 'time'), 'm', [1.0, 2.0, 3.0])
+    """
+    shape = (*points.sizes.values(), *values.shape[1:])
+    between = ("input",) * (values.ndim - 1 - len(labels.dims))
+    coords: dict[str, Any] = {**points.coords, **labels.output_coords(), **(labels.input_coords() if between else {})}
+    dims = (*points.sizes, *between, *labels.dims)
+    found = xr.DataArray(values.reshape(shape), coords, dims, about["name"], {"long_name": about["long_name"]})
+    if units := units_of(found):
+        found.attrs["units"] = units
+    return found
 
 
 def surrogate_statistics(
@@ -29,7 +62,7 @@ def surrogate_statistics(
     wanted: int,
     terms: int,
     of_germs: tuple[Sequence[str], Array, Array] | None,
-    stated: StatedErrors | None,
+    stated: tuple[Array, Array] | None,
 ) -> xr.Dataset:
     """Build the dataset, and say what in it is of samples.
 
@@ -46,8 +79,8 @@ def surrogate_statistics(
         Of the surrogate, which allow no more.
     of_germs : tuple, optional
         Names of germs, their first-order and total indices, where inputs depend on one another.
-    stated : StatedErrors, optional
-        Where there is verification data.
+    stated : tuple of array, shape (O, T), optional
+        Stated error, over the standard deviation, and the factor by which it may be off.
     """
     found = statistics_dataset(labels, **values)
     if shape_samples:
@@ -76,7 +109,7 @@ def surrogate_statistics(
             "comment": "two standard errors, from the scatter of the squared errors; above 2: raise verify",
         }
         found = found.assign(
-            verification_error=(labels.dims, stated.error, note),
-            verification_factor=(labels.dims, stated.factor, about),
+            verification_error=(labels.dims, stated[0], note),
+            verification_factor=(labels.dims, stated[1], about),
         )
     return united(found)

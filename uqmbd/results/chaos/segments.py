@@ -1,20 +1,26 @@
-"""One element of an aligned chaos: segments between landmarks, and samples of it."""
+"""Outputs in segments between landmarks: elements, samples, and how they are stored."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args
 
 import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
 
 from uqmbd.compiled import SegmentTable
-from uqmbd.typing import Array, Index
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
+from uqmbd.results.schema import fixed_width
+from uqmbd.typing import Array, Mask
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox
 
-__all__ = ["AlignedElement", "Landmarks", "SampledElement"]
+__all__ = ["AlignedElement", "Landmarks", "SampledSegments", "Segmented"]
 
 
 SLACK = 1e-12
@@ -23,12 +29,15 @@ SLACK = 1e-12
 NOISE = 1e-10
 """Size of a coefficient in time, over the largest one of its output, that is rounding."""
 
+AT_ONCE = 64
+"""Samples that are differentiated at once."""
+
 Landmarks = Literal["events", "phase", "time"]
 """What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
 
 
 @dataclass(frozen=True, eq=False)
-class AlignedElement:
+class AlignedElement(Element):
     """Where all realisations have the same sequence of landmarks.
 
     Attributes
@@ -64,7 +73,6 @@ class AlignedElement:
     [1.5, 0.5]
     """
 
-    box: GermBox
     events: tuple[str, ...]
     edges: Array
     segments: Array
@@ -109,42 +117,35 @@ class AlignedElement:
         large = np.flatnonzero((np.abs(found) > NOISE * size).any(axis=(0, 1, 2)))
         return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
+    def without(self, terms: Mask) -> Self:
+        """Return it without some terms (P,); the last landmark stays: behind it nothing is known."""
+        edges = np.append(self.edges[:, :-1] * ~terms[:, None], self.edges[:, -1:], axis=1)
+        return replace(super().without(terms), edges=edges)
+
     @cached_property
     def table(self) -> SegmentTable:
         """The coefficients as they are evaluated."""
         return SegmentTable.of(self.edges, self.segments)
 
 
-@dataclass(frozen=True)
-class SampledElement:
-    """Samples in one element: their numbers (K,), in any order, and basis (K, P)."""
+@dataclass(frozen=True, eq=False)
+class SampledSegments(SampledPiece):
+    """Samples in one element."""
 
     element: AlignedElement
-    rows: Index
-    basis: Array
-
-    @property
-    def edges(self) -> Array:
-        """Times of landmarks, with begin and end (K, S + 1), s."""
-        return self.element.table.edges_at(self.basis)
 
     def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
         """Evaluate some outputs at increasing times (T,), into rows of (N, C, T); NaN behind a sample's last edge."""
         self.element.table.evaluate(self.basis, times, outputs, found, self.rows)
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
-        """Evaluate the first-order change of all outputs at times (T,), into rows of (N, O, T).
+        """Evaluate the change by that of the basis (K, P), into rows of (N, O, T); NaN behind a sample's last edge."""
+        for start in range(0, len(self.rows), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            SampledSegments(self.element, self.rows[part], self.basis[part])._change(change[part], times, found)
 
-        The change of an edge moves the normalised time.  A time at an edge is in the segment behind it.
-
-        Parameters
-        ----------
-        change : array, shape (K, P)
-            Of the basis.
-        times : array, shape (T,)
-        found : array, shape (N, O, T)
-            NaN behind a sample's last edge.
-        """
+    def _change(self, change: Array, times: Array, found: Array) -> None:
+        """Evaluate some; the change of an edge moves the normalised time, and an edge is in the segment behind it."""
         edges, moving = self._moving_edges(change)
         segments, powers = self.element.segments, self.element.segments.shape[-1]
         at = np.stack([np.searchsorted(row[1:-1], times, side="right") for row in edges])  # (K, T)
@@ -186,3 +187,71 @@ def _chebyshev_slopes(x: Array, powers: int) -> Array:
             second[..., n] = 2 * x * second[..., n - 1] - (second[..., n - 2] if n > 1 else 0.0)
         found[..., 1:] = np.arange(1, powers) * second[..., :-1]
     return found
+
+
+class Segmented(OverTime):
+    """Outputs are polynomials of the normalised time between landmarks, whose times are polynomials of the germs."""
+
+    name = "aligned"
+    needed = ("edge_coefficients", "segment_coefficients")
+    of_times = "events to follow"
+
+    def at(self, element: AlignedElement, rows: NDArray[np.intp], basis: Array) -> SampledSegments:
+        """Prepare samples."""
+        return SampledSegments(element, rows, basis)
+
+    def variables(self, elements: Sequence[AlignedElement]) -> dict[str, Any]:
+        """Return elements as variables, padded to the most segments and powers."""
+        terms, outputs = elements[0].segments.shape[0], elements[0].segments.shape[2]
+        most, powers = (max(e.segments.shape[k] for e in elements) for k in (1, 3))
+        edges = np.full((len(elements), terms, most + 1), np.nan)
+        segments = np.zeros((len(elements), terms, most, outputs, powers))
+        events = [["" for _ in range(most)] for _ in elements]
+        for k, e in enumerate(elements):
+            count = e.segments.shape[1]
+            edges[k, :, : count + 1], segments[k, :, :count, :, : e.segments.shape[3]] = e.edges, e.segments
+            events[k][:count] = e.events
+        return {
+            "edge_coefficients": (
+                ("element", "term", "edge"),
+                edges,
+                {"long_name": "coefficients of the times at which segments begin and end", "units": "s"},
+            ),
+            "segment_coefficients": (
+                ("element", "term", "segment", "output", "power"),
+                segments,
+                {"long_name": "coefficients of the outputs at Chebyshev polynomials of each segment's normalised time"},
+            ),
+            "event": (("element", "segment"), fixed_width(np.array(events).ravel()).reshape(len(elements), most)),
+            "landmarks": (
+                "element",
+                np.array([e.landmarks for e in elements], dtype=np.str_),
+                {"long_name": "what ends segments"},
+            ),
+            "segments": (
+                "element",
+                np.array([e.segments.shape[1] for e in elements]),
+                {"long_name": "number of segments"},
+            ),
+        }
+
+    @classmethod
+    def read(cls, data: xr.Dataset, boxes: Sequence[GermBox]) -> tuple[Self, tuple[AlignedElement, ...]]:
+        """Return the elements of a dataset."""
+        segments = data["segment_coefficients"].transpose("element", "term", "segment", "output", "power").values
+        kinds = [str(x) for x in data["landmarks"].values] if "landmarks" in data else ["events"] * len(boxes)
+        if unknown := set(kinds) - set(get_args(Landmarks)):
+            raise StudyError(
+                f"Landmarks of an aligned chaos are {min(unknown)!r}; expected one of {', '.join(get_args(Landmarks))}."
+            )
+        found: list[Any] = [
+            (
+                box,
+                tuple(str(x) for x in data["event"].values[k, :count]),
+                data["edge_coefficients"].values[k, :, : count + 1],
+                segments[k, :, :count],
+                kinds[k],
+            )
+            for k, (box, count) in enumerate(zip(boxes, data["segments"].values.tolist(), strict=True))
+        ]
+        return cls(), tuple(AlignedElement(*one) for one in found)

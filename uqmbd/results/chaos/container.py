@@ -1,0 +1,438 @@
+"""One container of all surrogates: elements with coefficients, and a readout that says how outputs follow from them.
+
+Length: it is one class, whose public methods have examples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.boxes import (
+    BOUNDS,
+    VERIFICATION,
+    box_variables,
+    boxes_of,
+    check_filled,
+    checked_weights,
+    degrees,
+    read_surrogate,
+    rows_of_boxes,
+    surrogate_dataset,
+    terms_of_all,
+    verification_of,
+    verification_of_all,
+)
+from uqmbd.results.chaos.readouts import Piece, Readout, SampledPiece, Samples
+from uqmbd.results.chaos.sampling import basis_values
+from uqmbd.results.chaos.surrogate_moments import SampledMoments
+from uqmbd.results.chaos.terms import constant_columns
+from uqmbd.results.schema import Labels
+from uqmbd.typing import Array, Index, Mask
+
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermBox, GermSpace
+
+__all__ = ["SurrogateContainer", "frozen"]
+
+_Kind = TypeVar("_Kind", bound=np.generic)
+
+ROUNDING = 1e-6
+"""By how much a germ may be outside its support, which rounding of inputs far from zero makes it."""
+
+
+class SurrogateContainer:
+    """Elements with coefficients, and a readout: what a surrogate evaluates, its moments, and how it is stored."""
+
+    labels: Labels
+    space: GermSpace
+    multi_index: Index
+    elements: tuple[Any, ...]
+    verification_germs: Array | None
+    verification_response: Array | None
+    verification_weights: Array | None
+
+    _kind: ClassVar[type[Any]]
+    """Of the readout."""
+
+    def __post_init__(self) -> None:
+        """Check elements that share their terms, weights and times, and set what follows from them."""
+        object.__setattr__(self, "elements", tuple(self.elements))
+        check_filled(self._boxes)
+        object.__setattr__(self, "space", self._boxes[0].space)
+        weights = checked_weights(self.verification_weights, self.verification_germs, self._boxes)
+        object.__setattr__(self, "verification_weights", weights)
+        if self.labels.times is None:
+            raise StudyError(f"Outputs without times have no {self._kind.of_times}; use PolynomialChaos.")
+
+    @property
+    def readout(self) -> Readout:
+        """How outputs follow from coefficients; its ``name`` is that of the dataset of the surrogate."""
+        found: Readout = self._reader
+        return found
+
+    @property
+    def _reader(self) -> Any:
+        """The readout, made of what the surrogate has under the same names."""
+        return self._kind(**{name: getattr(self, name) for name in getattr(self._kind, "__dataclass_fields__", ())})
+
+    @property
+    def _boxes(self) -> tuple[GermBox, ...]:
+        """Parts of the germ space that the elements are for."""
+        return tuple(element.box for element in self.elements)
+
+    @property
+    def _pieces(self) -> tuple[Piece, ...]:
+        """Elements with their germ spaces and terms."""
+        return tuple((element.box.local, self.multi_index, element) for element in self.elements)
+
+    def _sampled(self, germs: Array) -> list[tuple[Piece, SampledPiece]]:
+        """Prepare samples at germ points (K, d) in the elements that have some."""
+        pieces, reader = self._pieces, self._reader
+        rows_of = [np.arange(len(germs))] if len(pieces) == 1 else rows_of_boxes(self._boxes, germs)
+        return [
+            ((space, terms, element), reader.at(element, rows, basis_values(space, germs[rows], terms)))
+            for (space, terms, element), rows in zip(pieces, rows_of, strict=True)
+            if len(rows)
+        ]
+
+    def _evaluate(self, germs: Array) -> Array:
+        """Evaluate at germ points (K, d): (K, O, T)."""
+        found = np.empty((len(germs), *self.labels.shape))
+        for _, one in self._sampled(germs):
+            one.evaluate(slice(None), self._reader.since(self.labels), found)
+        return found
+
+    def _derivative(self, germs: Array, germ: int) -> Array:
+        """Differentiate with respect to one germ, at germ points (K, d): (K, O, T)."""
+        found = np.empty((len(germs), *self.labels.shape))
+        for (space, terms, _), one in self._sampled(germs):
+            change = basis_values(space, germs[one.rows], terms, germ)
+            one.evaluate_change(change, self._reader.since(self.labels), found)
+        return found
+
+    def _sampler(self, germs: Array) -> Samples:
+        """Prepare samples at germ points (K, d), in any order."""
+        found: Samples = self._reader.samples([one for _, one in self._sampled(germs)], self.labels)
+        return found
+
+    @cached_property
+    def _moments(self) -> Any:
+        """Moments and indices: those of samples, where coefficients do not tell them."""
+        return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without)
+
+    def _without(self, terms: Mask, germs: Array) -> Array:
+        """Evaluate at germ points (K, d) without some terms (P,)."""
+        this: Any = self
+        return np.asarray(replace(this, elements=tuple(e.without(terms) for e in self.elements)).evaluate_germs(germs))
+
+    def _statistic(self, name: str, axis: int, part: Any = slice(None)) -> Array:
+        """Return a statistic of `_moments`, of which outputs are along an axis, or a part of it."""
+        return frozen(np.asarray(getattr(self._moments, name)[part]))
+
+    @cached_property
+    def mean(self) -> Array:
+        """Expectation, shape (O, T), in the units of the outputs."""
+        return self._statistic("mean", 0)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviation, shape (O, T), in the units of the outputs."""
+        return self._statistic("spread", 1, 0)
+
+    @cached_property
+    def variance(self) -> Array:
+        """Variance, shape (O, T)."""
+        return self._statistic("spread", 1, 1)
+
+    @cached_property
+    def skewness(self) -> Array:
+        """Third standardised moment, shape (O, T); 0 where an output does not vary.
+
+        Of samples of the surrogate, where exact ones need too many operations (:attr:`shape_samples`).
+        """
+        return self._statistic("shape", 1, 0)
+
+    @cached_property
+    def kurtosis(self) -> Array:
+        """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
+        return self._statistic("shape", 1, 1)
+
+    @property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+        return int(self._moments.shape_samples)
+
+    @property
+    def germ_names(self) -> tuple[str, ...]:
+        """Names of the germs: those of the inputs where these are independent."""
+        return tuple(self.space.names)
+
+    @cached_property
+    def sobol_first_germ(self) -> Array:
+        """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
+        return self._statistic("sobol", 2, 0)
+
+    @cached_property
+    def sobol_total_germ(self) -> Array:
+        """Total Sobol' indices of the germs, shape (germ, O, T)."""
+        return self._statistic("sobol", 2, 1)
+
+    @cached_property
+    def sobol_second_germ(self) -> Array:
+        """Sobol' indices of pairs of germs, shape (germ, germ, O, T): symmetric, 0 on the diagonal."""
+        return self._statistic("sobol_second", 2)
+
+    @cached_property
+    def sobol_first(self) -> Array:
+        """First-order Sobol' indices, shape (input, O, T): the share of the variance that one input alone explains."""
+        return self._by_input("sobol_first")
+
+    @cached_property
+    def sobol_total(self) -> Array:
+        """Total Sobol' indices, shape (input, O, T): the share of the variance that vanishes with an input."""
+        return self._by_input("sobol_total")
+
+    @cached_property
+    def sobol_second(self) -> Array:
+        """Sobol' indices of pairs, shape (input, input, O, T): symmetric, 0 on the diagonal."""
+        return self._by_input("sobol_second")
+
+    @property
+    def top_energy(self) -> Array:
+        """What the terms of the top order change, as a mean square (O, T): what the next order would add, or more."""
+        return self._statistic("tops", 1, 0)
+
+    @property
+    def top_energy_germ(self) -> Array:
+        """Parts of :attr:`top_energy` by germ (d, O, T)."""
+        return self._statistic("tops", 1, slice(1, None))
+
+    @property
+    def variance_germ(self) -> Array:
+        """Variance that vanishes with a germ (d, O, T)."""
+        return np.asarray(self.sobol_total_germ * self.variance)
+
+    @classmethod
+    def joined(cls, chaoses: Sequence[Self], boxes: Sequence[GermBox]) -> Self:
+        """Join surrogates, each on the conditional distribution in its box, that were not split themselves.
+
+        Parameters
+        ----------
+        chaoses : sequence
+            Of the elements, with the same outputs, times and harmonics.
+        boxes : sequence of GermBox
+            Their parts of the germ space, which they fill.
+
+        Returns
+        -------
+        AlignedChaos or QuasiPeriodicChaos
+            On the whole germ space.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.results import AlignedChaos
+        >>> from uqmbd.extend import AlignedElement
+        >>> from uqmbd.extend import labels
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+        >>> def half(box, level):  # a constant in half of the germ space
+        ...     values, edges = np.full((1, 1, 1, 3), level), np.array([[0.0, 1.0]])
+        ...     element = AlignedElement.through(uqmbd.extend.GermBox.whole(box.local), ("",), edges, values, "time")
+        ...     return AlignedChaos((element,), np.array([[0]]), labels(["x"], ["a"], [0.5]))
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
+        >>> chaos = AlignedChaos.joined([half(box, level) for box, level in zip(boxes, (-1.0, 1.0))], boxes)
+        >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
+        [-1.0, 1.0]
+        """
+        terms, places = terms_of_all(chaoses)
+        owners = zip(chaoses, boxes, places, strict=True)
+        elements = tuple(chaos.elements[0].among(box, len(terms), rows) for chaos, box, rows in owners)
+        known: dict[str, Any] = verification_of_all(chaoses, [box.probability for box in boxes])
+        first: Any = chaoses[0]
+        found: Self = replace(first, elements=elements, multi_index=terms, **known)
+        return found
+
+    def selected(self, outputs: Sequence[int] | None = None, times: Sequence[int] | None = None) -> Self:
+        """Return the surrogate of some outputs and times, by their numbers; itself where these are all.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0, 1.0])
+        >>> chaos = PolynomialChaos([[[1.0, 2.0]], [[0.5, 0.0]]], [[0], [1]], space, axes)
+        >>> chaos.selected(times=[1]).mean.tolist()
+        [[2.0]]
+        """
+        wanted = {"output": outputs, "time": times}
+        whole = dict(zip(("output", "time"), self.labels.shape, strict=False))
+        rows = {
+            dim: list(one)
+            for dim, one in wanted.items()
+            if one is not None and list(one) != [*range(whole.get(dim, 0))]
+        }
+        return type(self).from_dataset(self._dataset(stated=False).isel(rows)) if rows else self
+
+    def reached(self) -> Self:
+        """Return the surrogate at the times that all samples reach: itself, unless it is aligned.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.reached() is chaos
+        True
+        """
+        return self
+
+    def to_dataset(self) -> xr.Dataset:
+        """Build the dataset of a propagator's node in which the surrogate is stored; see :meth:`from_dataset`.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> chaos.to_dataset()["coefficients"].sizes["term"]
+        4
+        """
+        return self._dataset(stated=True)
+
+    def to_datasets(self) -> dict[str, xr.Dataset]:
+        """Build the datasets of a propagator's node, by their paths under it: one, of what is not composed.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> list(chaos.to_datasets())
+        ['chaos']
+        """
+        return {self.readout.name: self.to_dataset()}
+
+    def _dataset(self, *, stated: bool) -> xr.Dataset:
+        """Build the dataset, with the stated error where it is part of it."""
+        known = {name: getattr(self, name) for name in VERIFICATION} if self.verification_germs is not None else {}
+        return surrogate_dataset(self.space, self.labels, self._variables(stated and bool(known)), known)
+
+    def _variables(self, stated: bool) -> dict[str, Any]:
+        """Return what the dataset has besides germs, labels and verification, with the stated error where wanted."""
+        boxes = box_variables(self._boxes, {"units": "1"})
+        return {**self._reader.variables(self.elements), **degrees(self.multi_index), **boxes}
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> Self:
+        """Make a surrogate from its dataset of a result, without the mechanism.
+
+        Raises
+        ------
+        StudyError
+            If it is no such dataset.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> inputs = [uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in "ab"]
+        >>> space, axes = GermSpace.of(JointInput.of(inputs)), labels(["y"], ["a", "b"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.3]], [[0.4]], [[0.0]]], [[0, 0], [1, 0], [0, 1], [1, 1]], space, axes)
+        >>> again = PolynomialChaos.from_dataset(chaos.to_dataset())
+        >>> bool((again.coefficients == chaos.coefficients).all())
+        True
+        """
+        return cls(**cls._arguments(dataset))
+
+    @classmethod
+    def _arguments(cls, dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+        """Return the arguments that a dataset was made from."""
+        needed = (*cls._kind.needed, "multi_index", *BOUNDS)
+        data, labels, space = read_surrogate(dataset, cls._kind.name, needed)
+        readout, elements = cls._kind.read(data, boxes_of(data, space))
+        terms = data["multi_index"].transpose("term", "input").values
+        found = {"elements": elements, "multi_index": terms, "labels": labels, **vars(readout)}
+        return found | verification_of(data)
+
+    def evaluate_germs(self, germs: ArrayLike) -> Array:
+        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs.
+
+        Raises
+        ------
+        StudyError
+            If the shape is another one, or a germ lies outside its support.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import GermSpace, JointInput
+        >>> from uqmbd.results import PolynomialChaos
+        >>> from uqmbd.extend import labels
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(3, 0.2), units="m/s")]))
+        >>> axes = labels(["y"], ["a"], [0.0])
+        >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, axes)  # 1 + 0.5 psi
+        >>> chaos.evaluate_germs([[0.0], [2.0]]).ravel().tolist()
+        [1.0, 2.0]
+        """
+        points = np.asarray(germs, dtype=float)
+        if points.ndim != 2 or points.shape[1] != len(self.germ_names):
+            raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
+        low, high = np.array([germ.bounds for germ in self.space.germs]).T
+        outside = ~((points >= low - ROUNDING) & (points <= high + ROUNDING))
+        if outside.any():
+            row, k = np.argwhere(outside)[0]
+            raise StudyError(
+                f"Germ {self.germ_names[k]!r} is {points[row, k]:.10g} in row {row}; expected a number from {low[k]:g} "
+                f"to {high[k]:g}, its support."
+            )
+        return self._evaluate(points)
+
+    @cached_property
+    def _constant(self) -> Mask:
+        """Where (O, T) an output does not vary."""
+        return constant_columns(self.mean, self.std, self._moments.summands)
+
+    def _by_input(self, name: str) -> Array:
+        if not self.space.independent:
+            raise StudyError(
+                f"'{name}' has no meaning here: inputs depend on one another, so that shares of the variance belong to "
+                f"the germs {', '.join(self.germ_names)}. Use '{name}_germ', in that order."
+            )
+        found: Array = getattr(self, f"{name}_germ")
+        return found
+
+
+def frozen(array: NDArray[_Kind]) -> NDArray[_Kind]:
+    """Return an array that cannot be changed any more."""
+    array.setflags(write=False)
+    return array

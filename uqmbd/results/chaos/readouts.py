@@ -1,0 +1,193 @@
+"""Elements of a surrogate, and readouts: how outputs at times follow from the coefficients of an element."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.results.schema import Labels
+from uqmbd.threads import one_thread
+from uqmbd.typing import Array, Index, Mask
+
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermBox, GermSpace
+
+__all__ = [
+    "Composed",
+    "Element",
+    "OverTime",
+    "Piece",
+    "Plain",
+    "Readout",
+    "SampledPiece",
+    "Samples",
+    "Terms",
+]
+
+
+class Samples(NamedTuple):
+    """Samples of a surrogate, block by block: from a slice of its O x T columns to (K, c), or to rows (c, K)."""
+
+    columns: Callable[[slice], Array]
+    rows: Callable[[slice], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """Part of the germ space with coefficients: arrays whose first axis is terms (P, ...)."""
+
+    box: GermBox
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Coefficients by their names, each (P, ...)."""
+        return {f.name: x for f in fields(self) if isinstance(x := getattr(self, f.name), np.ndarray)}
+
+    def among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
+        """Return it in another box with more terms, of which its own are some rows; coefficients of others are 0."""
+        wide = {name: np.zeros((terms, *x.shape[1:]), np.result_type(x, float)) for name, x in self.arrays.items()}
+        for name, x in self.arrays.items():
+            wide[name][list(rows)] = x
+        changes: dict[str, Any] = {"box": box, **wide}
+        return replace(self, **changes)
+
+    def without(self, terms: Mask) -> Self:
+        """Return it with coefficients of some terms (P,) set to 0."""
+        shape = {name: (-1, *(1,) * (x.ndim - 1)) for name, x in self.arrays.items()}
+        fewer: dict[str, Any] = {name: x * ~terms.reshape(shape[name]) for name, x in self.arrays.items()}
+        return replace(self, **fewer)
+
+
+@dataclass(frozen=True, eq=False)
+class Terms(Element):
+    """Coefficients (P, ...) of outputs at fixed times."""
+
+    coefficients: Array
+
+
+Piece: TypeAlias = "tuple[GermSpace, Index, Element]"
+"""An element with its local germ space and its terms (P, d)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPiece(ABC):
+    """Samples in one element: their numbers (K,), in any order, and basis (K, P)."""
+
+    element: Any
+    rows: NDArray[np.intp]
+    basis: Array
+
+    @abstractmethod
+    def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
+        """Evaluate some outputs at increasing times (T,), into rows of (N, C, T)."""
+
+    @abstractmethod
+    def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
+        """Evaluate the first-order change by that of the basis (K, P), of all outputs, into rows of (N, O, T)."""
+
+
+class Readout:
+    """How outputs at times follow from coefficients; `name` is that of the dataset of a surrogate."""
+
+    name: ClassVar[str]
+
+
+class OverTime(Readout, ABC):
+    """Outputs follow at any time from elements with the same terms; their moments are those of samples."""
+
+    needed: ClassVar[tuple[str, ...]]
+    """Variables that a dataset has, among others."""
+    of_times: ClassVar[str]
+    """What outputs without times do not have."""
+
+    @abstractmethod
+    def at(self, element: Any, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
+        """Prepare samples of an element: their numbers (K,) and basis (K, P)."""
+
+    def since(self, labels: Labels) -> Array:
+        """Return times since an origin (T,), s."""
+        return np.asarray(labels.times)
+
+    @abstractmethod
+    def variables(self, elements: Sequence[Any]) -> dict[str, Any]:
+        """Return elements as variables of a dataset."""
+
+    @classmethod
+    @abstractmethod
+    def read(cls, data: xr.Dataset, boxes: Sequence[GermBox]) -> tuple[Self, tuple[Any, ...]]:
+        """Return the readout and the elements of a dataset."""
+
+    def samples(self, sampled: Sequence[SampledPiece], labels: Labels) -> Samples:
+        """Return samples in the order of their numbers, output by output."""
+        times, number = self.since(labels), sum(len(one.rows) for one in sampled)
+        count, size = len(times), len(labels.outputs) * len(times)
+
+        def columns(part: slice) -> Array:
+            first, last, _ = part.indices(size)
+            found = np.empty((number, last - first))
+            for output in range(first // count, -(-last // count)):
+                begin, end = max(first, output * count), min(last, (output + 1) * count)
+                values = np.empty((number, 1, end - begin))
+                for one in sampled:
+                    one.evaluate(
+                        slice(output, output + 1), times[begin - output * count : end - output * count], values
+                    )
+                found[:, begin - first : end - first] = values[:, 0]
+            return found
+
+        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledTerms(SampledPiece):
+    """Samples of outputs at fixed times, all of which are evaluated."""
+
+    @property
+    def flat(self) -> Array:
+        """Coefficients (P, O x T)."""
+        found: Array = self.element.coefficients.reshape(len(self.element.coefficients), -1)
+        return found
+
+    def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
+        """Evaluate all outputs at all their times, into rows of (N, O, T)."""
+        self.evaluate_change(self.basis, times, found)
+
+    def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
+        """Evaluate the change by that of the basis (K, P), into rows of (N, O, T)."""
+        with one_thread():
+            found[self.rows] = (change @ self.flat).reshape(len(change), *found.shape[1:])
+
+
+class Plain(Readout):
+    """Outputs at each time are polynomials of the germs."""
+
+    name = "chaos"
+
+    def at(self, element: Terms, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
+        """Prepare samples of an element: their numbers (K,) and basis (K, P)."""
+        return SampledTerms(element, rows, basis)
+
+    def since(self, labels: Labels) -> Array:
+        """Return nothing: times are those of the coefficients."""
+        return np.zeros(0)
+
+    def samples(self, sampled: Sequence[Any], labels: Labels) -> Samples:
+        """Return samples element by element."""
+        return Samples(
+            lambda part: np.concatenate([one.basis @ one.flat[:, part] for one in sampled]),
+            lambda part: np.concatenate(
+                [np.ascontiguousarray(one.flat[:, part].T) @ one.basis.T for one in sampled], axis=1
+            ),
+        )
+
+
+class Composed(Readout):
+    """Outputs have readouts of their own, each in a part of the surrogate."""
+
+    name = "composed"

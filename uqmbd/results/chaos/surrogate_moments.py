@@ -1,0 +1,322 @@
+"""Moments and indices of surrogates: from coefficients, of one expansion or of elements together, and from samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.decay import top_order
+from uqmbd.results.chaos.sampling import affordable, sampled_shape, spread_germs
+from uqmbd.results.chaos.terms import (
+    closed_variance,
+    constant_columns,
+    first_order_masks,
+    interaction_mask,
+    second_order_masks,
+    shape_route,
+    skewness_kurtosis,
+    standard_deviation,
+    total_order_masks,
+    variance_shares,
+)
+from uqmbd.threads import one_thread
+from uqmbd.typing import Array, Index, Mask
+
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermBox, GermSpace
+
+__all__ = ["FEWER", "MOMENTS", "TOPS", "ExactMoments", "MergedMoments", "SampledMoments", "frozen_germs"]
+
+FEWER = 8192
+"""Samples of the surrogate for quantiles of all outputs at all times together, and for shapes that need samples."""
+
+MOMENTS = 16_384
+"""Samples of the surrogate for mean and standard deviation."""
+FROZEN = 4_096
+"""Pairs of samples for Sobol' indices."""
+TOPS = 256
+"""Samples of the surrogate for the energy of its top order."""
+BLOCK = 2_048
+"""Samples that are evaluated at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExactMoments:
+    """Moments of a sum of orthonormal terms (P, d) with coefficients (P, O, T)."""
+
+    space: GermSpace
+    multi_index: Index
+    coefficients: Array
+
+    @property
+    def summands(self) -> int:
+        """Terms of the sum that the standard deviation comes from."""
+        return len(self.coefficients)
+
+    @property
+    def mean(self) -> Array:
+        """Expectation, shape (O, T)."""
+        return np.asarray(self.coefficients[0])
+
+    @cached_property
+    def spread(self) -> Array:
+        """Standard deviation and variance, shape (2, O, T)."""
+        std = standard_deviation(self._flat).reshape(self.mean.shape)
+        return np.stack([std, std**2])
+
+    @cached_property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+        exact = self._route != "samples"
+        return 0 if exact else affordable(FEWER, len(self.multi_index), self._flat.shape[1])
+
+    @cached_property
+    def sobol(self) -> Array:
+        """First-order and total indices, shape (2, germ, O, T)."""
+        return np.stack([self._shares(masks(self.multi_index)) for masks in (first_order_masks, total_order_masks)])
+
+    @cached_property
+    def sobol_second(self) -> Array:
+        """Indices of pairs, shape (germ, germ, O, T)."""
+        count = self.multi_index.shape[1]
+        rows, columns = np.triu_indices(count, 1)
+        found = np.zeros((count, count, *self.mean.shape))
+        found[rows, columns] = found[columns, rows] = self._shares(second_order_masks(self.multi_index))
+        return found
+
+    @property
+    def tops(self) -> Array:
+        """Sum of squared coefficients of the top order (1 + d, O, T): of all terms, and by germ."""
+        _, edge = top_order(self.multi_index)
+        return np.concatenate([[np.sum(self.coefficients[edge] ** 2, axis=0)], self.by_germ(edge)])
+
+    def interaction(self, germs: Sequence[int]) -> Array:
+        """Return the share (O, T) of the variance that needs all these germs together."""
+        return np.asarray(self._shares(interaction_mask(self.multi_index, germs)[None])[0])
+
+    @property
+    def _flat(self) -> Array:
+        """Coefficients as (P, C)."""
+        return self.coefficients.reshape(len(self.coefficients), -1)
+
+    @cached_property
+    def _route(self) -> str:
+        return shape_route(self._flat, self.multi_index, self.space.germs)
+
+    @cached_property
+    def shape(self) -> Array:
+        """Skewness and kurtosis, shape (2, O, T)."""
+        if self.shape_samples:
+            std = self.spread[0]
+            varying = np.where(constant_columns(self.mean, std, self.summands), 0.0, std).ravel()
+            found = sampled_shape(self.space, self._flat, self.multi_index, varying, self.shape_samples)
+        else:
+            found = skewness_kurtosis(self._flat, self.multi_index, self.space.germs, self._route)
+        return np.reshape(found, (2, *self.mean.shape))
+
+    def by_germ(self, terms: Mask | slice) -> Array:
+        """Return the sum of squares of some coefficients by germ (d, O, T): a term counts by its degrees."""
+        own = self.multi_index[terms]
+        degrees = own / np.maximum(own.sum(axis=1, keepdims=True), 1)
+        found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients[terms] ** 2)
+        return found
+
+    def _shares(self, masks: Mask) -> Array:
+        found = variance_shares(self._flat, masks, self.spread[0].ravel())
+        return found.reshape(len(masks), *self.mean.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class MergedMoments:
+    """Moments of an expansion in each of some boxes (E), with coefficients (E, P, O, T) of common terms (P, d)."""
+
+    parts: Sequence[Any]
+    boxes: Sequence[GermBox]
+    multi_index: Index
+    coefficients: Array
+
+    summands: ClassVar[int] = 1
+
+    @cached_property
+    def mean(self) -> Array:
+        """Expectation, shape (O, T)."""
+        return self.merged(self._each("mean"))
+
+    @cached_property
+    def spread(self) -> Array:
+        """Standard deviation and variance, shape (2, O, T)."""
+        std = np.sqrt(self.merged(self._each("spread")[:, 0] ** 2 + (self._each("mean") - self.mean) ** 2))
+        return np.stack([std, std**2])
+
+    @property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis of an element are; 0: they are exact."""
+        return max(int(part.shape_samples) for part in self.parts)
+
+    @cached_property
+    def sobol(self) -> Array:
+        """First-order and total indices, shape (2, germ, O, T)."""
+        germs = range(self.multi_index.shape[1])
+        first = [self._closed([k]) for k in germs]
+        others = [1.0 - self._closed([j for j in germs if j != k]) for k in germs]
+        return np.stack([first, np.where(self._constant, 0.0, np.clip(np.stack(others), 0.0, 1.0))])
+
+    @cached_property
+    def sobol_second(self) -> Array:
+        """Indices of pairs, shape (germ, germ, O, T)."""
+        count, first = self.multi_index.shape[1], self.sobol[0]
+        found = np.zeros((count, count, *self.mean.shape))
+        for i, j in zip(*np.triu_indices(count, 1), strict=True):
+            both = np.maximum(self._closed([int(i), int(j)]) - first[i] - first[j], 0.0)
+            found[i, j] = found[j, i] = both
+        return found
+
+    @property
+    def tops(self) -> Array:
+        """Mean over the elements of what their top orders carry (1 + d, O, T)."""
+        return self.merged(self._each("tops"))
+
+    def merged(self, values: Array) -> Array:
+        """Average over the elements (E, ...), by their probabilities."""
+        weights = np.array([box.probability for box in self.boxes])
+        found: Array = np.einsum("e,e...->...", weights, values) / weights.sum()
+        return found
+
+    @cached_property
+    def _constant(self) -> Mask:
+        return constant_columns(self.mean, self.spread[0])
+
+    def _each(self, name: str) -> Array:
+        """Return a statistic of each element (E, ...)."""
+        return np.stack([getattr(part, name) for part in self.parts])
+
+    @cached_property
+    def shape(self) -> Array:
+        """Skewness and kurtosis, shape (2, O, T)."""
+        std = np.where(self._constant, 1.0, self.spread[0])
+        away, s = (self._each("mean") - self.mean) / std, self._each("spread")[:, 0] / std
+        skewness, kurtosis = np.moveaxis(self._each("shape"), 1, 0)
+        third = self.merged(s**3 * skewness + 3 * s**2 * away + away**3)
+        fourth = self.merged(s**4 * kurtosis + 4 * s**3 * skewness * away + 6 * s**2 * away**2 + away**4)
+        return np.stack([np.where(self._constant, 0.0, third), np.where(self._constant, 3.0, fourth)])
+
+    def _closed(self, germs: list[int]) -> Array:
+        """Share of the variance that the expectation given some germs has."""
+        if not germs:
+            return np.zeros(self.mean.shape)
+        shape = self.coefficients.shape
+        flat = self.coefficients.reshape(*shape[:2], -1)
+        with one_thread():
+            found = closed_variance(flat, self.multi_index, self.boxes, self.mean.ravel(), germs)
+        share = found.reshape(self.mean.shape) / np.where(self._constant, 1.0, self.spread[1])
+        return np.where(self._constant, 0.0, np.clip(share, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMoments:
+    """Moments and indices of samples, of what evaluates germ points (K, d), also without some of its terms (P,)."""
+
+    space: GermSpace
+    multi_index: Index
+    size: tuple[int, ...]  # (O, T)
+    evaluate: Callable[[Array], Array]
+    without: Callable[[Mask, Array], Array]
+
+    summands: ClassVar[int] = 1
+    shape_samples: ClassVar[int] = MOMENTS
+
+    @property
+    def mean(self) -> Array:
+        """Expectation, shape (O, T)."""
+        return self._moments[0]
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation and variance, shape (2, O, T)."""
+        return np.stack([np.sqrt(self._moments[1]), self._moments[1]])
+
+    @property
+    def shape(self) -> Array:
+        """Skewness and kurtosis, shape (2, O, T)."""
+        return np.stack(self._moments[2:])
+
+    @property
+    def sobol_second(self) -> Array:
+        """Refuse."""
+        raise StudyError(
+            "Sobol' indices of pairs are not known of this surrogate, whose statistics are those of samples; "
+            "expected one of polynomials at equal times. Use sobol_first and sobol_total."
+        )
+
+    @cached_property
+    def tops(self) -> Array:
+        """Mean square (1 + d, O, T) of what the terms of the top order change: all, and those of each germ."""
+        germs = spread_germs(self.space, TOPS, 0)
+        whole, (_, edge) = self.evaluate(germs), top_order(self.multi_index)
+        groups = (edge, *(edge & (degrees > 0) for degrees in self.multi_index.T))
+        return np.array([np.mean((whole - self.without(group, germs)) ** 2, axis=0) for group in groups])
+
+    @cached_property
+    def _moments(self) -> tuple[Array, Array, Array, Array]:
+        """Mean, variance, skewness and kurtosis (O, T)."""
+        germs = spread_germs(self.space, MOMENTS, 0)
+        shift = self.evaluate(germs[:1])[0]
+        sums, size = np.zeros((4, *self.size)), np.zeros(self.size, dtype=np.int64)
+        for first in range(0, len(germs), BLOCK):
+            x = self.evaluate(germs[first : first + BLOCK]) - shift
+            if not first:
+                # by powers of two: fourth powers of small numbers are numbers still, and nothing is rounded
+                largest = np.abs(x).max(axis=0)
+                size = np.frexp(np.where(np.isfinite(largest), largest, 0.0))[1].astype(np.int64)
+            x = np.ldexp(x, -size)
+            power = x.copy()
+            for k in range(4):
+                sums[k] += power.sum(axis=0)
+                power *= x
+        one, two, three, four = sums / len(germs)
+        variance = np.maximum(two - one**2, 0.0)
+        mean = shift + np.ldexp(one, size)
+        constant = constant_columns(mean, np.ldexp(np.sqrt(variance), size)) | (variance == 0)
+        scale = np.where(constant, 1.0, np.sqrt(variance))
+        third = (three - 3 * one * two + 2 * one**3) / scale**3
+        fourth = (four - 4 * one * three + 6 * one**2 * two - 3 * one**4) / scale**4
+        return (
+            mean,
+            np.where(constant, 0.0, np.ldexp(variance, 2 * size)),
+            np.where(constant, 0.0, third),
+            np.where(constant, 3.0, fourth),
+        )
+
+    @cached_property
+    def sobol(self) -> Array:
+        """First-order and total indices, shape (2, germ, O, T), by Jansen's estimators."""
+        d = self.space.dimension
+        a, b = frozen_germs(self.space)
+        other = self.evaluate(b)
+        base = self.evaluate(a)
+        variance = 0.5 * (base.var(axis=0) + other.var(axis=0))
+        constant = constant_columns(self.mean, np.sqrt(variance)) | (variance == 0)
+        scale = np.where(constant, 1.0, variance)
+        first, total = np.zeros((2, d, *self.size))
+        for k in range(d):
+            mixed = a.copy()
+            mixed[:, k] = b[:, k]
+            found = self.evaluate(mixed)
+            first[k] = 1.0 - np.mean((other - found) ** 2, axis=0) / (2 * scale)
+            total[k] = np.mean((base - found) ** 2, axis=0) / (2 * scale)
+        zero = np.broadcast_to(constant, first.shape)
+        return np.where(zero, 0.0, np.clip(np.stack([first, total]), 0, 1))
+
+
+def frozen_germs(space: GermSpace) -> tuple[Array, Array]:
+    """Return germ points (K, d) of Sobol' indices: two of each pair."""
+    from scipy.stats import qmc
+
+    d = space.dimension
+    uniform = np.clip(qmc.Sobol(2 * d, seed=0).random(FROZEN), 1e-12, 1 - 1e-12)
+    return space.from_uniform(uniform[:, :d]), space.from_uniform(uniform[:, d:])
