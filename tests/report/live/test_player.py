@@ -1,7 +1,6 @@
 """The player draws what is stored: points, views and signs, held against Python and geometry."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +13,13 @@ from uqmbd.report import motion
 from uqmbd.report.charts import json_script
 from uqmbd.report.live import player_data
 from uqmbd.report.mechanisms import Film
+from uqmbd.report.mechanisms.sheet import Sheet, sheet_for
 from uqmbd.report.mechanisms.sketch import world
-from uqmbd.report.mechanisms.symbols import Pen
+from uqmbd.report.mechanisms.symbols import Symbols, projected
 from uqmbd_joints import Revolute
 
 SHAPES = """
+const drawn = (given) => {
 const mechanism = new Mechanism(given.data);
 const view = new View(given.data.bounds);
 const high = view.fit(900);
@@ -29,17 +30,20 @@ for (let r = 0; r < given.data.realisations; r++)
 for (let t = 0; t < mechanism.times.length; t++) shapes.push(...mechanism.draw(view, mechanism.storedAt(0, mechanism.times[t]), palette));
 const ghosts = mechanism.ghosts(view, mechanism.storedAt(given.data.realisations - 1, mechanism.times[0]), palette, 0.5);
 const flat = (points) => points.filter((p) => p !== null);
-answer = {
+return {
   where, size: [view.wide, view.high], unit: view.unit, high: high / view.inch, ghosts: ghosts.length,
-  signs: shapes.map(({ edge, face, width, closed, dash, points }) => [edge, face, width, closed, dash, flat(points).map((p) => p.map((x) => Number(x.toFixed(3))))]),
+  signs: shapes.map(({ edge, face, width, closed, dashes, points }) => [edge, face, width, closed, dashes, flat(points).map((p) => p.map((x) => Number(x.toFixed(3))))]),
   inside: shapes.flatMap(({ points }) => flat(points)).every(([x, y]) => x > -0.4 && x < view.wide + 0.4 && y > -0.4 && y < view.high + 0.4),
 };
+};
 """
+ONE = SHAPES + "answer = drawn(given);"
+ALL = SHAPES + "answer = given.map((data) => JSON.stringify(drawn({ data }).signs));"
 
 
 def drawn(node, data):
     """What the page makes of poses."""
-    return node(["mechanism.js", "view.js"], SHAPES, {"data": json.loads(json_script(player_data(data)))})
+    return node(["mechanism.js", "view.js"], ONE, {"data": json.loads(json_script(player_data(data)))})
 
 
 def signed(symbol, space="planar"):
@@ -67,24 +71,66 @@ def signed(symbol, space="planar"):
     )
 
 
+LAID = """
+const { wide, high, cases } = given;
+answer = cases.map(({ data, radii }) => {
+  const mechanism = new Mechanism(data);
+  const view = new View(data.bounds);
+  view.fit(110 * wide, 110 * high);
+  const points = mechanism.storedAt(0, mechanism.times[1]);
+  return mechanism.strokes.map((stroke) => strokeShape(view, stroke, points, radii));
+});
+"""
+
+
+@pytest.mark.parametrize("space", ["planar", "spatial"])
+def test_the_page_lays_strokes_where_python_does(node, space):
+    """Every symbol in poses of all directions, from 0.02 to 3 times the size of the picture, with tiny circles too."""
+    rng, cases, wanted = np.random.default_rng(3), [], []
+    for symbol in SYMBOLS:
+        for scale in (0.02, 0.4, 3.0):
+            data = signed(symbol, space)
+            local = rng.normal(size=data["local"].shape) * scale
+            local[:, 2:4] /= scale
+            data = data.assign(
+                local=(data["local"].dims, local), point_radius=(("realisation", "point"), abs(local[..., 0]))
+            )
+            film = Film(data, 6.4, 100)
+            sheet, points = sheet_for(film.bounds, 6.4, 4.6), world(data)[0, 1]
+            cases.append({"data": json.loads(json_script(player_data(data))), "radii": film.sketch.radii})
+            wanted.append([projected(stroke, sheet, points, film.sketch.radii) for stroke in film.strokes])
+    found = node(["mechanism.js", "view.js"], LAID, {"wide": 6.4, "high": 4.6, "cases": cases})
+    shown = 0
+    for shapes, others in zip(wanted, found, strict=True):
+        for shape, other in zip(shapes, others, strict=True):
+            if shape is None or other is None:
+                assert shape is other
+                continue
+            shown += 1
+            np.testing.assert_allclose(
+                shape.vertices, np.array([p or (np.nan, np.nan) for p in other["points"]]), atol=1e-3, rtol=1e-5
+            )
+            dashes = [] if shape.style == "-" else list(shape.style[1])
+            looks = (shape.edge, shape.face, shape.width, shape.closed, dashes, shape.order, shape.alpha)
+            page = (other[k] for k in ("edge", "face", "width", "closed", "dashes", "order", "alpha"))
+            assert looks == tuple(x or [] if k == 4 else x for k, x in enumerate(page))
+    assert shown > 6 * len(SYMBOLS)
+
+
 @pytest.mark.parametrize("way", [-50.0, -0.01, 0.0, 0.3, 0.6, 50.0])
-def test_the_arrow_of_a_driver_is_along_its_axis_and_short(node, way):
-    """At the driven point, however far away the place is from which it is measured; the page draws as Python does."""
-    page = SimpleNamespace(project=lambda points: np.asarray(points) / 0.5, unit=0.5)
-    pen = Pen(page)
+def test_the_arrow_of_a_driver_is_along_its_axis_and_short(way):
+    """At the driven point, however far away the place is from which it is measured."""
+    sheet = Sheet(
+        lambda points: np.asarray(points) / 0.5, lambda points: points[..., 0], 0.5, (0, 0, 1, 1), spatial=False
+    )
     second, axis = np.array([1.0, 2.0]), np.array([0.0, 2.0])
-    pen.push(second - [30.0, way], second, axis)
-    (tail, head), _ = (shape.vertices for shape in pen.shapes)
+    shaft = Symbols(2).push(0, 1, 2)[0]
+    tail, head = projected(shaft, sheet, np.array([second - [30.0, way], second, axis]), [0.0, 0.0, 0.0]).vertices
     np.testing.assert_allclose(head, second / 0.5)
     along = head - tail
-    assert along[0] == 0 and along[1] == pytest.approx(np.clip(abs(way) / 0.5, 0.5, 0.8) * (-1 if way < 0 else 1))
-    lines = """
-        const pen = new Pen({ unit: 0.5, project: (p) => p.map((x) => x / 0.5) }, {});
-        pen.push(given[0], given[1], given[2]);
-        answer = pen.shapes[0].points;
-    """
-    given = [(second - [30.0, way]).tolist(), second.tolist(), axis.tolist()]
-    np.testing.assert_allclose(node(["symbols.js"], lines, given), [tail, head], atol=1e-12)
+    assert abs(along[0]) < 1e-12 and along[1] == pytest.approx(
+        np.clip(abs(way) / 0.5, 0.5, 0.8) * (-1 if way < 0 else 1)
+    )
 
 
 @pytest.mark.thorough
@@ -120,7 +166,8 @@ SYMBOLS = ("contact", "wheel", "hinge", "ball", "universal", "weld", "slide", "c
 @pytest.mark.parametrize("space", ["planar", "spatial"])
 def test_every_symbol_has_a_sign_of_its_own(node, space):
     """No two look alike, but what has no sign, and in the plane what differs in space only."""
-    looks = {symbol: json.dumps(drawn(node, signed(symbol, space))["signs"]) for symbol in SYMBOLS}
+    data = [json.loads(json_script(player_data(signed(symbol, space)))) for symbol in SYMBOLS]
+    looks = dict(zip(SYMBOLS, node(["mechanism.js", "view.js"], ALL, data), strict=True))
     alike = {"constructor": "of a plugin <b>"}
     if space == "planar":
         alike |= {"wheel": "contact", "cylinder": "slide"}

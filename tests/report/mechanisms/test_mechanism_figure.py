@@ -243,7 +243,7 @@ def test_contacts_are_planes_and_circles():
     sketch, points = Sketch(data), world(data)[0, 0]
     canvas = canvas_for(sketch.extent(points))
     drawn = canvas.sheet
-    shapes = sketch.draw(drawn, points).shapes
+    shapes = sketch.draw(drawn, points)
     line = next(s.vertices for s in shapes if s.width == 1.2 and len(s.vertices) == 2 and s.order == 0.9)
     zero = drawn.project(np.zeros(2))
     np.testing.assert_allclose((line - zero) @ normal, 0, atol=1e-6)
@@ -286,7 +286,7 @@ def test_a_joint_that_is_open_is_a_red_line():
     assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(points[sketch.placed]).sheet
-    (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == "limit")
+    (line,) = (s.vertices for s in sketch.draw(drawn, points) if s.edge == "limit")
     np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)
 
 
@@ -300,7 +300,7 @@ def test_a_rolling_wheel_in_space_is_a_disc_about_its_axis():
     assert data["component_symbol"].values.tolist() == ["wheel"]
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(sketch.extent(points)).sheet
-    shapes = sketch.draw(drawn, points).shapes
+    shapes = sketch.draw(drawn, points)
     rim = next(s.vertices for s in shapes if s.face is None and s.closed and len(s.vertices) > 20)
     zero, x, z = drawn.project(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1.0]]))
     centre = drawn.project(np.array([0.5, 0.2, 0.3]))
@@ -317,7 +317,7 @@ def test_a_skate_is_a_blade_along_its_axis():
     data = drawn_pose(made)
     sketch, points = Sketch(data), world(data)[0, 0]
     drawn = canvas_for(points[sketch.placed]).sheet
-    (blade,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.width == 3.2)
+    (blade,) = (s.vertices for s in sketch.draw(drawn, points) if s.width == 3.2)
     np.testing.assert_allclose(blade.mean(axis=0), drawn.project(np.array([1, 2.5])), atol=1e-9)
     along = blade[1] - blade[0]
     assert abs(along[0]) < 1e-9 < abs(along[1])

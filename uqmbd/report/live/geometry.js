@@ -19,14 +19,10 @@ export function normalsOf(axis) {
   return [b, cross(unit, b)];
 }
 
-/** Unit vectors along a plane, given its normal: one in the plane of the page, two in space. */
-export const acrossOf = (normal) => (normal.length === 3 ? normalsOf(normal) : [unitOf([normal[1], -normal[0]])]);
+export const leftOf = ([x, y]) => [-y, x];
 
-/** The point of a plane that is nearest to another one. */
-export function footOf(origin, normal, point) {
-  const unit = unitOf(normal);
-  return plus(point, unit, -dot(unit, minus(point, origin)));
-}
+/** Unit vectors along an axis, and across it; in the plane on its left. */
+export const axesOf = (axis) => (axis.length === 3 ? [unitOf(axis), ...normalsOf(axis)] : [unitOf(axis), leftOf(unitOf(axis))]);
 
 /** A vector turned by a half-angle pair (plane) or a quaternion (space), scalar first; by nothing where there is none. */
 export function turnedBy(e, vector) {

@@ -4,25 +4,10 @@ import { unpackArray } from "./arrays.js";
 import { poseAt, resolvedBy, weightsAt } from "./between.js";
 import { hullOf, isKnown, lengthOf, meanOf, minus, plus, turnedBy } from "./geometry.js";
 import { nearestIndex } from "./numbers.js";
-import { Pen } from "./symbols.js";
+import { bodyShapes, ghostShape, strokeShape } from "./strokes.js";
 
-const POINTLIKE = ["hinge", "ball", "universal", "weld", "rod", "spring", "damper", ""];
-const BOXED = ["slide", "cylinder"];
-
-/** Mix a colour #rrggbb with another one: `share` of the other. */
-export function mixedColours(colour, other, share) {
-  const parts = [colour, other].map((c) => [1, 3, 5].map((k) => Number.parseInt(c.slice(k, k + 2), 16)));
-  return `#${parts[0].map((x, k) => Math.round((1 - share) * x + share * parts[1][k]).toString(16).padStart(2, "0")).join("")}`;
-}
-
-/** Colours of everything but the bodies, on a page of some palette. */
-export function penColours(palette) {
-  const grey = (share) => mixedColours(palette.ink, palette.paper, share);
-  return {
-    ink: grey(0.05), dark: grey(0.2), soft: grey(0.4), plate: grey(0.92), paper: palette.paper,
-    drive: palette.dark ? "#f0a04b" : "#b45309",
-  };
-}
+// inches: a mark that is nearer to a joint is left out
+const CLEAR = 0.1;
 
 export class Mechanism {
   constructor(data) {
@@ -39,7 +24,8 @@ export class Mechanism {
     this.resolved = data.bodies.every((_, b) => resolvedBy(this.times, this.reader(this.stored, 0, b), data.dimension, size));
     // bodies that are drawn as a point; how they move is seen by their tracks
     this.pointlike = data.bodies.flatMap((_, b) => (this.own[b].length && this.reaches[b] < 1e-9 * (size || 1) ? [b] : []));
-    this.boxed = new Set(data.parts.filter((p) => BOXED.includes(p.symbol) && p.bodies.length > 1).map((p) => p.bodies[1]));
+    const listed = (name, stroke) => (name in stroke ? { [name]: data.lists[stroke[name]] } : {});
+    this.strokes = data.symbols.map((one) => ({ ...one, ...listed("points", one), ...listed("metres", one), ...listed("tips", one) }));
   }
 
   /** Points and directions in the world: `pose` of a body (a function of its number), `local` of a point. */
@@ -103,104 +89,58 @@ export class Mechanism {
     return points.map((p, k) => (this.placed[k] ? plus(p, way) : p));
   }
 
-  colourOf(body, palette) {
-    return body < 0 ? mixedColours(palette.ink, palette.paper, 0.4) : this.colours[body][palette.dark ? 1 : 0];
+  /** Shapes whose roles are colours of a palette; the role "none" is no colour, and a colour stays. */
+  painted(shapes, palette) {
+    const colour = (role) => (role === null || role === "none" ? null : this.roles[role]?.[palette.dark ? 1 : 0] ?? role);
+    return shapes.map((shape) => ({ ...shape, edge: colour(shape.edge), face: colour(shape.face) }));
   }
 
   /** Return the shapes of one pose. */
   draw(view, points, palette, radii = this.radii) {
-    const pen = new Pen(view, penColours(palette));
     if (!points.every(isKnown)) return [];
     const order = this.bodies.map((_, b) => b).filter((b) => this.own[b].length);
     if (view.spatial) {
       const depths = this.own.map((own) => (own.length ? view.depth(meanOf(own.map((k) => points[k]))) : 0));
       order.sort((a, b) => depths[b] - depths[a]);
     }
-    order.forEach((b, place) => {
-      const mine = this.own[b].map((k) => points[k]);
-      const page = mine.map((p) => view.project(p));
-      if (this.boxed.has(b) && page.every((p) => lengthOf(minus(p, page[0])) < 1e-3)) return;
-      const colour = this.colourOf(b, palette);
-      pen.body(mine, colour, mixedColours(colour, palette.paper, 0.72), 2 + (0.5 * place) / order.length);
+    const shapes = order.flatMap((b, place) => {
+      const page = this.own[b].map((k) => view.project(points[k]));
+      if (this.boxed.includes(b) && page.every((p) => lengthOf(minus(p, page[0])) < 1e-3)) return [];
+      return bodyShapes(page, this.colours[b], 2 + (0.5 * place) / order.length);
     });
-    for (const part of this.parts) this.component(pen, part, points, palette, radii);
-    const taken = this.parts.flatMap((part) => part.points).map((k) => view.project(points[k]));
-    this.kinds.forEach((kind, k) => {
-      if (kind !== "com" && kind !== "observed") return;
-      const own = view.project(points[k]);
-      if (taken.some((p) => lengthOf(minus(p, own)) <= 0.1)) return;
-      if (kind === "com") pen.centreOfMass(points[k]);
-      else pen.dot(points[k]);
-    });
-    return pen.shapes;
+    const taken = this.joints.map((k) => view.project(points[k]));
+    for (const stroke of this.strokes) {
+      const own = stroke.clear && view.project(points[stroke.at[0]]);
+      if (own && taken.some((p) => lengthOf(minus(p, own)) <= CLEAR)) continue;
+      const shape = strokeShape(view, stroke, points, radii);
+      if (shape !== null) shapes.push(shape);
+    }
+    return this.painted(shapes, palette);
   }
 
   /** Return the outlines of the bodies of another realisation. */
   ghosts(view, points, palette, alpha) {
-    const pen = new Pen(view, penColours(palette));
     if (!points.every(isKnown)) return [];
-    this.corners.forEach((corners, b) => {
-      if (corners.length) pen.ghost(corners.map((k) => points[k]), mixedColours(this.colourOf(b, palette), palette.ink, 0.3), alpha);
+    const outlines = this.corners.flatMap((corners, b) => {
+      const looks = { edge: this.clouds[b][palette.dark ? 1 : 0], alpha };
+      return corners.length ? [ghostShape(corners.map((k) => view.project(points[k])), view.spatial, looks)] : [];
     });
-    return pen.shapes;
+    return this.painted(outlines, palette);
   }
 
   /** Return where bodies that are points go: `pointsAt` are the points of a frame. */
   tracks(view, pointsAt, palette) {
     if (!this.pointlike.length) return [];
     const frames = Array.from(this.times, (_, k) => pointsAt(k));
-    return this.pointlike.flatMap((b) => {
+    const tracks = this.pointlike.flatMap((b) => {
       const places = frames.map((points) => points[this.own[b][0]]).filter(isKnown);
-      const looks = { edge: this.colourOf(b, palette), face: null, width: 1, closed: false, dash: [3, 4], order: 1.5, alpha: 0.8 };
+      const looks = { edge: this.colours[b], face: null, width: 1, closed: false, dashes: [3, 4], order: 1.5, alpha: 0.8 };
       if (places.length < 2) return [];
       const page = places.map((place) => view.project(place));
       // to and fro along a line: dashes would lie on one another
       const corners = hullOf(page);
       return [{ ...looks, points: corners.length === 2 ? corners : page }];
     });
-  }
-
-  component(pen, part, points, palette, radii) {
-    const places = part.points.map((k) => points[k]);
-    const axes = part.directions.map((k) => points[k]);
-    const [axis] = axes;
-    const [first] = places;
-    const last = places[places.length - 1];
-    const at = part.anchor === null ? null : points[part.anchor];
-    const light = () => mixedColours(this.colourOf(part.bodies[part.bodies.length - 1], palette), palette.paper, 0.72);
-    if (POINTLIKE.includes(part.symbol)) for (const k of part.points) if (this.owners[k] < 0) pen.support(points[k]);
-    const pair = last !== undefined;
-    const guided = pair && axis !== undefined;
-    const reach = () => pen.guide(first, axis, part.reach, part.bodies[0] < 0);
-    const touch = (turning) => {
-      const colours = part.points.map((k) => this.colourOf(this.owners[k], palette));
-      pen.contact(places, part.points.map((k) => radii[k]), colours, part.planes.length ? axis : null, part.planes, turning);
-    };
-    // what each sign needs, and how it is drawn
-    const signs = {
-      contact: [pair, () => touch(null)],
-      wheel: [pair, () => touch(axes[1] ?? null)],
-      hinge: [pair, () => pen.hinge(last, axis)],
-      ball: [pair, () => pen.ball(last)],
-      universal: [pair, () => pen.universal(last, axes)],
-      weld: [pair, () => pen.weld(last)],
-      slide: [guided, () => (reach(), pen.slide(last, axis, light(), false))],
-      cylinder: [guided, () => (reach(), pen.slide(last, axis, light(), true))],
-      line: [guided, () => (pen.line(first, axis, part.reach), pen.dot(last))],
-      skate: [guided, () => pen.blade(last, axis)],
-      plane: [guided, () => (pen.plane(first, axis, last), pen.dot(last))],
-      rod: [pair, () => pen.rod(first, last)],
-      spring: [pair, () => pen.spring(first, last)],
-      damper: [pair, () => pen.damper(first, last)],
-      coil: [at !== null, () => pen.coil(at, axis)],
-      driver: [places.length > 1 || at !== null, () => (places.length > 1 ? pen.push(first, last, axis) : pen.arc(at, axis))],
-      torque: [at !== null, () => pen.arc(at, axis)],
-      force: [at !== null, () => pen.force(at, axis)],
-    };
-    const [ready, sign] = Object.hasOwn(signs, part.symbol) ? signs[part.symbol] : [false];
-    if (ready) return sign();
-    if (places.length > 1) pen.link(first, last);
-    else if (!places.length && part.ends.length > 1) pen.link(points[part.ends[0]], points[part.ends[part.ends.length - 1]]);
-    if (places.length) pen.diamond(last);
+    return this.painted(tracks, palette);
   }
 }

@@ -8,7 +8,7 @@ import { Mechanism } from "./mechanism.js";
 import { formatError, formatNumber, nearestIndex } from "./numbers.js";
 import { LivePoses } from "./poses.js";
 import { speedsOf } from "./speeds.js";
-import { paintShapes } from "./symbols.js";
+import { paintShapes } from "./strokes.js";
 import { onTheme, palette } from "./theme.js";
 import { announceTime, beginAt, onTime } from "./time_bus.js";
 import { View } from "./view.js";

@@ -2,7 +2,7 @@
 
 import { dot, lengthOf, minus, plus, scaled } from "./geometry.js";
 import { formatNumber } from "./numbers.js";
-import { paintShapes } from "./symbols.js";
+import { paintShapes } from "./strokes.js";
 
 const MARGIN = 0.5;
 const WIDE = 6.4;
@@ -73,7 +73,7 @@ export class View {
     const length = power * [5, 2, 1].find((x) => x * power <= longest);
     const [left, low, tick] = [0.15, 0.16, 0.05];
     const end = left + length / this.unit;
-    const looks = { face: null, closed: false, dash: null, order: 0, alpha: 1, edge: palette.soft, width: 1 };
+    const looks = { face: null, closed: false, dashes: null, order: 0, alpha: 1, edge: palette.soft, width: 1 };
     const shapes = [{ ...looks, points: [[left, low + tick], [left, low], [end, low], [end, low + tick]] }];
     const letters = [[`${formatNumber(length)} m`, [end + 0.08, low]]];
     if (this.spatial) {

@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 
 from uqmbd.report.drawing import mixed
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
-from uqmbd.report.mechanisms.sheet import Shape, Sheet
+from uqmbd.report.mechanisms.geometry import hull
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
-from uqmbd.report.mechanisms.symbols import hull
+from uqmbd.report.mechanisms.symbols import Stroke
 from uqmbd.typing import Array
 
 __all__ = ["Film"]
 
 OUTLINES = 40_000
 """Outlines of bodies in the cloud of a whole animation; of more, fewer realisations are drawn."""
+HIGHEST = 4.6  # inches
 THICK = 4.2
 """Width of links, points: thin, so that they do not hide how far the realisations are apart."""
 
@@ -108,9 +110,9 @@ class Film:
         return made
 
     @cached_property
-    def reaches(self) -> dict[str, tuple[float, float]]:
-        """How far guides reach."""
-        return self.sketch.reaches(self.points[0])
+    def strokes(self) -> list[Stroke]:
+        """The symbols, the same at all times."""
+        return self.sketch.strokes(self.points[0], sheet_for(self.bounds, self.width, HIGHEST).unit)
 
     @cached_property
     def corners(self) -> list[tuple[str, list[int]]]:
@@ -139,7 +141,7 @@ class Film:
 
     def shapes(self, sheet: Sheet, frame: int) -> list[Shape]:
         """Return the mechanism at the means of its inputs."""
-        return self.sketch.draw(sheet, self.points[0, frame], self.reaches, THICK).shapes
+        return self.sketch.draw(sheet, self.points[0, frame], self.strokes, THICK)
 
     def cloud(self, frame: int) -> list[Any]:
         """Bodies of all realisations but the first: thin dark lines above those at the means."""

@@ -61,9 +61,9 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     data = drawn_pose(mechanism, values, time)
     sketch, points = Sketch(data), world(data)[0, 0]
     made = canvas_for(sketch.extent(points))
-    pen = sketch.draw(made.sheet, points)
-    made.draw(pen.shapes)
-    _write(made, *placed_names(sketch.labels(made.sheet, points), pen.shapes, made.sheet.box))
+    shapes = sketch.draw(made.sheet, points)
+    made.draw(shapes)
+    _write(made, *placed_names(sketch.labels(made.sheet, points), shapes, made.sheet.box))
     note = f"{mechanism.name} – as drawn: it cannot be assembled" if data.attrs["note"] else mechanism.name
     _title(made, note, warning=bool(data.attrs["note"]))
     return made.figure

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.report.mechanisms.geometry import hull
 from uqmbd.typing import Array
 
-__all__ = ["MARGIN", "VIEW", "Shape", "Sheet", "sheet_for"]
+__all__ = ["MARGIN", "VIEW", "Shape", "Sheet", "link_shapes", "outline_of", "sheet_for"]
 
 
 VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
@@ -115,3 +116,18 @@ def sheet_for(points: Array, width: float, height: float) -> Sheet:
         return behind
 
     return Sheet(project, depth, unit, (0.1, 0.1, width - 0.1, height - 0.1), spatial)
+
+
+def outline_of(sheet: Sheet, points: Array) -> Array:
+    """Return the corners of a body on the page, shape (1 or more, 2), inches: those that differ by a hair are one."""
+    return hull(np.unique(np.round(sheet.project(points), 3), axis=0))
+
+
+def link_shapes(corners: Array, role: str, light: str, thick: float, order: float) -> list[Shape]:
+    """Return the rounded link or plate that the corners of a body span: its rim, and its face of a lighter role."""
+    closed = len(corners) > 2
+    vertices = corners if len(corners) > 1 else np.repeat(corners, 2, axis=0) + [[-1e-3, 0], [1e-3, 0]]
+    return [
+        Shape(vertices, paint, paint if closed else None, width, closed, order=place)
+        for paint, width, place in ((role, thick, order), (light, 0.8 * thick, order + 1e-3))
+    ]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.mechanisms.contact import across, draw_contact, extremes, foot
+from uqmbd.report.mechanisms.geometry import across, extremes, foot
 from uqmbd.report.mechanisms.labels import Label
-from uqmbd.report.mechanisms.sheet import Sheet
-from uqmbd.report.mechanisms.symbols import Pen
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, link_shapes, outline_of
+from uqmbd.report.mechanisms.symbols import CLEAR, SQUARE, Stroke, Symbols, projected
 from uqmbd.typing import Array
 
 __all__ = ["Part", "Sketch", "world"]
@@ -206,13 +206,27 @@ class Sketch:
                     found[f"{part.name}/{number}"] = (min([0.0, *along]), max([0.0, *along]))
         return found
 
+    def strokes(self, points: Array, unit: float) -> list[Stroke]:
+        """Return the symbols of all components and marks.
+
+        Parameters
+        ----------
+        points : array, shape (time, point, axis)
+            In the world, one realisation of `world`: guides reach as far as something slides in it.
+        unit : float
+            Metres to an inch, by which springs have turns.
+        """
+        reaches, make = self.reaches(points), Symbols(points.shape[-1])
+        found: list[Stroke] = []
+        for part in self.parts:
+            found += self._component(make, part, points[0], reaches, unit)
+        for k, kind in enumerate(self.kinds):
+            found += make.centre_of_mass(k) if kind == "com" else [make.dot(k, clear=True)] * (kind == "observed")
+        return found
+
     def draw(
-        self,
-        sheet: Sheet,
-        points: Array,
-        reaches: dict[str, tuple[float, float]] | None = None,
-        thick: float = 9.5,
-    ) -> Pen:
+        self, sheet: Sheet, points: Array, strokes: Sequence[Stroke] | None = None, thick: float = 9.5
+    ) -> list[Shape]:
         """Draw one pose.
 
         Parameters
@@ -221,105 +235,101 @@ class Sketch:
             What it is drawn on.
         points : array, shape (point, axis)
             In the world, one realisation and time of `world`.
-        reaches : dict, optional
-            Of `reaches`, where guides shall not change with the pose.
+        strokes : sequence of Stroke, optional
+            Of `strokes`, for a whole motion; by default those of this pose.
         thick : float
             Width of links, points.
         """
-        pen = Pen(sheet, thick)
+        shapes: list[Shape] = []
         if not np.isfinite(points).all():
-            return pen
-        reaches = self.reaches(points[None]) if reaches is None else reaches
+            return shapes
         middles = np.array([points[self.points_of(body)].mean(axis=0) for body in self.bodies])
         behind = np.argsort(-sheet.depth(middles), kind="stable") if sheet.spatial else range(len(self.bodies))
-        boxed = {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
         for order, k in enumerate(behind):
             body = self.bodies[k]
-            mine = points[self.points_of(body)]
-            if body not in boxed or len(pen.outline(mine)) > 1:
-                pen.body(mine, self.colour(body), self.light(body), 2 + 0.5 * order / len(self.bodies))
-        for part in self.parts:
-            self._component(pen, part, points, reaches)
-        joints = [k for part in self.parts for k in part.points]
-        taken = sheet.project(points[joints]) if joints else np.zeros((0, 2))
-        for k, kind in enumerate(self.kinds):
-            if kind == "com":
-                near = np.hypot(*(taken - sheet.project(points[k])).T)
-                if not len(near) or near.min() > 0.1:
-                    pen.centre_of_mass(points[k])
-            elif kind == "observed":
-                near = np.hypot(*(taken - sheet.project(points[k])).T)
-                if not len(near) or near.min() > 0.1:
-                    pen.dot(points[k])
-        return pen
+            outline = outline_of(sheet, points[self.points_of(body)])
+            if body not in self.boxed or len(outline) > 1:
+                role, place = self.colour(body), 2 + 0.5 * order / len(self.bodies)
+                shapes += link_shapes(outline, role, self.light(body), thick, place)
+        strokes = self.strokes(points[None], sheet.unit) if strokes is None else strokes
+        taken = sheet.project(points[self.joints]) if self.joints else np.zeros((0, 2))
+        for stroke in strokes:
+            near = stroke.clear and np.hypot(*(taken - sheet.project(points[stroke.at[0]])).T).min(initial=1.0) <= CLEAR
+            shape = None if near else projected(stroke, sheet, points, self.radii)
+            shapes += [] if shape is None else [shape]
+        return shapes
 
-    def _component(self, pen: Pen, part: Part, points: Array, reaches: dict[str, tuple[float, float]]) -> None:
-        places = [points[k] for k in part.points]
-        axes = [points[k] for k in part.directions]
-        axis = axes[0] if axes else None
-        first, last = (places[0], places[-1]) if places else (None, None)
-        at = points[part.anchor] if part.anchor is not None else None
-        body = part.bodies[-1]
+    @cached_property
+    def boxed(self) -> set[str]:
+        """Bodies that the box of a slider shows where they are a point."""
+        return {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
+
+    @cached_property
+    def joints(self) -> list[int]:
+        """Points of components: marks near them are left out."""
+        return [k for part in self.parts for k in part.points]
+
+    def _component(
+        self, make: Symbols, part: Part, points: Array, reaches: dict[str, tuple[float, float]], unit: float
+    ) -> list[Stroke]:
+        """Return the symbol of a component; `points` (point, axis) are those of one pose."""
+        axis = part.directions[0] if part.directions else None
+        first, last = (part.points[0], part.points[-1]) if part.points else (None, None)
+        found: list[Stroke] = []
         if part.symbol in POINTLIKE:
             for k in part.points:
-                if self.owners[k] == "ground":
-                    pen.support(points[k])
+                found += make.support(k) if self.owners[k] == "ground" else []
         if self.data.attrs.get("note") and part.symbol in CLOSED and first is not None and last is not None:
-            pen.gap(first, last)
+            found.append(make.gap(first, last))
+        reach = reaches.get(part.name, (0.0, 0.0))
         match part.symbol:
             case "contact" | "wheel" if first is not None:
-                shown = [(low, high) for name, (low, high) in reaches.items() if name.startswith(f"{part.name}/")]
-                radii, colours = (
-                    [self.radii[k] for k in part.points],
-                    [self.colour(self.owners[k]) for k in part.points],
-                )
-                turning = axes[1] if part.symbol == "wheel" and len(axes) > 1 else None
-                draw_contact(pen, places, radii, colours, axis if shown else None, shown, turning)
+                turning = part.directions[1] if part.symbol == "wheel" and len(part.directions) > 1 else None
+                # names never contain a slash
+                planes = [ends for name, ends in reaches.items() if name.startswith(f"{part.name}/")]
+                if axis is not None and planes:
+                    found += make.ground(first, axis, planes)
+                for k in part.points[axis is not None and bool(planes) :]:
+                    found += make.circle(k, self.colour(self.owners[k]), turning)
             case "hinge" if last is not None:
-                pen.hinge(last, axis)
+                found += make.hinge(last, axis)
             case "ball" if last is not None:
-                pen.ball(last)
+                found += make.ball(last)
             case "universal" if last is not None:
-                pen.universal(last, axes)
+                found += make.universal(last, part.directions)
             case "weld" if last is not None:
-                pen.weld(last)
+                found.append(make.polygon(last, 1.1 * SQUARE, "ground", 1.0))
             case "slide" | "cylinder" if first is not None and last is not None and axis is not None:
-                grounded = part.bodies[0] == "ground"
-                pen.guide(first, axis, reaches.get(part.name, (0.0, 0.0)), grounded=grounded)
-                pen.slide(last, axis, self.light(body), round_=part.symbol == "cylinder")
+                fixed = points[axis] if part.bodies[0] == "ground" else None
+                found += make.guide(first, axis, reach, fixed)
+                found += make.slide(last, axis, self.light(part.bodies[-1]), turns=part.symbol == "cylinder")
             case "line" if first is not None and last is not None and axis is not None:
-                pen.line(first, axis, reaches.get(part.name, (0.0, 0.0)))
-                pen.dot(last)
+                found += [make.line(first, axis, reach), make.dot(last)]
             case "skate" if last is not None and axis is not None:
-                pen.blade(last, axis)
+                found.append(make.blade(last, axis))
             case "plane" if first is not None and last is not None and axis is not None:
-                pen.plane(first, axis, last)
-                pen.dot(last)
+                found += [make.plane(last, axis), make.dot(last)]
             case "rod" if first is not None and last is not None:
-                pen.rod(first, last)
+                found += make.rod(first, last)
             case "spring" if first is not None and last is not None:
-                pen.spring(first, last)
+                found += make.spring(first, last, float(np.linalg.norm(points[last] - points[first])) / unit)
             case "damper" if first is not None and last is not None:
-                pen.damper(first, last)
-            case "coil" if at is not None:
-                pen.coil(at, axis)
-            case "driver" if first is not None and last is not None and len(places) > 1:
-                pen.push(first, last, axis)
-            case "driver" | "torque" if at is not None:
-                pen.arc(at, axis)
-            case "force" if at is not None:
-                pen.force(at, axis)
+                found += make.damper(first, last)
+            case "coil" if part.anchor is not None:
+                found += make.coil(part.anchor, axis)
+            case "driver" if first is not None and last is not None and len(part.points) > 1:
+                found += make.push(first, last, axis)
+            case "driver" | "torque" if part.anchor is not None:
+                found += make.arc(part.anchor, axis)
+            case "force" if part.anchor is not None:
+                found += make.force(part.anchor, axis)
             case _:
-                self._other(pen, part, places, points)
-
-    def _other(self, pen: Pen, part: Part, places: list[Any], points: Array) -> None:
-        """Draw what has no symbol: where it attaches, or between which bodies it is."""
-        if len(places) > 1:
-            pen.link(places[0], places[-1])
-        elif not places and len(part.ends) > 1:
-            pen.link(points[part.ends[0]], points[part.ends[-1]])
-        if places:
-            pen.diamond(places[-1])
+                # no symbol: where it attaches, or between which bodies it is
+                ends = part.points if part.points else part.ends
+                found += [make.link(ends[0], ends[-1])] if len(ends) > 1 else []
+                diamond = 1.2 * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])
+                found += [make.polygon(last, diamond, "paper", 1.1)] if last is not None else []
+        return found
 
     def labels(self, sheet: Sheet, points: Array) -> list[Label]:
         """Names of the bodies, then of the components, each with the place on the page that it names."""

@@ -60,9 +60,9 @@ def pose_still(data: xr.Dataset) -> Drawing:
     known = bounds[np.isfinite(bounds).all(axis=-1)]
     bounds = known if len(known) else np.zeros((1, bounds.shape[-1]))
     made, sheet, page = _empty(bounds)
-    pen = sketch.draw(sheet, points)
-    _paint(made, pen.shapes, page)
-    names, lines = placed_names(sketch.labels(sheet, points), pen.shapes, sheet.box)
+    shapes = sketch.draw(sheet, points)
+    _paint(made, shapes, page)
+    names, lines = placed_names(sketch.labels(sheet, points), shapes, sheet.box)
     _paint(made, lines, page)
     for one in names:
         x, y = page(one.centre)

@@ -1,362 +1,342 @@
-"""Bodies, joints, springs, drivers and loads as shapes on the page."""
+"""Symbols of components, as strokes in frames that move with the mechanism; paper and page project and draw them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from uqmbd.report.mechanisms.geometry import axes_of, hull
 from uqmbd.report.mechanisms.sheet import Shape, Sheet
 from uqmbd.typing import Array
 
-__all__ = ["Pen", "hull", "normals"]
+__all__ = ["Stroke", "Symbols", "projected"]
 
 
-RADIUS = 0.06  # inches: of a pin
+PIN = 0.06  # inches: radius of a pin
 PUSH = (0.5, 0.8)  # inches: shortest and longest arrow along the axis of a driver
-INK, DARK, GROUND, PLATE, PAPER = "ink", "dark", "ground", "plate", "paper"  # roles of `ROLES`
-DRIVE = "drive"  # what moves or loads, apart from what holds
-TURN = np.linspace(0, 2 * np.pi, 33)
+COIL = 0.2  # inches: a shorter spring or damper is a ring
+CLEAR = 0.1  # inches: a mark that is nearer to a joint is left out
+HATCH = (0.04, 0.06, 0.05)  # inches: first stroke, distance, height
+INK, DARK, GROUND, PLATE, PAPER, DRIVE, LIMIT = "ink", "dark", "ground", "plate", "paper", "drive", "limit"
+CHAIN, DASHES, DOTS = (7.0, 2.0, 1.0, 2.0), (5.0, 2.0), (2.0, 2.0)
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float)
 
 
-def hull(points: Array) -> Array:
-    """Return the corners of the convex hull of points, shape (N, 2), anticlockwise; of points on a line its two ends.
+@dataclass(frozen=True)
+class Stroke:
+    """A line or area, in a frame that points and directions of a mechanism give.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> hull(np.array([[0, 0], [2, 0], [1, 0.5], [2, 2], [0, 2.0]])).tolist()
-    [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+    Without `axis` the frame is that of the page, at the point ``at[0]``; with it, that of the space whose first axis is
+    along a direction (`axes_of`).  With `tips` it is that of a span from ``at[0]`` to ``at[-1]``.
     """
-    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
-    if len(ordered) < 3:
-        return ordered
-    ends = []
-    for chain in (ordered, ordered[::-1]):
-        kept: list[Array] = []
-        for point in chain:
-            while len(kept) > 1 and _cross(kept[-1] - kept[-2], point - kept[-2]) <= 1e-4:
-                kept.pop()
-            kept.append(point)
-        ends += kept[:-1]
-    return np.array(ends)
+
+    points: Array  # (N, axes) in the frame, inches; of a span (N, 3): share of it, inches along and across it
+    at: tuple[int, ...]  # numbers of points
+    axis: int | None = None  # number of a direction
+    metres: Array | None = None  # (N, axes), m: added to the points
+    tips: Array | None = None  # (2, axes), inches: the ends of a span in the frame
+    limits: tuple[float, float] | None = None  # inches: shortest and longest span along the axis, which ends at at[-1]
+    scaled: bool = False  # whether the points are in radii of the circle about at[-1]
+    between: tuple[float, float] = (0.0, 1e9)  # inches: lengths of the span, or radii, at which it is shown
+    shrinks: float = 0.0  # inches: of a shorter span the inches shrink in proportion
+    facing: int = 0  # 1, -1: shown where the axis, or its opposite, is towards the viewer
+    convex: bool = False  # whether it is the convex hull of its points
+    hatch: bool = False  # whether it is the hatching on the right of a line
+    clear: bool = False  # whether it is left out near a point of a component
+    edge: str = INK
+    face: str | None = None
+    width: float = 1.0
+    closed: bool = False
+    dashes: tuple[float, ...] = ()
+    order: float = 4.0
+    alpha: float = 1.0
 
 
-def _cross(a: Array, b: Array) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
+def projected(stroke: Stroke, sheet: Sheet, points: Array, radii: Sequence[float]) -> Shape | None:
+    """Return a stroke on the page, from points and directions (N, axes) in the world; None where it is not shown."""
+    at, unit = stroke.at, sheet.unit
+    frame = None if stroke.axis is None else axes_of(points[stroke.axis])
+    measure = radii[at[-1]] / unit
+    size = measure if stroke.scaled else 1.0
+
+    def page(place: int, local: Array, metres: Any = 0.0) -> Array:
+        if frame is None:
+            return sheet.project(points[place]) + size * local[..., :2]
+        return sheet.project(points[place] + (unit * size * local + metres) @ frame)
+
+    if stroke.tips is None:
+        vertices = page(at[0], stroke.points, 0.0 if stroke.metres is None else stroke.metres)
+    else:
+        start, end = page(at[0], stroke.tips[0]), page(at[-1], stroke.tips[1])
+        if stroke.limits and frame is not None:
+            away = float((points[at[-1]] - points[at[0]]) @ frame[0]) / unit
+            start = page(at[-1], np.eye(len(frame))[0] * -np.copysign(np.clip(abs(away), *stroke.limits), away))
+        measure = float(np.hypot(*(end - start)))
+        along = (end - start) / (measure or 1.0)
+        share, ahead, left = stroke.points.T[..., None]
+        less = min(1.0, measure / stroke.shrinks) if stroke.shrinks else 1.0
+        vertices = start + share * (end - start) + less * (ahead * along + left * np.array([-along[1], along[0]]))
+    if not stroke.between[0] <= measure < stroke.between[1] or not np.isfinite(vertices).all():
+        return None
+    if stroke.facing and frame is not None:
+        near, far = sheet.depth(points[at[0]] + np.outer([0.0, unit], frame[0]))
+        if stroke.facing * (far - near) > 0:
+            return None
+    vertices = hull(vertices) if stroke.convex else _hatched(*vertices) if stroke.hatch else vertices
+    style: Any = (0, stroke.dashes) if stroke.dashes else "-"
+    return Shape(
+        vertices, stroke.edge, stroke.face, stroke.width, stroke.closed, style, stroke.order, stroke.alpha
+    ) if len(vertices) else None  # fmt: skip
 
 
-@dataclass
-class Pen:
-    """Collects shapes; all points and directions that it is given are in the world, m."""
+def _hatched(start: Array, end: Array) -> Array:
+    """Return strokes on the right of a line as one that NaN breaks: a shape for each would slow animations down."""
+    first, step, high = HATCH
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / (length or 1.0)
+    count = int((length - first) / step + 1.01)  # a stroke at the end of a line is part of it
+    tops = start + (first + step * np.arange(count))[:, None] * along
+    foot = tops + high * np.array([along[1], -along[0]]) - first * along
+    return np.stack([tops, foot, np.full_like(tops, np.nan)], axis=1).reshape(-1, 2)
 
-    sheet: Sheet
-    thick: float = 9.5
-    """Width of a link, points."""
-    shapes: list[Shape] = field(default_factory=list)
 
-    # -- bodies ------------------------------------------------------------------------------------------------------
-    def outline(self, points: Array) -> Array:
-        """Corners of a body on the page, shape (1 or more, 2), inches: those that differ by a hair are one."""
-        page = np.unique(np.round(self.sheet.project(points), 3), axis=0)
-        return hull(page)
+def _circle(radius: float, corners: int = 33, first: float = 0.0, last: float = 2 * np.pi, end: float = 0.0) -> Array:
+    """Return an arc or a spiral of a radius, and of another one at its `end`, inches."""
+    turn = np.linspace(first, last, corners)
+    return np.linspace(radius, end or radius, corners)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
 
-    def body(self, points: Array, colour: str, light: Any, order: float) -> None:
-        """Draw a body as the rounded link or plate that its points span."""
-        corners = self.outline(points)
-        closed = len(corners) > 2
-        vertices = corners if len(corners) > 1 else np.repeat(corners, 2, axis=0) + [[-1e-3, 0], [1e-3, 0]]
-        self.shapes.append(Shape(vertices, colour, colour if closed else None, self.thick, closed, order=order))
-        self.shapes.append(
-            Shape(vertices, light, light if closed else None, 0.8 * self.thick, closed, order=order + 1e-3)
-        )
 
-    def centre_of_mass(self, point: Array) -> None:
-        """Draw the circle with two black quarters."""
-        centre, r = self.sheet.project(point), 0.045
-        self._add(centre + r * _circle(), INK, PAPER, 0.7, closed=True, order=5)
-        for first in (0, 16):
-            arc = r * _circle()[first : first + 9]
-            self._add(centre + np.concatenate([[[0, 0]], arc]), "none", INK, 0.0, closed=True, order=5.1)
+@dataclass(frozen=True)
+class Symbols:
+    """Makes the strokes of symbols; arguments named after points and directions are their numbers."""
+
+    dimension: int  # of the space that is drawn, 2 or 3
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the mechanism moves in space."""
+        return self.dimension == 3
+
+    def disc(self, at: int, radius: float = PIN, face: str = PAPER, order: float = 4.0, **more: Any) -> Stroke:
+        """Return a circle on the page, inches."""
+        return Stroke(_circle(radius), (at,), face=face, width=1.3, closed=True, order=order, **more)
+
+    def dot(self, at: int, **more: Any) -> Stroke:
+        """Return a small filled circle."""
+        return self.disc(at, 0.6 * PIN, INK, **more)
+
+    def polygon(self, at: int, corners: Any, face: str, width: float) -> Stroke:
+        """Return an area on the page, whose corners are in radii of a pin."""
+        return Stroke(PIN * np.asarray(corners, dtype=float), (at,), face=face, width=width, closed=True)
+
+    def _about(self, points: Array) -> Array:
+        """Return points (N, 2) about an axis of space as (N, 3) in its frame."""
+        return np.column_stack([np.zeros(len(points)), points])
+
+    def _along(self, *ends: float) -> Array:
+        """Return places along an axis as (N, axes) in its frame."""
+        return np.outer(ends, np.eye(self.dimension)[0])
+
+    def _pair(self, first: int, last: int, points: Any = ((0, 0, 0), (1, 0, 0)), **more: Any) -> Stroke:
+        """Return a stroke in the frame of the span between two points."""
+        return Stroke(np.asarray(points, dtype=float), (first, last), tips=np.zeros((2, self.dimension)), **more)
+
+    def centre_of_mass(self, at: int) -> list[Stroke]:
+        """Return the circle with two black quarters."""
+        ring = _circle(0.045)
+        quarters = [np.concatenate([[[0, 0]], ring[k : k + 9]]) for k in (0, 16)]
+        more: dict[str, Any] = {"closed": True, "clear": True}
+        return [
+            Stroke(ring, (at,), face=PAPER, width=0.7, order=5, **more),
+            *(Stroke(q, (at,), edge="none", face=INK, width=0.0, order=5.1, **more) for q in quarters),
+        ]
 
     # -- the ground --------------------------------------------------------------------------------------------------
-    def support(self, point: Array) -> None:
-        """Draw what holds a point to the ground: a triangle on hatching."""
-        centre = self.sheet.project(point)
-        foot = centre + [[0, 0], [-0.11, -0.17], [0.11, -0.17]]
-        self._add(foot, GROUND, PLATE, 0.9, closed=True, order=1)
-        self._hatch(centre + [-0.17, -0.17], centre + [0.17, -0.17])
+    def _hatching(self, points: Any, at: int, **more: Any) -> list[Stroke]:
+        """Return a line with strokes on its right."""
+        ends = np.asarray(points, dtype=float)
+        looks = ({"width": 1.2, "order": 0.9}, {"width": 0.7, "order": 0.8, "hatch": True})
+        return [Stroke(ends, (at,), edge=GROUND, **look, **more) for look in looks]
 
-    def _hatch(self, start: Array, end: Array) -> None:
-        """Draw a line with strokes on its right side."""
-        self._add(np.array([start, end]), GROUND, None, 1.2, order=0.9)
-        along = end - start
-        length = float(np.hypot(*along))
-        if length < 1e-6:
-            return
-        along = along / length
-        down = np.array([along[1], -along[0]])
-        tops = start + np.arange(0.04, length + 1e-9, 0.06)[:, None] * along
-        # one broken line: a shape for each stroke would take most of the time of an animation
-        strokes = np.stack([tops, tops + 0.05 * down - 0.04 * along, np.full_like(tops, np.nan)], axis=1)
-        self.shapes.append(Shape(strokes.reshape(-1, 2), GROUND, None, 0.7, order=0.8))
+    def support(self, at: int) -> list[Stroke]:
+        """Return what holds a point to the ground: a triangle on hatching."""
+        foot = np.array([[0, 0], [-0.11, -0.17], [0.11, -0.17]])
+        shape = Stroke(foot, (at,), edge=GROUND, face=PLATE, width=0.9, closed=True, order=1)
+        return [shape, *self._hatching([[-0.17, -0.17], [0.17, -0.17]], at)]
+
+    def _patch(self, corners: Array, at: int, axis: int, metres: Array | None = None) -> Stroke:
+        """Return a part of a plane of space, from corners (4, 2) about its normal."""
+        more = None if metres is None else self._about(metres)
+        looks: dict[str, Any] = {
+            "edge": GROUND,
+            "face": PLATE,
+            "width": 0.8,
+            "closed": True,
+            "order": 0.6,
+            "alpha": 0.6,
+        }
+        return Stroke(self._about(corners), (at,), axis, more, **looks)
+
+    def ground(self, at: int, normal: int, reaches: Sequence[tuple[float, float]]) -> list[Stroke]:
+        """Return what bodies hit or lie on: a hatched line, in space a patch, as far as `reaches` (m) along it."""
+        (low, high), more = reaches[0], 0.45
+        if not self.spatial:  # rightwards of the normal, which is the second axis backwards
+            ends, metres = np.array([[0, more], [0, -more]]), np.array([[0, -low], [0, -high]])
+            return self._hatching(ends, at, axis=normal, metres=metres)
+        bounds = np.array(reaches)
+        sides = (SQUARE > 0).astype(int)
+        return [
+            self._patch(more * SQUARE, at, normal, np.column_stack([bounds[0][sides[:, 0]], bounds[1][sides[:, 1]]]))
+        ]
 
     # -- joints ------------------------------------------------------------------------------------------------------
-    def hinge(self, point: Array, axis: Array | None) -> None:
-        """Draw a circle; in space a ring about the axis."""
-        if not self.sheet.spatial or axis is None:
-            self._disc(point, RADIUS)
-            return
-        self._axis(point, axis, 0.26)
-        self._add(
-            self.sheet.project(point + 1.5 * RADIUS * self.sheet.unit * _ring(axis)), INK, PAPER, 1.3, closed=True
-        )
+    def _axis(self, at: int, axis: int, half: float, dashes: tuple[float, ...] = CHAIN) -> Stroke:
+        return Stroke(self._along(-half, half), (at,), axis, width=0.9, dashes=dashes, order=4.3)
 
-    def ball(self, point: Array) -> None:
-        """Draw a ring around a point."""
-        self._disc(point, 1.35 * RADIUS)
-        self._disc(point, 0.55 * RADIUS, face=INK, order=4.2)
+    def hinge(self, at: int, axis: int | None) -> list[Stroke]:
+        """Return a circle; in space a ring about the axis."""
+        if not self.spatial or axis is None:
+            return [self.disc(at)]
+        ring = Stroke(self._about(_circle(1.5 * PIN)), (at,), axis, face=PAPER, width=1.3, closed=True)
+        return [self._axis(at, axis, 0.26), ring]
 
-    def universal(self, point: Array, axes: Sequence[Array]) -> None:
-        """Draw a cross along its two axes, in a ring."""
-        self._disc(point, 1.5 * RADIUS)
-        for axis in axes:
-            self._axis(point, axis, 1.5 * RADIUS, style="-")
+    def ball(self, at: int) -> list[Stroke]:
+        """Return a ring around a point."""
+        return [self.disc(at, 1.35 * PIN), self.disc(at, 0.55 * PIN, INK, 4.2)]
 
-    def weld(self, point: Array) -> None:
-        """Draw a square."""
-        square = 1.1 * RADIUS * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        self._add(self.sheet.project(point) + square, INK, GROUND, 1.0, closed=True, order=4)
+    def universal(self, at: int, axes: Sequence[int]) -> list[Stroke]:
+        """Return a cross along two axes, in a ring."""
+        return [self.disc(at, 1.5 * PIN), *(self._axis(at, axis, 1.5 * PIN, ()) for axis in axes)]
 
-    def diamond(self, point: Array) -> None:
-        """Draw the sign for what has no sign of its own."""
-        diamond = 1.2 * RADIUS * np.array([[-1, 0], [0, -1], [1, 0], [0, 1]])
-        self._add(self.sheet.project(point) + diamond, INK, PAPER, 1.1, closed=True, order=4)
+    def slide(self, at: int, axis: int, face: str, *, turns: bool) -> list[Stroke]:
+        """Return a box along its axis, in space one that is round if it turns as well."""
+        long, high = 0.19, 0.1
+        if not self.spatial:
+            return [Stroke(SQUARE * [long, high], (at,), axis, face=face, width=1.2, closed=True, order=2.8)]
+        section = self._about(_circle(high) if turns else 0.85 * high * SQUARE)
+        ends = [section + [s * long, 0, 0] for s in (-1, 1)]
+        box = Stroke(np.concatenate(ends), (at,), axis, face=face, width=1.1, closed=True, order=2.8, convex=True)
+        faces = [
+            Stroke(end, (at,), axis, face=face, width=0.9, closed=True, order=2.9, facing=s)
+            for s, end in zip((-1, 1), ends, strict=True)
+        ]
+        return [box, *faces]
 
-    def dot(self, point: Array) -> None:
-        """Draw a small filled circle."""
-        self._disc(point, 0.6 * RADIUS, face=INK)
-
-    def slide(self, point: Array, axis: Array, light: Any, *, round_: bool = False) -> None:
-        """Draw a box along its axis; `round_` for one that turns as well."""
-        long, high = 0.19 * self.sheet.unit, 0.1 * self.sheet.unit
-        axis = axis / np.linalg.norm(axis)
-        if not self.sheet.spatial:
-            across = np.array([-axis[1], axis[0]])
-            corners = [point + a * long * axis + b * high * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            self._add(self.sheet.project(np.array(corners)), INK, light, 1.2, closed=True, order=2.8)
-            return
-        b, c = normals(axis)
-        ends = [point + s * long * axis for s in (-1.0, 1.0)]
-        section = _ring(axis) * high if round_ else np.array([b + c, c - b, -b - c, b - c]) * high * 0.85
-        both = [self.sheet.project(end + section) for end in ends]
-        self._add(hull(np.concatenate(both)), INK, light, 1.1, closed=True, order=2.8)
-        near = int(np.argmin(self.sheet.depth(np.array(ends))))
-        self._add(both[near], INK, light, 0.9, closed=True, order=2.9)
-
-    def guide(self, origin: Array, axis: Array, reach: tuple[float, float], *, grounded: bool) -> None:
-        """Draw the line on which something slides, from one place along the axis to another, m."""
-        axis = axis / np.linalg.norm(axis)
-        more = 0.36 * self.sheet.unit
-        ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
-        if self.sheet.spatial or not grounded:
-            self._add(self.sheet.project(ends), GROUND, None, 1.0, style=(0, (7, 2, 1, 2)), order=0.7)
-            return
-        across = np.array([axis[1], -axis[0]])
-        across = -across if (across[1] > 1e-9 or (abs(across[1]) <= 1e-9 and across[0] > 0)) else across
-        ends = self.sheet.project(ends) + 0.115 * across
-        along = ends[1] - ends[0]
-        right = np.array([along[1], -along[0]])
-        self._hatch(*(ends if right @ across > 0 else ends[::-1]))
-
-    def line(self, origin: Array, axis: Array, reach: tuple[float, float]) -> None:
-        """Draw a line that something stays on."""
-        axis = axis / np.linalg.norm(axis)
-        more = 0.3 * self.sheet.unit
-        ends = origin + np.outer([reach[0] - more, reach[1] + more], axis)
-        self._add(self.sheet.project(ends), GROUND, None, 1.0, style=(0, (5, 2)), order=0.7)
-
-    def plane(self, origin: Array, normal: Array, point: Array) -> None:
-        """Draw the part of a plane beneath a point; in the plane a line."""
-        normal = normal / np.linalg.norm(normal)
-        foot = point - normal * float(normal @ (point - origin))
-        if not self.sheet.spatial:
-            self.line(foot, np.array([-normal[1], normal[0]]), (0.0, 0.0))
-            return
-        b, c = (0.35 * self.sheet.unit * x for x in normals(normal))
-        corners = np.array([foot + b + c, foot - b + c, foot - b - c, foot + b - c])
-        self._add(self.sheet.project(corners), GROUND, PLATE, 0.8, closed=True, order=0.6, alpha=0.6)
-
-    def ground(
-        self, origin: Array, normal: Array, along: Sequence[Array], reaches: Sequence[tuple[float, float]]
-    ) -> None:
-        """Draw what bodies hit or lie on: a hatched line, in space a patch, which `reaches` so far `along`, m."""
-        more = 0.45 * self.sheet.unit
-        first = origin + np.outer([reaches[0][0] - more, reaches[0][1] + more], along[0])
-        if not self.sheet.spatial:
-            self._hatch(*self.sheet.project(first))
-            return
-        second = np.outer([reaches[1][0] - more, reaches[1][1] + more], along[1])
-        corners = np.array([first[0] + second[0], first[1] + second[0], first[1] + second[1], first[0] + second[1]])
-        self._add(self.sheet.project(corners), GROUND, PLATE, 0.8, closed=True, order=0.6, alpha=0.6)
-
-    def blade(self, point: Array, axis: Array) -> None:
-        """Draw the blade of a skate: a short thick line along its axis."""
-        step = 0.22 * self.sheet.unit * axis / np.linalg.norm(axis)
-        self._add(self.sheet.project(np.array([point - step, point + step])), INK, None, 3.2, order=4.1)
-
-    def circle(self, point: Array, radius: float, colour: Any, axis: Array | None = None) -> None:
-        """Draw a circle or sphere of a radius, m, in space with an axis a disc; a dot where it is too small to see."""
-        inches = radius / self.sheet.unit
-        if inches < 0.6 * RADIUS:
-            self.dot(point)
-            return
-        line = self.sheet.project(point) + inches * _circle(97)
-        if self.sheet.spatial and axis is not None:
-            line = self.sheet.project(point + radius * _ring(axis))
-        self._add(line, colour, None, 1.3, closed=True, order=3.2)
-        self._add(line, "none", colour, 0.0, closed=True, order=1.5, alpha=0.15)
-
-    def rod(self, first: Array, second: Array) -> None:
-        """Draw a massless rod."""
-        self._add(self.sheet.project(np.array([first, second])), DARK, None, 2.2, order=2.5)
-        self._disc(first, 0.7 * RADIUS)
-        self._disc(second, 0.7 * RADIUS)
-
-    def link(self, first: Array, second: Array) -> None:
-        """Draw that two places have to do with each other."""
-        self._add(self.sheet.project(np.array([first, second])), GROUND, None, 1.0, style=(0, (2, 2)), order=2.5)
-
-    def gap(self, first: Array, second: Array) -> None:
-        """Draw that two places should be one, and are not."""
-        ends = self.sheet.project(np.array([first, second]))
-        if np.hypot(*(ends[1] - ends[0])) > RADIUS:
-            self._add(ends, "limit", None, 1.5, style=(0, (4, 2.5)), order=3.9)
-
-    # -- springs, drivers, loads -------------------------------------------------------------------------------------
-    def spring(self, first: Array, second: Array) -> None:
-        """Draw a zigzag between two points; a small coil where they coincide."""
-        start, end = self.sheet.project(np.array([first, second]))
-        along = end - start
-        length = float(np.hypot(*along))
-        if length < 0.2:
-            self._add(start + 0.1 * _circle(), DARK, None, 1.2, closed=True, order=3.5)
-        else:
-            across = np.array([-along[1], along[0]]) / length * min(0.075, 0.2 * length)
-            turns = int(np.clip(length / 0.16, 4, 12))
-            s = np.concatenate([[0.0], np.linspace(0.14, 0.86, 2 * turns + 1), [1.0]])
-            side = np.array([0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0])
-            self._add(start + s[:, None] * along + side[:, None] * across, DARK, None, 1.2, order=3.5)
-        self._disc(first, 0.45 * RADIUS, face=INK)
-        self._disc(second, 0.45 * RADIUS, face=INK)
-
-    def damper(self, first: Array, second: Array) -> None:
-        """Draw a piston in a cylinder between two points; a spring's small circle where they coincide."""
-        start, end = self.sheet.project(np.array([first, second]))
-        along = end - start
-        length = float(np.hypot(*along))
-        if length < 0.2:
-            self.spring(first, second)
-            return
-        along = along / length
-        side = np.array([-along[1], along[0]]) * min(0.075, 0.2 * length)
-        middle, half = (start + end) / 2, min(0.16, 0.25 * length) * along
-        self._add(np.array([start, middle - half]), DARK, None, 1.2, order=3.5)
-        pot = np.array([middle + half + side, middle - half + side, middle - half - side, middle + half - side])
-        self._add(pot, DARK, None, 1.2, order=3.5)
-        self._add(np.array([middle - 0.8 * side, middle + 0.8 * side]), DARK, None, 2.2, order=3.5)
-        self._add(np.array([middle, end]), DARK, None, 1.2, order=3.5)
-        self._disc(first, 0.45 * RADIUS, face=INK)
-        self._disc(second, 0.45 * RADIUS, face=INK)
-
-    def coil(self, point: Array, axis: Array | None) -> None:
-        """Draw a spiral."""
-        turn = np.linspace(0, 5 * np.pi, 60)
-        size = 0.07 + 0.09 * turn / turn[-1]
-        self._around(point, axis, size, turn, GROUND, 1.0)
-
-    def arc(self, point: Array, axis: Array | None, radius: float = 0.19) -> None:
-        """Draw an arrow that turns about a point."""
-        turn = np.linspace(np.deg2rad(-30), np.deg2rad(215), 40)
-        path = self._around(point, axis, np.full(40, radius), turn, DRIVE, 1.6)
-        self._head(path[-3], path[-1])
-
-    def arrow(self, first: Array, second: Array) -> None:
-        """Draw an arrow between two places on the page, inches."""
-        self._add(np.array([first, second]), DRIVE, None, 1.6, order=4.4)
-        self._head(first, second)
-
-    def force(self, point: Array, direction: Array | None) -> None:
-        """Draw an arrow that pushes at a point; downwards where its direction is not known beforehand."""
-        head = self.sheet.project(point)
-        if direction is None:
-            tail = head + [0.0, 0.5]
-        else:
-            step = 0.55 * self.sheet.unit * direction / np.linalg.norm(direction)
-            tail = self.sheet.project(point - step)
-        self.arrow(tail, head)
-
-    def push(self, first: Array, second: Array, axis: Array | None) -> None:
-        """Draw an arrow from one point to another; with an axis a short one along it, at the driven point."""
-        if axis is not None:
-            along, unit = axis / np.linalg.norm(axis), self.sheet.unit
-            way = float((second - first) @ along)
-            first = second - np.copysign(min(max(abs(way), PUSH[0] * unit), PUSH[1] * unit), way) * along
-        self.arrow(*self.sheet.project(np.array([first, second])))
-
-    # -- helpers -----------------------------------------------------------------------------------------------------
-    def _around(self, point: Array, axis: Array | None, size: Array, turn: Array, edge: Any, width: float) -> Array:
-        if self.sheet.spatial and axis is not None:
-            b, c = normals(axis)
-            offsets = np.outer(size * np.cos(turn), b) + np.outer(size * np.sin(turn), c)
-            path = self.sheet.project(point + self.sheet.unit * offsets)
-        else:
-            path = self.sheet.project(point) + size[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
-        self._add(path, edge, None, width, order=4.4)
-        return path
-
-    def _head(self, before: Array, tip: Array) -> None:
-        along = tip - before
-        along = along / (float(np.hypot(*along)) or 1.0)
-        across = np.array([-along[1], along[0]])
-        self._add(
-            np.array([tip + 0.02 * along, tip - 0.11 * along + 0.05 * across, tip - 0.11 * along - 0.05 * across]),
-            DRIVE, DRIVE, 0.6, closed=True, order=4.5,
+    def line(
+        self, at: int, axis: int, reach: tuple[float, float], more: float = 0.3, dashes: tuple[float, ...] = DASHES
+    ) -> Stroke:
+        """Return the line that something stays on, as far as `reach`, m, and `more`, inches."""
+        metres = self._along(*reach)
+        return Stroke(
+            self._along(-more, more), (at,), axis, metres, edge=GROUND, width=1.0, dashes=dashes, order=0.7
         )  # fmt: skip
 
-    def _axis(self, point: Array, axis: Array, half: float, style: Any = (0, (7, 2, 1, 2))) -> None:
-        step = half * self.sheet.unit * axis / np.linalg.norm(axis)
-        self._add(self.sheet.project(np.array([point - step, point + step])), INK, None, 0.9, style=style, order=4.3)
+    def guide(self, at: int, axis: int, reach: tuple[float, float], grounded: Array | None) -> list[Stroke]:
+        """Return the line on which something slides; `grounded`: the direction of one that is fixed to the ground."""
+        more = 0.36
+        if self.spatial or grounded is None:
+            return [self.line(at, axis, reach, more, CHAIN)]
+        # hatched beneath: the second axis is on the left of the first one
+        x, y = grounded / (float(np.linalg.norm(grounded)) or 1.0)
+        side = 1 if x < -1e-9 or (abs(x) <= 1e-9 and y > 0) else -1
+        ends, metres = np.array([[-more, side * 0.115], [more, side * 0.115]]), self._along(*reach)
+        return self._hatching(ends[::-side], at, axis=axis, metres=metres[::-side])
 
-    def _disc(self, point: Array, radius: float, face: Any = PAPER, order: float = 4.0) -> None:
-        self._add(self.sheet.project(point) + radius * _circle(), INK, face, 1.3, closed=True, order=order)
+    def plane(self, at: int, normal: int) -> Stroke:
+        """Return the part of a plane beneath a point on it; in the plane a line."""
+        if self.spatial:
+            return self._patch(0.35 * SQUARE, at, normal)
+        ends = np.array([[0, -0.3], [0, 0.3]])
+        return Stroke(ends, (at,), normal, edge=GROUND, width=1.0, dashes=DASHES, order=0.7)
 
-    def _add(
-        self, vertices: Array, edge: Any, face: Any, width: float, *, closed: bool = False, style: Any = "-",
-        order: float = 4.0, alpha: float = 1.0,
-    ) -> None:  # fmt: skip
-        if np.isfinite(vertices).all():
-            self.shapes.append(Shape(vertices, edge, face, width, closed, style, order, alpha))
+    def blade(self, at: int, axis: int) -> Stroke:
+        """Return the blade of a skate: a short thick line along its axis."""
+        return Stroke(self._along(-0.22, 0.22), (at,), axis, width=3.2, order=4.1)
 
+    def circle(self, at: int, role: str, axis: int | None = None) -> list[Stroke]:
+        """Return a circle or sphere of the radius of a point, in space with an axis a disc; a dot where it is tiny."""
+        seen: dict[str, Any] = {"closed": True, "scaled": True, "between": (0.6 * PIN, 1e9)}
+        flat = self.spatial and axis is not None
+        place, line = (axis, self._about(_circle(1.0))) if flat else (None, _circle(1.0, 97))
+        return [
+            self.dot(at, between=(0.0, 0.6 * PIN)),
+            Stroke(line, (at,), place, edge=role, width=1.3, order=3.2, **seen),
+            Stroke(line, (at,), place, edge="none", face=role, width=0.0, order=1.5, alpha=0.15, **seen),
+        ]
 
-def _circle(corners: int = len(TURN)) -> Array:
-    turn = np.linspace(0, 2 * np.pi, corners)
-    return np.column_stack([np.cos(turn), np.sin(turn)])
+    def rod(self, first: int, last: int) -> list[Stroke]:
+        """Return a massless rod."""
+        bar = self._pair(first, last, edge=DARK, width=2.2, order=2.5)
+        return [bar, self.disc(first, 0.7 * PIN), self.disc(last, 0.7 * PIN)]
 
+    def link(self, first: int, last: int) -> Stroke:
+        """Return a line between places that a component without a symbol connects."""
+        return self._pair(first, last, edge=GROUND, dashes=DOTS, order=2.5)
 
-def normals(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors perpendicular to an axis in space and to each other."""
-    axis = axis / np.linalg.norm(axis)
-    other = np.eye(3)[int(np.argmin(abs(axis)))]
-    b = np.cross(axis, other)
-    b = b / np.linalg.norm(b)
-    return b, np.cross(axis, b)
+    def gap(self, first: int, last: int) -> Stroke:
+        """Return a line between two places that should be one, and are not."""
+        return self._pair(first, last, edge=LIMIT, width=1.5, dashes=(4.0, 2.5), order=3.9, between=(PIN, 1e9))
 
+    # -- springs, drivers, loads -------------------------------------------------------------------------------------
+    def _between(self, first: int, last: int, lines: Sequence[tuple[Any, float]]) -> list[Stroke]:
+        """Return lines (points, width) of a span with a pin at each end; a ring where it is short."""
+        looks: dict[str, Any] = {"edge": DARK, "order": 3.5}
+        pins = [self.disc(at, 0.45 * PIN, INK) for at in (first, last)]
+        ring = np.column_stack([np.zeros(33), _circle(0.1)])
+        long = [self._pair(first, last, x, width=w, between=(COIL, 1e9), shrinks=0.375, **looks) for x, w in lines]
+        return [self._pair(first, last, ring, width=1.2, closed=True, between=(0.0, COIL), **looks), *long, *pins]
 
-def _ring(axis: Array) -> Array:
-    """Return the unit circle about an axis in space, shape (N, 3)."""
-    b, c = normals(axis)
-    ring: Array = np.outer(np.cos(TURN), b) + np.outer(np.sin(TURN), c)
-    return ring
+    def spring(self, first: int, last: int, length: float) -> list[Stroke]:
+        """Return a zigzag between two points, whose turns follow from a length, inches."""
+        turns = int(np.clip(np.nan_to_num(length) / 0.16, 4, 12))
+        share = [0.0, *np.linspace(0.14, 0.86, 2 * turns + 1), 1.0]
+        side = [0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0]
+        return self._between(
+            first, last, [(np.column_stack([share, 0 * np.array(share), 0.075 * np.array(side)]), 1.2)]
+        )
+
+    def damper(self, first: int, last: int) -> list[Stroke]:
+        """Return a piston in a cylinder between two points."""
+        half, side = 0.16, 0.075
+        pot = [[0.5, half, side], [0.5, -half, side], [0.5, -half, -side], [0.5, half, -side]]
+        rods = [[[0, 0, 0], [0.5, -half, 0]], [[0.5, 0, 0], [1, 0, 0]]]
+        piston = [[0.5, 0, -0.8 * side], [0.5, 0, 0.8 * side]]
+        return self._between(first, last, [(rods[0], 1.2), (pot, 1.2), (piston, 2.2), (rods[1], 1.2)])
+
+    def _around(self, at: int, axis: int | None, path: Array, edge: str, width: float) -> Stroke:
+        if self.spatial and axis is not None:
+            return Stroke(self._about(path), (at,), axis, edge=edge, width=width, order=4.4)
+        return Stroke(path, (at,), edge=edge, width=width, order=4.4)
+
+    def coil(self, at: int, axis: int | None) -> list[Stroke]:
+        """Return a spiral."""
+        return [self._around(at, axis, _circle(0.07, 60, 0.0, 5 * np.pi, 0.16), GROUND, 1.0)]
+
+    def arc(self, at: int, axis: int | None) -> list[Stroke]:
+        """Return an arrow that turns about a point."""
+        path = self._around(at, axis, _circle(0.19, 40, np.deg2rad(-30), np.deg2rad(215)), DRIVE, 1.6)
+        return [path, self._head(path.at, path.axis, path.points[[-3, -1]])]
+
+    def _head(self, at: tuple[int, ...], axis: int | None, tips: Array, limits: Any = None) -> Stroke:
+        corners = np.array([[1, 0.02, 0], [1, -0.11, 0.05], [1, -0.11, -0.05]])
+        looks: dict[str, Any] = {"edge": DRIVE, "face": DRIVE, "width": 0.6, "closed": True, "order": 4.5}
+        return Stroke(corners, at, axis, tips=tips, limits=limits, **looks)
+
+    def arrow(self, at: tuple[int, ...], axis: int | None, tips: Array, limits: Any = None) -> list[Stroke]:
+        """Return an arrow between the ends of a span."""
+        ends = np.array([[0.0, 0, 0], [1, 0, 0]])
+        shaft = Stroke(ends, at, axis, tips=tips, limits=limits, edge=DRIVE, width=1.6, order=4.4)
+        return [shaft, self._head(at, axis, tips, limits)]
+
+    def force(self, at: int, direction: int | None) -> list[Stroke]:
+        """Return an arrow that pushes at a point; downwards where its direction is not known beforehand."""
+        if direction is None:
+            return self.arrow((at,), None, np.array([[0, 0.5], [0, 0]]))
+        return self.arrow((at,), direction, self._along(-0.55, 0.0))
+
+    def push(self, first: int, last: int, axis: int | None) -> list[Stroke]:
+        """Return an arrow from one point to another; with an axis a short one along it, at the driven point."""
+        return self.arrow((first, last), axis, np.zeros((2, self.dimension)), None if axis is None else PUSH)
