@@ -12,8 +12,7 @@ import xarray as xr
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd import extend, report, results
-from uqmbd.report.overview.answers import ANSWERS
-from uqmbd.report.overview.asked import asked, in_view
+from uqmbd.report.overview.answers import ANSWERS, asked, in_view
 from uqmbd.report.overview.influences import of_history
 from uqmbd.report.view import StudyResult
 from uqmbd_collocation import Collocation

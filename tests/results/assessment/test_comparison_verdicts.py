@@ -23,7 +23,7 @@ from uqmbd.cli.compare import show_comparison
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
 from uqmbd.report import error_cost
-from uqmbd.report.sections.about_methods.agreement import agreement
+from uqmbd.report.sections.about_methods.comparison import agreement
 from uqmbd.report.view import StudyResult
 from uqmbd.results.assessment import verdicts
 from uqmbd.results.assessment.distances import distances, ks_by_chance

@@ -18,10 +18,8 @@ from uqmbd.report.charts.model import (
     Views,
     several,
 )
-from uqmbd.report.charts.packing import Kind, json_script, packed, unpacked
-from uqmbd.report.charts.page import MOST_TIMES, chart_script, page_data
+from uqmbd.report.charts.page import MOST_TIMES, Kind, chart_script, json_script, packed, page_data, thinned, unpacked
 from uqmbd.report.charts.paper import paper
-from uqmbd.report.charts.thinning import thinned
 
 __all__ = [
     "MARKS",

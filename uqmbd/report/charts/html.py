@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.report.charts.checks import checked_chart
 from uqmbd.report.charts.model import Chart, Curve, Views
-from uqmbd.report.charts.packing import json_script
-from uqmbd.report.charts.page import chart_script, page_data
+from uqmbd.report.charts.page import chart_script, json_script, page_data
 from uqmbd.report.charts.paper import paper
 from uqmbd.report.drawing import drawn_source, image_html
 

@@ -1,19 +1,135 @@
-"""A chart as data for the scripts of the page, `chart.js` and its modules: JSON, with long arrays as base64."""
+"""A chart as data for the page: thinned to what can be seen, and packed as JSON."""
 
 from __future__ import annotations
 
-from typing import Any
+import base64
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.report.charts.model import Boxes, Chart, Column, Curve, Views, axis_of, painted, several
-from uqmbd.report.charts.packing import json_script, packed
-from uqmbd.report.charts.thinning import thinned_chart
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "chart_script", "page_data"]
+__all__ = [
+    "Kind",
+    "MOST_TIMES",
+    "chart_script",
+    "json_script",
+    "packed",
+    "page_data",
+    "thinned",
+    "thinned_chart",
+    "unpacked",
+]
+
+
+Kind = Literal["float32", "float64", "int32"]
+
+_ESCAPES = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
+
+
+def packed(values: ArrayLike, kind: Kind = "float64") -> dict[str, Any]:
+    """Pack an array as data for JSON; NaN and infinities are kept.
+
+    Raises
+    ------
+    ValueError
+        If numbers do not fit in the kind: they are too large for it, or not whole.
+    """
+    given = np.asarray(values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        made = given.astype(np.dtype(kind).newbyteorder("<"))
+    fits = np.array_equal(made, given) if kind == "int32" else np.array_equal(np.isfinite(made), np.isfinite(given))
+    if not fits:
+        raise ValueError(f"The array has numbers that {kind} does not hold; use float64.")
+    return {"kind": kind, "shape": list(made.shape), "base64": base64.b64encode(made.tobytes()).decode("ascii")}
+
+
+def unpacked(data: Mapping[str, Any]) -> NDArray[Any]:
+    """Return the array of `packed` data."""
+    read = np.frombuffer(base64.b64decode(data["base64"]), dtype=np.dtype(data["kind"]).newbyteorder("<"))
+    return read.reshape(data["shape"]).astype(data["kind"])
+
+
+def json_script(data: Any) -> str:
+    r"""Return JSON for `<script type="application/json">`: no text in it ends the element, or begins another one.
+
+    Lone surrogates stay escaped, as all that is not ASCII.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite, which JSON does not hold: use None, or `packed` arrays.
+
+    Examples
+    --------
+    >>> json_script({"name": "</script>"})
+    '{"name":"\\u003c/script\\u003e"}'
+    """
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).translate(_ESCAPES)
+
+
+MOST_POINTS = 600
+
+
+def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Choose at most ``most`` of many times, such that no peak between a lower and an upper curve is lost.
+
+    Parameters
+    ----------
+    low, high : array, shape (T,)
+        Lower and upper edge of what is drawn.
+    most : int
+        Four or more.
+
+    Returns
+    -------
+    array of int
+        Increasing, with the first and the last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> curve = np.zeros(5000)
+    >>> curve[1234] = 1.0
+    >>> chosen = thinned(curve, curve)
+    >>> len(chosen) <= 600, 1234 in chosen, chosen[[0, -1]].tolist()
+    (True, True, [0, 4999])
+    """
+    count = len(low)
+    if count <= most:
+        return np.arange(count)
+    edges = np.linspace(0, count, (most - 2) // 2 + 1).astype(int)
+    chosen = {0, count - 1}
+    for first, last in zip(edges[:-1], edges[1:], strict=True):
+        chosen.add(first + int(low[first:last].argmin()))
+        chosen.add(first + int(high[first:last].argmax()))
+    return np.array(sorted(chosen))
+
+
+def thinned_chart(chart: Chart, most: int) -> tuple[Chart, NDArray[np.intp]]:
+    """Return a chart of about ``most`` places with the peaks of each curve among them, and which places these are."""
+    places = np.asarray(chart.places)
+    every = np.arange(len(places))
+    if len(places) <= most or chart.plane is not None or chart.boxes is not None:
+        return chart, every
+    share = max(most // len(chart.curves), 100)
+    chosen = np.unique(np.concatenate([_with_peaks(curve, share) for curve in chart.curves]))
+    return replace(chart, places=places[chosen], curves=[curve.at(chosen) for curve in chart.curves]), chosen
+
+
+def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
+    values = np.asarray(curve.values, dtype=float)
+    low = np.fmin.reduce([values, *(np.asarray(band.low, dtype=float) for band in curve.bands)])
+    high = np.fmax.reduce([values, *(np.asarray(band.high, dtype=float) for band in curve.bands)])
+    low, high = np.nan_to_num(low, nan=np.inf), np.nan_to_num(high, nan=-np.inf)
+    return thinned(low, high, most)
+
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.report.charts.model import MARKS, Band, Boxes, Chart, Curve, Look, Views, axis_of, painted
-from uqmbd.report.charts.thinning import MOST_POINTS, thinned_chart
+from uqmbd.report.charts.page import MOST_POINTS, thinned_chart
 from uqmbd.report.drawing import (
     FAILED,
     WIDTH,

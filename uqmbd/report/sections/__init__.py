@@ -26,6 +26,5 @@ __all__ = [
     "most_uncertain",
     "only_density",
     "over_chart",
-    "precision_sentences",
     "ranked",
 ]

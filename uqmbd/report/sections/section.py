@@ -59,14 +59,17 @@ class TemplateSection:
     ----------
     title : str
     name : str
-        Of its template, and its anchor on the page.
+        Of its block in the template, and its anchor on the page.
     content : callable
         From the result of a study to what the template shows; None: the section is left out.
+    template : str
+        File in ``templates``.
     """
 
     title: str
     name: str
     content: Callable[[StudyResult], Content | None]
+    template: str = "about_results.html.j2"
 
     def render(self, tree: xr.DataTree) -> str:
         """Return the HTML of the section; empty if it is left out."""
@@ -76,7 +79,8 @@ class TemplateSection:
 
     def fragment(self, result: StudyResult, content: Content) -> str:
         """Return the HTML of this content."""
-        return environment().get_template(f"{self.name}.html.j2").render(content, several=result.several)
+        template = environment().get_template(self.template)
+        return "".join(template.blocks[self.name](template.new_context({**content, "several": result.several})))
 
 
 _SETTINGS = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]

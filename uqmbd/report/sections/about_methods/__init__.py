@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from uqmbd.report.sections.about_methods.comparison import COMPARISON
-from uqmbd.report.sections.about_methods.cost import COST
 from uqmbd.report.sections.about_methods.failures import FAILURES
-from uqmbd.report.sections.about_methods.growth import GROWTH
-from uqmbd.report.sections.about_methods.methods import METHODS
-from uqmbd.report.sections.about_methods.provenance import PROVENANCE
-from uqmbd.report.sections.about_methods.trust import TRUST
+from uqmbd.report.sections.about_methods.methods import COST, METHODS, PROVENANCE
+from uqmbd.report.sections.about_methods.trust import GROWTH, TRUST
 
 __all__ = ["ABOUT_METHODS"]
 

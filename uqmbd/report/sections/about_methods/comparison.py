@@ -1,4 +1,4 @@
-"""The report's section on the comparison of methods: verdicts, and differences from the reference."""
+"""Compare methods: which one to use, whether they agree, and their differences from the reference."""
 
 from __future__ import annotations
 
@@ -7,12 +7,62 @@ from typing import Any
 
 import xarray as xr
 
-from uqmbd.report.sections.about_methods.agreement import agreement
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.wording import Cell, format_cells, format_percent
+from uqmbd.results.assessment import AGREES, COARSE, NO_SPREAD, REFERENCE, largest_error, worst
+from uqmbd.wording import Cell, format_cells, format_duration, format_integer, format_percent
 
-__all__ = ["COMPARISON"]
+__all__ = ["COMPARISON", "agreement"]
+
+
+_SIGNS = {
+    "reference": "•",
+    "agrees": "✓",
+    "differs": "✗",
+    "under-resolved": "!",
+    "too few samples": "?",
+    NO_SPREAD: "–",
+}
+_SHORT = {"reference": "the reference", NO_SPREAD: "nothing varies"}
+"""Verdicts in a word or two, where their names do not say them."""
+
+
+def agreement(result: StudyResult) -> Content | None:
+    """Return the recommendation and the verdict of each method and output; None for one method, or older results.
+
+    Verdicts stand in the section that compares methods (``each``), and nowhere else; ``rows`` name them.
+    """
+    data, found = result.comparison, result.assessment
+    compared = [one for one in found.judgements if one.kind]
+    if data is None or not compared:
+        return None
+    rows = []
+    for method in (result.methods[label] for label in dict.fromkeys(one.method for one in compared)):
+        mine = [one for one in compared if one.method == method.label]
+        one, which = worst(mine)
+        text = _SHORT.get(one.kind, one.kind)
+        if one.kind in (AGREES, REFERENCE) and (words := largest_error(mine)):
+            text += f"; {words}"
+        elif which:
+            text += f" ({which})"
+        large = one.kind == AGREES and any(COARSE < one.error < math.inf for one in mine)
+        rows.append(
+            {
+                "method": method.label,
+                "kind": one.kind,
+                "text": f"{'!' if large else _SIGNS[one.kind]} {text}",
+                "wall_time": format_duration(method.wall_time),
+                "realisations": format_integer(method.realisations),
+            }
+        )
+    return {
+        "lead": "".join(found.recommendation[:1]),
+        "others": found.reasons,
+        "rows": rows,
+        "each": compared,
+        "reference": found.reference,
+        "level": f"{100 * float(data.attrs.get('level', 0.05)):g} %",
+    }
 
 
 _NONE = Cell("–", "")
@@ -27,7 +77,7 @@ def comparison(result: StudyResult) -> Content | None:
     return {"agreement": agreement(result), "reference": result.assessment.reference, "rows": rows}
 
 
-COMPARISON = TemplateSection("Comparison of methods", "comparison", comparison)
+COMPARISON = TemplateSection("Comparison of methods", "comparison", comparison, "about_methods.html.j2")
 
 
 def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = False) -> list[dict[str, Any]]:

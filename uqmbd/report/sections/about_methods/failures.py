@@ -28,7 +28,7 @@ def failures(result: StudyResult) -> Content:
     return {"fine": _fine(fine, len(result.methods)), "methods": [_of_method(method) for method in rest]}
 
 
-FAILURES = TemplateSection("Failures", "failures", failures)
+FAILURES = TemplateSection("Failures", "failures", failures, "about_methods.html.j2")
 
 
 def _fine(methods: Sequence[Method], count: int) -> str:

@@ -1,17 +1,21 @@
-"""The report's section on methods: which one to use, and what was done, in a few sentences."""
+"""What was done, what each method cost, and by which software and settings."""
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
+from typing import Any
 
-from uqmbd.report.sections.about_methods.agreement import agreement
+from uqmbd.report.sections.about_methods.comparison import agreement
 from uqmbd.report.sections.about_results import input_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
+from uqmbd.results.assessment import worst_integration_share
 from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_percent
 
-__all__ = ["METHODS"]
+__all__ = ["COST", "METHODS", "PROVENANCE"]
 
 
 def content(result: StudyResult) -> Content:
@@ -22,7 +26,7 @@ def content(result: StudyResult) -> Content:
     }
 
 
-METHODS = TemplateSection("Methods", "methods", content)
+METHODS = TemplateSection("Methods", "methods", content, "about_methods.html.j2")
 
 
 def _sentences(result: StudyResult) -> list[str]:
@@ -109,3 +113,173 @@ def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
         share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
         text += f" Quantiles were counted between edges, and are known within {share}."
     return text
+
+
+_COUNTERS = {
+    "steps": "steps of the integrator",
+    "residuals": "residual evaluations",
+    "residual_evaluations": "residual evaluations",
+    "jacobians": "Jacobian evaluations",
+    "jacobian_evaluations": "Jacobian evaluations",
+    "factorisations": "factorisations of the Jacobian",
+    "integrations": "integrations (implicit: of a stack of realisations; explicit: of one)",
+    "accelerations": "evaluations of the equations of motion, explicit (each of up to eight realisations)",
+    "passages": "singular poses passed over",
+    "repivots": "changes to other independent equations on the way",
+    "stiff": "realisations that the explicit integrator left to IDA: stiff, or cheaper there",
+    "alone": "realisations integrated alone",
+    "by_dop853": "realisations whose motion is that of the explicit integrator (dop853)",
+    "by_ida": "realisations whose motion is that of IDA",
+    "seconds": "time in the integrator, summed over workers",
+}
+
+
+def cost(result: StudyResult) -> Content:
+    """Return what each method cost."""
+    return {
+        "methods": [
+            {
+                "label": label,
+                "wall_time": format_duration(method.wall_time),
+                "realisations": method.realisations,
+                "failures": method.failures,
+                "budget": str(method.node.attrs.get("budget_summary", "")),
+                "each": format_duration(method.wall_time / method.realisations) if method.separate else "–",
+                "counters": [
+                    *(_counter(name, value) for name, value in method.pairs("solver_counters") if not _nothing(value)),
+                    *_integration(method),
+                ],
+            }
+            for label, method in result.methods.items()
+        ]
+    }
+
+
+COST = TemplateSection("Cost", "cost", cost, "about_methods.html.j2")
+
+
+def _integration(method: Method) -> list[tuple[str, str]]:
+    """Return the largest error of the time integration, and how it was found."""
+    worst = worst_integration_share(method.node)
+    if worst is None:
+        return []
+    several = len(method.names) + len(method.scalars.names if method.scalars else ()) > 1
+    which = f", of {worst.output}" if several and math.isfinite(worst.share) else ""
+    how = f" ({worst.reason})" if worst.reason else ""
+    return [("error of the time integration", f"{worst.words()}{which}{how}")]
+
+
+def _nothing(value: str) -> bool:
+    """Tell whether a counter has counted nothing: what did not happen needs no line."""
+    try:
+        return float(value) == 0.0
+    except ValueError:
+        return False
+
+
+def _counter(name: str, value: str) -> tuple[str, str]:
+    """Return a solver's counter with a name for reading."""
+    shown = _COUNTERS.get(name, name.replace("_", " "))
+    try:
+        number = float(value)
+    except ValueError:
+        return shown, value
+    if name == "seconds":
+        return shown, format_duration(number)
+    return shown, format_integer(number) if number == round(number) else format_number(number)
+
+
+_ATTRIBUTES = {
+    "integrated_by": "integrated by",
+    "not_unique": "not unique, as constraints are redundant",
+    "rtol": "relative tolerance of the integration",
+    "max_step": "longest step, s",
+    "uqmbd_version": "version of uqmbd",
+    "schema_version": "version of the schema",
+    "report_times": "times of distributions, s",
+    "script_sha256": "SHA-256 of the script",
+    "allowed_probability": "probability of violations that is allowed",
+}
+
+
+_SHOWN = {
+    "study", "mechanism", "created", "command", "parts", "model", "limits", "over", "failed", "warnings", "budget",
+}  # fmt: skip
+"""Attributes of a study that the report shows elsewhere."""
+
+_KNOWN = {
+    "propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters", "wall_time",
+    "realisations", "failures", "warnings", "budget_summary", "refused",
+}  # fmt: skip
+"""Attributes of a method that are shown by another name, or elsewhere."""
+
+
+def provenance(result: StudyResult) -> Content:
+    """Return the command and the script, bodies and components, and options, seed and date of each method."""
+    attrs = result.tree.attrs
+    about = {str(k): v for k, v in attrs.items() if k not in _SHOWN}
+    first = ["script", "script_sha256"]
+    order = sorted(about, key=lambda k: first.index(k) if k in first else len(first))
+    return {
+        "command": attrs.get("command"),
+        "study_attributes": [(_ATTRIBUTES.get(k, k), str(about[k])) for k in order],
+        **_mechanism(result),
+        "methods": [{"label": label, "facts": _facts(method)} for label, method in result.methods.items()],
+        "versions": _versions(result),
+    }
+
+
+PROVENANCE = TemplateSection("Provenance", "provenance", provenance, "about_methods.html.j2")
+
+
+def _facts(method: Method) -> list[tuple[str, str]]:
+    attrs = method.node.attrs
+    found = [
+        *((k, str(attrs[k])) for k in ("propagator", "seed", "created") if k in attrs),
+        *((f"option {name}", value) for name, value in method.pairs("options")),
+        *((_ATTRIBUTES.get(str(k), str(k)), str(v)) for k, v in attrs.items() if k not in _KNOWN),
+    ]
+    # what is not set is not worth a row
+    return [(name, value) for name, value in found if value not in ("null", "None", "")]
+
+
+def _versions(result: StudyResult) -> list[Content]:
+    """Return the versions of packages: once, where all methods have the same."""
+    found = {label: method.pairs("versions") for label, method in result.methods.items()}
+    found = {label: pairs for label, pairs in found.items() if pairs}
+    if len({json.dumps(pairs) for pairs in found.values()}) == 1:
+        return [{"of": "", "facts": next(iter(found.values()))}]
+    return [{"of": label, "facts": pairs} for label, pairs in found.items()]
+
+
+def _mechanism(result: StudyResult) -> Content:
+    """Return rows of bodies and of components; of results of earlier versions their names."""
+    parts, model = (_object(result.tree.attrs.get(name)) for name in ("parts", "model"))
+    known, joined = (_object(model.get(name)) for name in ("bodies", "components"))
+    bodies = parts.get("bodies") if isinstance(parts.get("bodies"), list) else []
+    components = _object(parts.get("components"))
+    return {
+        "bodies": [{"name": str(name), "constants": _constants(known.get(str(name)))} for name in bodies or ()],
+        "components": [
+            {
+                "name": str(name),
+                "kind": str(kind),
+                "between": ", ".join(map(str, _object(joined.get(name)).get("bodies", ()))),
+                "constants": _constants(_object(joined.get(name)).get("parameters")),
+            }
+            for name, kind in components.items()
+        ],
+    }
+
+
+def _constants(values: object) -> str:
+    return "; ".join(f"{name}: {value}" for name, value in _object(values).items())
+
+
+def _object(value: object) -> Mapping[str, Any]:
+    """Return a JSON object, or its text, as a mapping; anything else is empty."""
+    try:
+        found = json.loads(value) if isinstance(value, str) else value
+    except ValueError:
+        return {}
+    return found if isinstance(found, Mapping) else {}

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.sections.about_results.events import EVENTS
-from uqmbd.report.sections.about_results.explore import EXPLORE
-from uqmbd.report.sections.about_results.influence import INFLUENCE
-from uqmbd.report.sections.about_results.inputs import INPUTS, input_rows
+from uqmbd.report.sections.about_results.inputs import EXPLORE, INFLUENCE, INPUTS, input_rows
 from uqmbd.report.sections.about_results.outputs import (
     OUTPUTS,
     bands_chart,
@@ -16,7 +13,7 @@ from uqmbd.report.sections.about_results.outputs import (
     ranked,
 )
 from uqmbd.report.sections.about_results.requirements import REQUIREMENTS
-from uqmbd.report.sections.about_results.scalars import SCALARS
+from uqmbd.report.sections.about_results.scalars import EVENTS, SCALARS
 
 __all__ = [
     "ABOUT_RESULTS",

@@ -1,7 +1,8 @@
-"""The report's section on outputs without a time: their statistics side by side, and their densities."""
+"""Outputs without a time, and the times of events: statistics side by side, and densities."""
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from collections.abc import Iterable
@@ -11,14 +12,14 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures
-from uqmbd.report.charts import charted
-from uqmbd.report.figures import MOST_SCALARS, failure_reasons
+from uqmbd.report.charts import Views, charted
+from uqmbd.report.figures import MOST_SCALARS, events_in_words, failure_reasons, has_events
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results.assessment import worst_integration_share
 from uqmbd.wording import format_at_most, format_cells, format_count, format_percent, format_share
 
-__all__ = ["SCALARS"]
+__all__ = ["EVENTS", "SCALARS"]
 
 
 def scalars(result: StudyResult) -> Content | None:
@@ -144,3 +145,31 @@ def _words(method: Method) -> list[str]:
             f"values and do not enter the statistics.{reason}"
         )
     return words
+
+
+def events(result: StudyResult) -> Content | None:
+    """Return what the section says and shows of each method that followed events; None if none did."""
+    drawn = []
+    for label, node in result.nodes.items():
+        if not has_events(node):
+            continue
+        try:
+            words = events_in_words(node)
+        except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the rest must stand
+            words = f"They cannot be read: {type(error).__name__}: {error}"
+        drawn.append(
+            charted(
+                functools.partial(_chart, node),
+                f"Distributions of the times of events, from samples of {label}. {words}",
+                f"When each event happens, from samples of {label}. {words}",
+                f"{label}-event-times",
+            )
+        )
+    return {"figures": drawn} if drawn else None
+
+
+def _chart(node: xr.DataTree) -> Views:
+    return figures.events_chart(figures.earliest_events(node))
+
+
+EVENTS = TemplateSection("When events happen", "events", events)
