@@ -182,7 +182,7 @@ def clashing_texts(figure: Figure) -> list[tuple[str, str]]:
 
 def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     """The first impact of a ball from a uniform height: its mean is known, and so are its ends."""
-    from uqmbd.report.figures.event_times import earliest_events
+    from uqmbd.report.figures.timeless import earliest_events
 
     first, *others = earliest_events(tree["event-aligned"])
     low, high = (np.sqrt(2 * h / G) for h in (0.9, 1.1))

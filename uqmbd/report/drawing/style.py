@@ -5,6 +5,7 @@ Length: what is public tells its parameters, and has an example.
 
 from __future__ import annotations
 
+import functools
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
-from uqmbd.report.drawing.layout import arranged_layout
 from uqmbd.report.drawing.scales import plain_formatter
 from uqmbd.wording import typeset_units
 
@@ -28,11 +28,13 @@ __all__ = [
     "LINES",
     "ON_DARK",
     "arrange",
+    "arranged_layout",
     "axes_grid",
     "constant",
     "finish_single",
     "histogram",
     "histogram_edges",
+    "is_arranged",
     "line_width",
     "shortened",
     "single_axes",
@@ -42,6 +44,23 @@ __all__ = [
     "with_units",
     "wrapped",
 ]
+
+
+@functools.cache
+def arranged_layout() -> Any:
+    """Return the class of the constrained layout of these figures, by which they are told from others."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    class ArrangedLayout(ConstrainedLayoutEngine):
+        pass
+
+    return ArrangedLayout
+
+
+def is_arranged(figure: Figure) -> bool:
+    """Tell whether `arrange` has placed the axes of a figure."""
+    return isinstance(figure.get_layout_engine(), arranged_layout())
+
 
 # Okabe and Ito's colours: distinguishable with every common colour vision, and by their line style in print.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.report.drawing.layout import is_arranged
-from uqmbd.report.drawing.style import tick_width
+from uqmbd.report.drawing.style import is_arranged, tick_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,7 +17,6 @@ from uqmbd.report.figures.decay import (
 from uqmbd.report.figures.distributions import densities_chart, histograms, inputs, inputs_chart
 from uqmbd.report.figures.elements import elements_chart, elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import cost_chart, error_cost
-from uqmbd.report.figures.event_times import earliest_events, event_times, events_chart, events_in_words, has_events
 from uqmbd.report.figures.failures import (
     ENOUGH,
     Reason,
@@ -68,7 +67,16 @@ from uqmbd.report.figures.surrogates import (
     surrogate_of,
     varies_over_time,
 )
-from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities, scalars_chart
+from uqmbd.report.figures.timeless import (
+    MOST_SCALARS,
+    earliest_events,
+    event_times,
+    events_chart,
+    events_in_words,
+    has_events,
+    scalar_densities,
+    scalars_chart,
+)
 
 __all__ = [
     "ENOUGH",

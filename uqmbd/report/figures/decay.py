@@ -10,8 +10,7 @@ import numpy as np
 from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
-from uqmbd.report.figures.scales import percent_ends
-from uqmbd.report.figures.selection import Results, automatic_times, label_of
+from uqmbd.report.figures.selection import Results, automatic_times, label_of, percent_ends
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.results.assessment import EXACT

@@ -11,7 +11,7 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import MARKS, Axis, Chart, Column, Curve, Look, Views, paper
-from uqmbd.report.figures.scales import percent_ends
+from uqmbd.report.figures.selection import percent_ends
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

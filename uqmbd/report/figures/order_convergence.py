@@ -14,8 +14,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
 from uqmbd.report.drawing import line_width
-from uqmbd.report.figures.scales import percent_ends
-from uqmbd.report.figures.selection import Results, nodes_of, of_output
+from uqmbd.report.figures.selection import Results, nodes_of, of_output, percent_ends
 from uqmbd.report.figures.surrogates import chaos_nodes, finest, order_of, series, times_of
 from uqmbd.typing import Array
 

@@ -1,4 +1,4 @@
-"""What a figure is drawn from: the nodes, the samples and the times of a result."""
+"""What a figure is drawn from: the nodes, the samples and the times of a result; ends of axes in per cent."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing import decades
 from uqmbd.results import propagator_nodes
 from uqmbd.status import Status
 
@@ -20,10 +21,18 @@ __all__ = [
     "label_of",
     "nodes_of",
     "of_output",
+    "percent_ends",
     "runs_of",
     "samples_of",
     "succeeded",
 ]
+
+
+def percent_ends(ends: tuple[float, float]) -> tuple[float, float]:
+    """Return the full decades, in per cent, about two values."""
+    first, last = decades(*(100 * end for end in ends))
+    return float(f"1e{first}"), float(f"1e{last}")
+
 
 Results: TypeAlias = xr.DataTree | Mapping[str, xr.DataTree] | Iterable[xr.DataTree]
 """A study's result, the node of one propagator, or several such nodes."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.explorer_data import explorer_data
-from uqmbd.report.live.page import PageScripts, page_scripts
+from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts
 from uqmbd.report.live.player_data import player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
-from uqmbd.report.live.scripts import joined_modules
 from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from uqmbd.report.drawing import mixed
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
-from uqmbd.report.mechanisms.geometry import hull
-from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, hull, sheet_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.report.mechanisms.symbols import Stroke
 from uqmbd.typing import Array

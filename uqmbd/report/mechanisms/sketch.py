@@ -10,9 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.mechanisms.geometry import across, extremes, foot
 from uqmbd.report.mechanisms.labels import Label
-from uqmbd.report.mechanisms.sheet import Shape, Sheet, link_shapes, outline_of
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, across, extremes, foot, link_shapes, outline_of
 from uqmbd.report.mechanisms.symbols import CLEAR, SQUARE, Stroke, Symbols, projected
 from uqmbd.typing import Array
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.report.mechanisms.geometry import axes_of, hull
-from uqmbd.report.mechanisms.sheet import Shape, Sheet
+from uqmbd.report.mechanisms.sheet import Shape, Sheet, axes_of, hull
 from uqmbd.typing import Array
 
 __all__ = ["Stroke", "Symbols", "projected"]
