@@ -8,7 +8,7 @@ from uqmbd.results.assessment.assessment import Assessment, Reliability, assess
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
 from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
-from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
+from uqmbd.results.assessment.judgements import Judgement, judgements_of, worst
 from uqmbd.results.assessment.limits import COARSE, EXACT
 from uqmbd.results.assessment.recommendation import recommend, recommended
 from uqmbd.results.assessment.sentences import NO_SPREAD, STILL, own_statements
@@ -34,7 +34,6 @@ __all__ = [
     "compare",
     "integration_shares",
     "judgements_of",
-    "largest_error",
     "own_statements",
     "recommend",
     "recommended",

@@ -12,7 +12,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
-from uqmbd.results.assessment.judgements import Judgement, judgements_of
+from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
 from uqmbd.results.assessment.own_errors import own_error, replicates_of
 from uqmbd.results.assessment.recommendation import recommended
@@ -129,6 +129,11 @@ class Assessment:
     order: tuple[str, ...]
     precision: tuple[str, ...]
     contradictions: tuple[str, ...]
+
+    @property
+    def verdicts(self) -> tuple[MethodVerdict, ...]:
+        """The verdict on each method that is compared."""
+        return method_verdicts(self.judgements)
 
     def judgement(self, method: str, output: str) -> Judgement:
         """Return the judgement of an output of a method.

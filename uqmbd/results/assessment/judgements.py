@@ -11,11 +11,16 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.results.assessment.limits import COARSE
 from uqmbd.results.assessment.sentences import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_at_most
 
-__all__ = ["Judgement", "judgements_of", "largest_error", "worst"]
+__all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "method_verdicts", "worst"]
+
+_SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", NO_SPREAD: "–"}
+_SHORT = {REFERENCE: "the reference", NO_SPREAD: "nothing varies"}
+"""Verdicts in a word or two, where their names do not say them."""
 
 _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
 
@@ -100,6 +105,44 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
             ]
         )
     }
+
+
+@dataclass(frozen=True)
+class MethodVerdict:
+    """What is said of a method that is compared: the kind of its worst verdict, a sign, and words."""
+
+    method: str
+    kind: str
+    text: str
+    sign: str
+
+
+def method_verdicts(judgements: Sequence[Judgement]) -> tuple[MethodVerdict, ...]:
+    """Return one verdict for each method that is compared, from those on its outputs.
+
+    Examples
+    --------
+    >>> from uqmbd.results.assessment.judgements import Judgement, method_verdicts
+    >>> (one,) = method_verdicts([Judgement("a", "x", kind="agrees", error=0.2, time=0.5)])
+    >>> one.sign, one.text
+    ('!', 'agrees; stated error at most 20 % of the standard deviation (at 0.5 s)')
+    """
+    found: dict[str, list[Judgement]] = {}
+    for one in judgements:
+        if one.kind:
+            found.setdefault(one.method, []).append(one)
+    return tuple(_method_verdict(label, of) for label, of in found.items())
+
+
+def _method_verdict(label: str, found: Sequence[Judgement]) -> MethodVerdict:
+    one, which = worst(found)
+    text = _SHORT.get(one.kind, one.kind)
+    if one.kind in (AGREES, REFERENCE) and (words := largest_error(found)):
+        text += f"; {words}"
+    elif which:
+        text += f" ({which})"
+    large = one.kind == AGREES and any(COARSE < each.error < math.inf for each in found)
+    return MethodVerdict(label, one.kind, text, "!" if large else _SIGNS[one.kind])
 
 
 def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:

@@ -9,22 +9,9 @@ import xarray as xr
 
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.results.assessment import AGREES, COARSE, NO_SPREAD, REFERENCE, largest_error, worst
 from uqmbd.wording import Cell, format_cells, format_duration, format_integer, format_percent
 
 __all__ = ["COMPARISON", "agreement"]
-
-
-_SIGNS = {
-    "reference": "•",
-    "agrees": "✓",
-    "differs": "✗",
-    "under-resolved": "!",
-    "too few samples": "?",
-    NO_SPREAD: "–",
-}
-_SHORT = {"reference": "the reference", NO_SPREAD: "nothing varies"}
-"""Verdicts in a word or two, where their names do not say them."""
 
 
 def agreement(result: StudyResult) -> Content | None:
@@ -36,25 +23,16 @@ def agreement(result: StudyResult) -> Content | None:
     compared = [one for one in found.judgements if one.kind]
     if data is None or not compared:
         return None
-    rows = []
-    for method in (result.methods[label] for label in dict.fromkeys(one.method for one in compared)):
-        mine = [one for one in compared if one.method == method.label]
-        one, which = worst(mine)
-        text = _SHORT.get(one.kind, one.kind)
-        if one.kind in (AGREES, REFERENCE) and (words := largest_error(mine)):
-            text += f"; {words}"
-        elif which:
-            text += f" ({which})"
-        large = one.kind == AGREES and any(COARSE < one.error < math.inf for one in mine)
-        rows.append(
-            {
-                "method": method.label,
-                "kind": one.kind,
-                "text": f"{'!' if large else _SIGNS[one.kind]} {text}",
-                "wall_time": format_duration(method.wall_time),
-                "realisations": format_integer(method.realisations),
-            }
-        )
+    rows = [
+        {
+            "method": one.method,
+            "kind": one.kind,
+            "text": f"{one.sign} {one.text}",
+            "wall_time": format_duration(result.methods[one.method].wall_time),
+            "realisations": format_integer(result.methods[one.method].realisations),
+        }
+        for one in found.verdicts
+    ]
     return {
         "lead": "".join(found.recommendation[:1]),
         "others": found.reasons,

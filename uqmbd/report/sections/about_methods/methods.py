@@ -12,7 +12,7 @@ from uqmbd.report.sections.about_results import input_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
-from uqmbd.results.assessment import worst_integration_share
+from uqmbd.results.assessment import STILL, worst_integration_share
 from uqmbd.wording import format_count, format_duration, format_integer, format_number, format_percent
 
 __all__ = ["COST", "METHODS", "PROVENANCE"]
@@ -56,8 +56,8 @@ def _sentences(result: StudyResult) -> list[str]:
     text += result.assessment.precision
     constant = [n for n in result.histories if all(one.level == 3 for one in result.assessment.of(n))]
     if constant:
-        does = "does" if len(constant) == 1 else "do"
-        text.append(f"{', '.join(constant)} {does} not vary beyond the integration error.")
+        said = STILL if len(constant) == 1 else STILL.replace("does", "do", 1)
+        text.append(f"{', '.join(constant)} {said}.")
     return text + list(map(str, result.findings))
 
 
