@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6320,
     "uqmbd.randomness": 5180,
     "uqmbd.report": 7270,
-    "uqmbd.results": 8450,
+    "uqmbd.results": 8455,
     "uqmbd.testing": 1880,
     "uqmbd.units": 290,
     "uqmbd_calibration": 3100,

@@ -105,7 +105,8 @@ def _hatched(start: Array, end: Array) -> Array:
 def _circle(radius: float, corners: int = 33, first: float = 0.0, last: float = 2 * np.pi, end: float = 0.0) -> Array:
     """Return an arc or a spiral of a radius, and of another one at its `end`, inches."""
     turn = np.linspace(first, last, corners)
-    return np.linspace(radius, end or radius, corners)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    path: Array = np.linspace(radius, end or radius, corners)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    return path
 
 
 @dataclass(frozen=True)
@@ -157,8 +158,10 @@ class Symbols:
     def _hatching(self, points: Any, at: int, **more: Any) -> list[Stroke]:
         """Return a line with strokes on its right."""
         ends = np.asarray(points, dtype=float)
-        looks = ({"width": 1.2, "order": 0.9}, {"width": 0.7, "order": 0.8, "hatch": True})
-        return [Stroke(ends, (at,), edge=GROUND, **look, **more) for look in looks]
+        return [
+            Stroke(ends, (at,), edge=GROUND, width=1.2, order=0.9, **more),
+            Stroke(ends, (at,), edge=GROUND, width=0.7, order=0.8, hatch=True, **more),
+        ]
 
     def support(self, at: int) -> list[Stroke]:
         """Return what holds a point to the ground: a triangle on hatching."""

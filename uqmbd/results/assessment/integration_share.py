@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.results.statistics import varying
-from uqmbd.wording import format_percent
+from uqmbd.wording import format_percent, format_quantity
 
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 
@@ -68,6 +68,19 @@ class IntegrationShare:
         if not np.isfinite(self.share):
             return "not known"
         return f"{format_percent(self.share)} {self.of_what}" if self.share else "none"
+
+    def sentence(self) -> str:
+        """State the error in the units of the output, and its share; or why it is not known.
+
+        Examples
+        --------
+        >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
+        'The time integration is wrong by up to 2 × 10⁻⁸ m (0.00021 % of the spread).'
+        """
+        if not np.isfinite(self.error):
+            return f"The error of the time integration is not known: {self.reason}."
+        size = f" ({self.words()})" if np.isfinite(self.share) and self.error else ""
+        return f"The time integration is wrong by up to {format_quantity(self.error, self.units)}{size}."
 
 
 @typechecked

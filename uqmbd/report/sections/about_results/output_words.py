@@ -16,7 +16,6 @@ from uqmbd.wording import (
     Cell,
     format_cells,
     format_power,
-    format_quantity,
     minus,
     power_of_ten,
     typeset_units,
@@ -59,12 +58,7 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
 def integration(method: Method, name: str) -> str:
     """Say how large the error of the time integration of an output is; empty if the results do not state it."""
     found = {one.output: one for one in integration_shares(method.statistics)}.get(name)
-    if found is None:
-        return ""
-    if not math.isfinite(found.error):
-        return f"The error of the time integration is not known: {found.reason}."
-    size = f" ({found.words()})" if math.isfinite(found.share) and found.error else ""
-    return f"The time integration is wrong by up to {format_quantity(found.error, found.units)}{size}."
+    return "" if found is None else found.sentence()
 
 
 def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
