@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence, Sized
 from numbers import Real
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "STARTS",
     "check_breaks",
+    "check_folder",
     "check_integrator",
     "check_max_step",
     "check_report_times",
@@ -198,3 +201,14 @@ def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple
                 f"{where}: report_times holds {t:g} s; expected times between {grid[0]:g} and {grid[-1]:g} s."
             )
     return wanted
+
+
+def check_folder(folder: Any, resume: Any, where: str) -> Path | None:
+    """Return the folder of finished chunks, or say what is wrong with it."""
+    if not isinstance(resume, bool):
+        raise StudyError(f"{where}: resume is {resume!r}; expected True or False.")
+    if folder is None:
+        return None
+    if not isinstance(folder, (str, PathLike)):
+        raise StudyError(f"{where}: folder is {folder!r}; expected a path, e.g. 'results'.")
+    return Path(folder)

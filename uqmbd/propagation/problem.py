@@ -1,23 +1,18 @@
-"""The problem that a propagator is given: inputs, outputs and times as data, and the runner that computes them.
-
-Length: every method is public, with its parameters, errors and units.
-"""
+"""The problem that a propagator is given: inputs, outputs and times as data, and the runner that computes them."""
 
 from __future__ import annotations
 
+import json
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, capabilities_of, integrator_class, require
-from uqmbd.errors import StudyError
-from uqmbd.mechanism import Requirement
+from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.progress import Progress, stage
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
@@ -26,19 +21,17 @@ from uqmbd.propagation.execution import (
     Kind,
     Margins,
     Observed,
-    Packed,
     Realisations,
-    chunk_size,
     event_histories,
-    fingerprint,
-    needs_motion,
+    solver_counters,
 )
-from uqmbd.propagation.inputs import Existence, nothing_random
-from uqmbd.propagation.method_node import labels_of, method_node
+from uqmbd.propagation.inputs import Existence
+from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
+from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.propagation.reduction import Reduction, Reductions
 from uqmbd.propagation.runner import Runner
-from uqmbd.randomness import GermSpace, JointInput, RandomVariable
-from uqmbd.results.schema import Labels
+from uqmbd.randomness import GermSpace
+from uqmbd.results import propagator_node
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -48,7 +41,7 @@ __all__ = ["Problem", "Realisations"]
 
 
 @dataclass(frozen=True)
-class Problem:
+class Problem(ProblemData):
     """Inputs, outputs and times of a study, and the runner that computes realisations.
 
     Attributes
@@ -98,25 +91,7 @@ class Problem:
     13.0
     """
 
-    study: str
-    mechanism: str
-    label: str
-    inputs: JointInput
-    times: Array
-    rtol: float
-    integrator: str
-    model: Model = field(repr=False)
     runner: Runner = field(default_factory=Runner, repr=False, compare=False)
-    kind: Kind = "outputs"
-    over: Array | None = field(default=None, repr=False)
-    chosen: tuple[str, ...] | None = None
-    answers_requirements: bool = False
-    origin: str = field(default="", repr=False)
-    """Label of the method, whatever parts of its work have labels of their own."""
-    watched: Model | None = field(default=None, repr=False)
-    """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
-    existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
-    """Which moments of the outputs exist."""
 
     def __getattr__(self, name: str) -> Any:
         """Return what was an attribute of the problem and is one of its runner, with a warning, until 0.2."""
@@ -143,23 +118,9 @@ class Problem:
         """Folder of the run's files, if it has one."""
         return self.runner.folder
 
-    @property
-    def timeless(self) -> bool:
-        """Whether the outputs are those without a time, given as if at one time, or margins of requirements.
-
-        A method need not know: its results are given their form afterwards.  One that does not compute realisations (it
-        solves for all together) must compute realisations here.
-        """
-        return self.kind != "outputs"
-
-    @property
-    def requirements(self) -> tuple[Requirement, ...]:
-        """What the mechanism has to satisfy."""
-        return () if self.model.margins is None else tuple(self.model.margins.requirements)
-
     def without_time(self) -> Problem:
         """Return the problem of the outputs without a time; what is known of them is not computed again."""
-        return self._of("scalars", times=self.times[:1])
+        return self._of("scalars", self.whole_times[:1], self.existence)
 
     def choosing(self, names: tuple[str, ...]) -> Problem:
         """Return the problem of some outputs without a time; where one does not happen, a realisation is censored."""
@@ -167,12 +128,11 @@ class Problem:
 
     def of_requirements(self) -> Problem:
         """Return the problem whose outputs are the margins of the requirements, the smallest until each time."""
-        return replace(self._of("requirements"), existence=Existence({}, {}, {}))
+        return self._of("requirements", self.whole_times, Existence({}, {}, {}))
 
-    def _of(self, kind: Kind, **changes: Any) -> Problem:
-        whole = self.whole_times
-        about = {"kind": kind, "over": whole, "chosen": None, "times": whole, **changes}
-        return replace(self.part(f"{self.label}-{kind}"), **about)
+    def _of(self, kind: Kind, times: Array, existence: Existence) -> Problem:
+        part = self.part(f"{self.label}-{kind}")
+        return replace(part, kind=kind, over=self.whole_times, chosen=None, times=times, existence=existence)
 
     def part(self, label: str) -> Problem:
         """Return the problem of a part of the work, whose label and stored chunks are its own.
@@ -195,64 +155,15 @@ class Problem:
         """
         return replace(self, runner=replace(self.runner, **changes))
 
-    @property
-    def whole_times(self) -> Array:
-        """Output times of the study, whatever the kind of outputs, shape (T,), s."""
-        return self.times if self.over is None else self.over
-
     def watching(self, times: Array | None = None) -> Problem:
         """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
         # margins, and what sums a motion up, are those of the times of the study
         model = replace(self.watched or self.model, margins=None)
         if times is not None:
-            model, times = replace(model, scalars=None), np.array(times, dtype=float)
-        other = replace(self, model=model, watched=None, times=self.times if times is None else times)
+            model = replace(model, scalars=None)
+        times = self.times if times is None else np.array(times, dtype=float)
+        other = replace(self, model=model, watched=None, times=times)
         return other.using(observed=Observed())
-
-    def with_inputs(self, variables: Iterable[RandomVariable]) -> Problem:
-        """Return the problem with other distributions of some inputs, as after a calibration.
-
-        Parameters
-        ----------
-        variables : iterable of RandomVariable
-            Of the names and units of the inputs whose place they take, with finite moments; the others stay.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If one has a name that there is not, other units, or one that depends on others is replaced without them.
-        """
-        given = tuple(variables)
-        try:
-            inputs = self.inputs.replaced(given)
-        except StudyError as error:
-            raise StudyError(f"{self.label}: {error}") from None
-        return replace(self, inputs=inputs, existence=self.existence.without({v.name for v in given}))
-
-    @property
-    def labels(self) -> Labels:
-        """Names and units of outputs, inputs and times, for `uqmbd.results`."""
-        return labels_of(self.model, self.inputs, self.times, self.kind, self.chosen)
-
-    @cached_property
-    def packed(self) -> Packed:
-        """The model, for workers."""
-        return Packed.of(self.model)
-
-    def ensemble(self, values: Array) -> Ensemble:
-        """Make the ensemble of some realisations, for methods that solve them together.
-
-        Parameters
-        ----------
-        values : array, shape (K, input)
-            Inputs, in the order of ``inputs.names``.
-
-        Returns
-        -------
-        Ensemble
-            At its start.
-        """
-        return Ensemble(self.model, self._checked(values))
 
     def realise(self, values: Array) -> Realisations:
         """Compute the response to each row of inputs, on all workers.
@@ -268,7 +179,7 @@ class Problem:
             The same bits for any number of workers.  Failures are a status, never an exception.
         """
         begin, parts = self.clock(), list(self.stream(values))
-        return Realisations.joined(self._checked(values), parts, self.labels.shape, self.clock() - begin)
+        return Realisations.joined(self.checked(values), parts, self.labels.shape, self.clock() - begin)
 
     def margins(self, values: Array) -> Margins:
         """Compute the margins of the requirements for each row of inputs, on all workers.
@@ -311,17 +222,8 @@ class Problem:
         Realisations
             Of the next rows.
         """
-        checked = self._checked(values)
+        checked = self.checked(values)
         return self.runner.stream(self, checked) if len(checked) else iter(())
-
-    def chunk_of(self, count: int) -> int:
-        """Return how many of so many realisations are computed together, the same for all kinds of outputs."""
-        return chunk_size(count, len(self.whole_times) * (len(self.model.outputs.names) + self.model.layout.width))
-
-    @property
-    def joins(self) -> bool:
-        """Whether a realisation is known not to depend on those beside it: of the integrators of the core."""
-        return self.integrator in built_in_names() or capabilities_of(integrator_class(self.integrator)).delegates
 
     def reduce(
         self, values: Array, function: Reduction, arguments: tuple[Any, ...] = (), *, keep: int = 0
@@ -350,7 +252,7 @@ class Problem:
             An iterable of `Reduced`, in the order of the rows: the same bits for any number of workers.  Its attribute
             ``store`` is then the `uqmbd.results.SampleStore` of all responses, or None without a folder.
         """
-        return Reductions(self, self._checked(values), function, arguments, keep)
+        return Reductions(self, self.runner, self.checked(values), function, arguments, keep)
 
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
         """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
@@ -403,17 +305,6 @@ class Problem:
         """
         return self.runner.spending.part(part, self.runner.clock)
 
-    def require_random(self) -> None:
-        """Raise a `uqmbd.StudyError` where nothing is random.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If nothing is random.
-        """
-        if reason := nothing_random(self.inputs, self.mechanism):
-            raise StudyError(f"{self.label}: {reason}.")
-
     def germ_space(self, transform: str = "rosenblatt") -> GermSpace:
         """Return the germs of the inputs; see `uqmbd.extend.GermSpace.of`.
 
@@ -429,29 +320,6 @@ class Problem:
             return GermSpace.of(self.inputs, transform)
         except StudyError as error:
             raise StudyError(f"{self.label}: {error}") from None
-
-    def require(self, needed: Capability, integrator: str | None = None, remedy: str = "") -> None:
-        """Raise where an integrator lacks a capability that a method needs.
-
-        A method that has its equations integrated by other means than `realise` asks for it, in `propagate` and in
-        `Propagator.obstacle`.
-
-        Parameters
-        ----------
-        needed : str
-            Name of a field of `uqmbd.extend.Capabilities`: ``projected`` to integrate a
-            `uqmbd.extend.ProjectedEnsemble`, ``segments`` for `histories`.
-        integrator : str, optional
-            Default: that of the study.
-        remedy : str
-            How to choose another one, before its name.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            With those integrators that have it.
-        """
-        require(integrator or self.integrator, needed, self.label, remedy=remedy)
 
     def histories(self, values: Array, points: int, least: int = 1, longer: float = 1.0) -> list[History]:
         """Follow realisations from event to event, for methods that expand event times; see `event_histories`.
@@ -482,36 +350,7 @@ class Problem:
         if self.model.controls:
             self.require("sampled_control")
         ends, about = (float(self.times[0]), float(self.times[-1])), (points, least, self.integrator, longer)
-        return event_histories(self.run, self._checked(values), ends, self.rtol, *about)
-
-    @property
-    def unlocked(self) -> bool:
-        """Whether realisations are computed without the interpreter: no events, no controllers, no statics alone."""
-        model, cls = self.model, integrator_class(self.integrator)
-        moves = needs_motion(model, self.kind)
-        return capabilities_of(cls).releases_gil and moves and not (model.events or model.controls)
-
-    @cached_property
-    def common_identity(self) -> bytes:
-        """What the numbers of chunks of all kinds depend on."""
-        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), (self.whole_times.tobytes(),))
-
-    @cached_property
-    def identity(self) -> bytes:
-        """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
-        if self.over is None:
-            return self.common_identity
-        kind = (self.kind, self.over.tobytes())
-        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), kind)
-
-    def _checked(self, values: Array) -> Array:
-        array = np.atleast_2d(np.asarray(values, dtype=float))
-        if array.ndim != 2 or array.shape[1] != len(self.inputs):
-            raise StudyError(
-                f"{self.label}: inputs have shape {np.shape(values)}; expected (realisations, {len(self.inputs)}), "
-                f"the columns being {', '.join(self.inputs.names)}."
-            )
-        return array
+        return event_histories(self.run, self.checked(values), ends, self.rtol, *about)
 
     def node(
         self,
@@ -545,6 +384,26 @@ class Problem:
         xarray.DataTree
             As `uqmbd.results.validate` wants it.
         """
-        about = {"realisations": realisations, "wall_time": wall_time}
-        given = {"solver_counters": counters, "children": children, "attrs": attrs}
-        return method_node(self.label, self.model, self.existence, propagator, statistics, samples, **about, **given)
+        options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
+        statistics, sentences = self.existence.applied(statistics)
+        for sentence in sentences:
+            warnings.warn(f"{self.label}: {sentence}.", StudyWarning, stacklevel=3)
+        return propagator_node(
+            self.label,
+            statistics,
+            samples,
+            propagator=propagator.name,
+            seed=options.get("seed"),
+            options=options,
+            realisations=realisations,
+            wall_time=wall_time,
+            solver_counters=solver_counters(counters or {}),
+            children=children,
+            attrs={
+                "start": self.model.start_at,
+                **step_attributes(self.model.max_step, self.model.added_breaks),
+                **not_unique_attribute(self.model),
+                **({"warnings": json.dumps(sentences)} if sentences else {}),
+                **(attrs or {}),
+            },
+        )

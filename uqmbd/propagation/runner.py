@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Model
 from uqmbd.progress import Progress, Silent
 from uqmbd.propagation.execution import (
     Arrays,
@@ -18,11 +17,9 @@ from uqmbd.propagation.execution import (
     Chunk,
     Clock,
     Kept,
-    Kind,
     Known,
     Ledger,
     Observed,
-    Packed,
     Realisations,
     Spending,
     compute_chunk,
@@ -33,81 +30,10 @@ from uqmbd.propagation.execution import (
     run_tasks,
     threads_of,
 )
-from uqmbd.randomness import JointInput
+from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.typing import Array
 
-__all__ = ["Runner", "Task"]
-
-
-class Task(Protocol):
-    """What the runner needs of a problem; names as of `uqmbd.extend.Problem`."""
-
-    @property
-    def label(self) -> str:
-        """Label of the work."""
-
-    @property
-    def origin(self) -> str:
-        """Label of the method."""
-
-    @property
-    def kind(self) -> Kind:
-        """What the outputs are."""
-
-    @property
-    def chosen(self) -> tuple[str, ...] | None:
-        """Some of the outputs without a time, or None for all."""
-
-    @property
-    def model(self) -> Model:
-        """Equations and outputs, compiled."""
-
-    @property
-    def inputs(self) -> JointInput:
-        """Random variables."""
-
-    @property
-    def rtol(self) -> float:
-        """Relative tolerance of the integration."""
-
-    @property
-    def integrator(self) -> str:
-        """Name of the integrator."""
-
-    @property
-    def answers_requirements(self) -> bool:
-        """Whether the method answers requirements itself."""
-
-    @property
-    def whole_times(self) -> Array:
-        """Output times of the study (T,), s."""
-
-    @property
-    def packed(self) -> Packed:
-        """The model, for workers."""
-
-    @property
-    def identity(self) -> bytes:
-        """What the numbers of a chunk depend on besides its inputs."""
-
-    @property
-    def common_identity(self) -> bytes:
-        """What the numbers of chunks of all kinds depend on."""
-
-    @property
-    def joins(self) -> bool:
-        """Whether a realisation does not depend on those of its chunk."""
-
-    @property
-    def unlocked(self) -> bool:
-        """Whether realisations are computed without the interpreter."""
-
-    @property
-    def runner(self) -> Runner:
-        """Executor, checkpoint, ledger, clock and cache."""
-
-    def chunk_of(self, count: int) -> int:
-        """Return how many of so many realisations are computed together."""
+__all__ = ["Runner"]
 
 
 @dataclass(frozen=True)
@@ -150,7 +76,7 @@ class Runner:
         threads = threads_of(self.executor) if len(pieces) > 1 else None
         return map(function, pieces) if threads is None else threads.map(function, pieces)
 
-    def stream(self, problem: Task, values: Array) -> Iterator[Realisations]:
+    def stream(self, problem: ProblemData, values: Array) -> Iterator[Realisations]:
         """Compute the response to each row of inputs; see :meth:`uqmbd.extend.Problem.stream`."""
         self.progress.start(problem.label, len(values))
         begin = asked = self.clock()
@@ -183,7 +109,9 @@ class Runner:
                 self.ledger.begin()
         self.progress.finish(problem.label)
 
-    def run(self, problem: Task, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
+    def run(
+        self, problem: ProblemData, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]
+    ) -> Iterator[Arrays]:
         """Compute tasks that are no realisations; see :meth:`uqmbd.extend.Problem.run`."""
         work = (problem.label, problem.packed, problem.identity, self.executor, self.checkpoint, self.clock)
         asked = self.clock()
@@ -194,11 +122,11 @@ class Runner:
             if self.ledger is not None and done < len(tasks):
                 self.ledger.begin()
 
-    def workers(self, problem: Task) -> Executor | None:
+    def workers(self, problem: ProblemData) -> Executor | None:
         """Return the executor for realisations: threads where they are computed without the interpreter."""
         return executor_for(self.executor, unlocked=problem.unlocked)
 
-    def kept(self, problem: Task) -> Kept:
+    def kept(self, problem: ProblemData) -> Kept:
         """Return the chunks of a problem that are known already."""
         return Kept(
             kind=problem.kind,

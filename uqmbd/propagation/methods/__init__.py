@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.propagation.methods.estimate import Estimate, Sizing, readable
 from uqmbd.propagation.methods.obstacle import obstacle_of
-from uqmbd.propagation.methods.propagator import Propagator
+from uqmbd.propagation.methods.propagator import Propagator, check_propagators, labelled
 from uqmbd.propagation.methods.run_method import run_method
 from uqmbd.propagation.methods.studied import Studied
 
@@ -13,6 +13,8 @@ __all__ = [
     "Propagator",
     "Sizing",
     "Studied",
+    "check_propagators",
+    "labelled",
     "obstacle_of",
     "readable",
     "run_method",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -12,15 +13,13 @@ from uqmbd.names import check_arguments, check_label, did_you_mean
 from uqmbd.propagation.annotations import check_options, option_types, plain
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
 
     from uqmbd.mechanism import Mechanism
     from uqmbd.propagation.methods.estimate import Estimate, Sizing
     from uqmbd.propagation.problem import Problem
 
-__all__ = ["Propagator"]
+__all__ = ["Propagator", "check_propagators", "labelled"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,3 +158,48 @@ class Propagator(ABC):
         xarray.DataTree
             A node as `uqmbd.results.propagator_node` makes it.
         """
+
+
+def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
+    """Return the propagators of a study, or say what is wrong with them."""
+    if isinstance(propagators, (Propagator, type)):
+        propagators = (propagators,)
+    array = hasattr(propagators, "dtype")  # of numbers, and may be a huge one
+    if array or isinstance(propagators, (str, bytes, Mapping)) or not isinstance(propagators, Iterable):
+        raise StudyError(
+            f"{where}: propagators is {propagators!r}; expected a list such as [MonteCarlo(samples=500, seed=1)]."
+        )
+    seen: set[str] = set()
+    checked = tuple(propagators)
+    for propagator in checked:
+        if isinstance(propagator, type):
+            raise StudyError(
+                f"{where}: propagators holds the class {propagator.__name__}; "
+                f"give it an object, as in {propagator.__name__}(...)."
+            )
+        if not isinstance(propagator, Propagator):
+            raise StudyError(
+                f"{where}: {propagator!r} is no propagator; expected objects such as MonteCarlo(samples=500, seed=1)."
+            )
+        if propagator.node_name in seen:
+            raise StudyError(
+                f"{where}: two propagators are called {propagator.node_name!r}; give each a label of "
+                f"its own, e.g. {type(propagator).__name__}(..., label='{propagator.node_name}-2')."
+            )
+        seen.add(propagator.node_name)
+    return checked
+
+
+def labelled(propagators: Sequence[Propagator], only: Any, where: str) -> tuple[Propagator, ...]:
+    """Return the propagators of some labels, or say which of them there are."""
+    wanted = [only] if isinstance(only, str) else list(only) if isinstance(only, Iterable) else []
+    if not wanted or not all(isinstance(label, str) for label in wanted):
+        raise StudyError(
+            f"{where}: only is {only!r}; expected labels of its propagators: "
+            f"{', '.join(p.node_name for p in propagators)}."
+        )
+    known = {p.node_name: p for p in propagators}
+    unknown = [label for label in wanted if label not in known]
+    if unknown:
+        raise StudyError(f"{where} has no propagator {unknown[0]!r}; its propagators are: {', '.join(known)}.")
+    return tuple(p for label, p in known.items() if label in wanted)

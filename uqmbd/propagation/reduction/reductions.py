@@ -20,7 +20,7 @@ from uqmbd.propagation.execution import (
     log_realisations,
     lost_chunk,
 )
-from uqmbd.propagation.method_node import labels_of
+from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.propagation.reduction.reduced import (
     Handover,
     Order,
@@ -30,7 +30,7 @@ from uqmbd.propagation.reduction.reduced import (
     reduce_chunk,
     store_chunk,
 )
-from uqmbd.propagation.runner import Task
+from uqmbd.propagation.runner import Runner
 from uqmbd.results import SampleStore
 from uqmbd.results.storage import Record, UnfinishedStore
 from uqmbd.typing import Array
@@ -108,10 +108,16 @@ class Reductions:
     """
 
     def __init__(
-        self, problem: Task, values: Array, function: Reduction, arguments: tuple[Any, ...], keep: int
+        self,
+        problem: ProblemData,
+        runner: Runner,
+        values: Array,
+        function: Reduction,
+        arguments: tuple[Any, ...],
+        keep: int,
     ) -> None:
-        self._problem, self._runner, self._values, self._keep = problem, problem.runner, values, keep
-        self._method, self._known_chunks = problem.origin or problem.label, problem.runner.kept(problem)
+        self._problem, self._runner, self._values, self._keep = problem, runner, values, keep
+        self._method, self._known_chunks = problem.origin or problem.label, runner.kept(problem)
         self._function, self._arguments = function, arguments
         text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
         text.update(pickle.dumps((arguments, problem.chosen)))
@@ -182,7 +188,7 @@ class Reductions:
         for kind in kinds:
             name = store_name(problem.label) if kind == problem.kind else None
             times = problem.whole_times[:1] if kind == "scalars" else problem.whole_times
-            axes = labels_of(problem.model, problem.inputs, times, kind, None)
+            axes = replace(problem, kind=kind, times=times, chosen=None).labels
             about = (name, self._identity(kind, size), len(self._values), size, axes)
             found[kind] = UnfinishedStore(checkpoint.folder, checkpoint.place, *about)
         return found

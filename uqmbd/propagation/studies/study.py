@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,7 @@ from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.inputs import existence_of
-from uqmbd.propagation.methods import Propagator, run_method
+from uqmbd.propagation.methods import Propagator, check_propagators, labelled, run_method
 from uqmbd.propagation.observed_model import (
     finding_attributes,
     mechanism_attributes,
@@ -37,6 +36,7 @@ from uqmbd.propagation.observed_model import (
 )
 from uqmbd.propagation.options import (
     check_breaks,
+    check_folder,
     check_integrator,
     check_max_step,
     check_report_times,
@@ -144,41 +144,11 @@ class Study:
         self.max_step = check_max_step(max_step, f"study {name!r}")
         self.breaks = check_breaks(breaks, f"study {name!r}")
         self.report_times = check_report_times(report_times, self.times, f"study {name!r}")
-        self.propagators = self._checked(propagators)
+        self.propagators = check_propagators(propagators, f"study {self.name!r}")
         self._compiled: tuple[tuple[int, ...], Model] | None = None
         self.convergence: Mapping[str, Any] | None = None
         if convergence is not None:
             self.convergence = check_convergence_of(self, convergence)
-
-    def _checked(self, propagators: Any) -> tuple[Propagator, ...]:
-        if isinstance(propagators, (Propagator, type)):
-            propagators = (propagators,)
-        array = hasattr(propagators, "dtype")  # of numbers, and may be a huge one
-        if array or isinstance(propagators, (str, bytes, Mapping)) or not isinstance(propagators, Iterable):
-            raise StudyError(
-                f"study {self.name!r}: propagators is {propagators!r}; expected a list such as "
-                "[MonteCarlo(samples=500, seed=1)]."
-            )
-        seen: set[str] = set()
-        checked = tuple(propagators)
-        for propagator in checked:
-            if isinstance(propagator, type):
-                raise StudyError(
-                    f"study {self.name!r}: propagators holds the class {propagator.__name__}; "
-                    f"give it an object, as in {propagator.__name__}(...)."
-                )
-            if not isinstance(propagator, Propagator):
-                raise StudyError(
-                    f"study {self.name!r}: {propagator!r} is no propagator; "
-                    "expected objects such as MonteCarlo(samples=500, seed=1)."
-                )
-            if propagator.node_name in seen:
-                raise StudyError(
-                    f"study {self.name!r}: two propagators are called {propagator.node_name!r}; give each a label of "
-                    f"its own, e.g. {type(propagator).__name__}(..., label='{propagator.node_name}-2')."
-                )
-            seen.add(propagator.node_name)
-        return checked
 
     def with_propagators(self, propagators: Iterable[Propagator]) -> Study:
         """Make a copy with other propagators.
@@ -207,7 +177,7 @@ class Study:
         ([2], 1)
         """
         other = copy.copy(self)
-        other.propagators = self._checked(propagators)
+        other.propagators = check_propagators(propagators, f"study {self.name!r}")
         return other
 
     def with_times(self, times: ArrayLike) -> Study:
@@ -250,14 +220,17 @@ class Study:
             self._compiled = revision, self._made()
         return self._compiled[1]
 
+    def _observed(self, mechanism: Mechanism) -> Model:
+        model = observed_model(mechanism, float(self.times[0]), self.start)
+        return stepped(model, self.max_step, self.breaks)
+
     def _made(self) -> Model:
         from uqmbd.dynamics import Ensemble, require_for
 
         if len(self.times) == 1:
             # outputs may have been added since
             check_still(self.mechanism, f"study {self.name!r}")
-        model = observed_model(self.mechanism, float(self.times[0]), self.start)
-        model = stepped(model, self.max_step, self.breaks)
+        model = self._observed(self.mechanism)
         require_for(model, self.integrator, f"study {self.name!r}")
         means = Ensemble(replace(model, start_at="drawn"), self.mechanism.inputs.means[None, :])
         refuse_jumps(means, self.times, self.rtol, f"study {self.name!r}, at the means of its inputs")
@@ -337,8 +310,7 @@ class Study:
             mechanism = copy.copy(self.mechanism)
             for name, expression in wanted.items():
                 mechanism.output(name, expression)
-            model = observed_model(mechanism, float(self.times[0]), self.start)
-            return stepped(model, self.max_step, self.breaks)
+            return self._observed(mechanism)
 
         key = ("watched", float(self.times[0]), self.start, self.max_step, self.breaks, *wanted)
         return self.mechanism.remembered(key, make)
@@ -377,7 +349,7 @@ class Study:
         >>> node["statistics"]["std"].values.round(6).tolist()  # 0.2 t
         [[0.0, 0.2, 0.4]]
         """
-        self._checked([propagator])
+        check_propagators([propagator], f"study {self.name!r}")
         warned_elsewhere(self.mechanism, float(self.times[0]))
         with pool(workers) as executor:
             found = run_method(propagator, self.problem(propagator, executor, progress))
@@ -470,8 +442,8 @@ class Study:
                 f"study {self.name!r} has no propagators; give it some, "
                 "as in propagators=[MonteCarlo(samples=500, seed=1)]."
             )
-        chosen = self.propagators if only is None else self._chosen(only)
-        progress, folder = told(progress), self._folder(folder, resume=resume)
+        chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
+        progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
         terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
         with claimed(folder), Crew(workers) as crew:
             if folder:
@@ -531,13 +503,12 @@ class Study:
 
     def _attributes(self, found: Sequence[Finding]) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
-        shown: dict[str, Any] = {"report_times": list(self.report_times)} if self.report_times else {}
-        about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
-        steps = step_attributes(self.max_step, self.breaks)
         return {
-            **about,
-            **steps,
-            **shown,
+            "rtol": self.rtol,
+            "integrator": self.integrator,
+            "start": self.start,
+            **step_attributes(self.max_step, self.breaks),
+            **({"report_times": list(self.report_times)} if self.report_times else {}),
             **mechanism_attributes(self.mechanism),
             **finding_attributes(found),
         }
@@ -603,31 +574,6 @@ class Study:
         from uqmbd.propagation.convergence import converge
 
         return converge(self, propagators, reference=reference, workers=workers, progress=progress, **levels)
-
-    def _folder(self, folder: Any, *, resume: Any) -> Path | None:
-        """Return where finished chunks are kept, or say what is wrong with it."""
-        if not isinstance(resume, bool):
-            raise StudyError(f"study {self.name!r}: resume is {resume!r}; expected True or False.")
-        if folder is None:
-            return None
-        if not isinstance(folder, (str, PathLike)):
-            raise StudyError(f"study {self.name!r}: folder is {folder!r}; expected a path, e.g. 'results'.")
-        return Path(folder)
-
-    def _chosen(self, only: Sequence[str]) -> tuple[Propagator, ...]:
-        wanted = [only] if isinstance(only, str) else list(only) if isinstance(only, Iterable) else []
-        if not wanted or not all(isinstance(label, str) for label in wanted):
-            raise StudyError(
-                f"study {self.name!r}: only is {only!r}; expected labels of its propagators: "
-                f"{', '.join(p.node_name for p in self.propagators)}."
-            )
-        known = {p.node_name: p for p in self.propagators}
-        unknown = [label for label in wanted if label not in known]
-        if unknown:
-            raise StudyError(
-                f"study {self.name!r} has no propagator {unknown[0]!r}; its propagators are: {', '.join(known)}."
-            )
-        return tuple(p for label, p in known.items() if label in wanted)
 
     def _repr_html_(self) -> str | None:
         """Tables and a picture, for notebooks."""
