@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import uqmbd
 from uqmbd.cli.app import app
 from uqmbd.propagation.budget import timing_of
-from uqmbd.propagation.methods.obstacle import obstacle_of
+from uqmbd.propagation.methods import obstacle_of
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo

@@ -67,9 +67,7 @@ def with_convergence(
     """
     import xarray as xr
 
-    if study.convergence is None:
-        return tree
-    arguments = dict(study.convergence)
+    arguments = dict(study.convergence or {})
     reference = arguments.pop("reference", None)
     found = None
     # what is computed must stand, whatever methods of plugins raise

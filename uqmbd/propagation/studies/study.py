@@ -9,6 +9,7 @@ import copy
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -445,7 +446,7 @@ class Study:
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
         terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
-        with claimed(folder), Crew(workers) as crew:
+        with claimed(folder) if folder else nullcontext(), Crew(workers) as crew:
             if folder:
                 check_names(folder, [store_name(method.node_name) for method in chosen])
                 begin(folder, resume=resume)
@@ -457,7 +458,7 @@ class Study:
             tree = joined(self, outcome, self._attributes(found))
             if finished is not None:
                 finished(tree)
-            if only is None:
+            if only is None and self.convergence is not None:
                 tree = with_convergence(self, tree, crew, progress, folder, left_out=terms.bounds if terms else "")
             if folder:
                 computed(folder, tree.attrs)
