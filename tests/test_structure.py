@@ -40,7 +40,7 @@ STATEMENTS = {
     "uqmbd.testing": 1880,
     "uqmbd.units": 290,
     "uqmbd_calibration": 3100,
-    "uqmbd_collocation": 3496,
+    "uqmbd_collocation": 3492,
     "uqmbd_contact": 280,
     "uqmbd_drivers": 150,
     "uqmbd_galerkin": 820,

@@ -25,6 +25,7 @@ __all__ = ["ElementLimits", "ElementRefinement", "refine_elements"]
 
 Expansion = PolynomialChaos | AlignedChaos | QuasiPeriodicChaos
 Joined = TypeVar("Joined", PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos)
+OverTime = TypeVar("OverTime", AlignedChaos, QuasiPeriodicChaos)
 
 TOGETHER = 0.25
 """Elements whose contribution to the squared error is more than this part of the largest are split together."""
@@ -183,26 +184,14 @@ def refine_elements(
 @overload
 def refine_elements(
     space: GermSpace,
-    compute: Callable[[Sequence[GermBox]], Sequence[AlignedChaos]],
+    compute: Callable[[Sequence[GermBox]], Sequence[OverTime]],
     limits: ElementLimits,
     *,
     label: str,
     rtol: float = ...,
     affordable: Callable[[], int] | None = ...,
     lost: Callable[[int], float] | None = ...,
-) -> ElementRefinement[AlignedChaos]: ...
-
-
-@overload
-def refine_elements(
-    space: GermSpace,
-    compute: Callable[[Sequence[GermBox]], Sequence[QuasiPeriodicChaos]],
-    limits: ElementLimits,
-    *,
-    label: str,
-    rtol: float = ...,
-    affordable: Callable[[], int] | None = ...,
-) -> ElementRefinement[QuasiPeriodicChaos]: ...
+) -> ElementRefinement[OverTime]: ...
 
 
 def refine_elements(

@@ -51,13 +51,7 @@ def check_filled(boxes: Sequence[GermBox]) -> None:
 
 
 def rows_of_boxes(boxes: Sequence[GermBox], germs: Array) -> list[NDArray[np.intp]]:
-    """Return the numbers of the germ points (K, d) that lie in each box.
-
-    Raises
-    ------
-    StudyError
-        If a point lies in none.
-    """
+    """Return the numbers of the germ points (K, d) in each box; raise a StudyError if a point is in none."""
     from uqmbd.randomness import located
 
     where = located(boxes, germs)
@@ -89,22 +83,8 @@ def verification_of_all(chaoses: Sequence[Any], probabilities: Sequence[float]) 
 
 
 def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[GermBox] = ()) -> Array | None:
-    """Return the weights of verification realisations so that they sum to 1.
-
-    Parameters
-    ----------
-    weights : array, shape (V,), or None
-        None: they are spread like the inputs, within each of the boxes where there are some.
-    germs : array, shape (V, d), or None
-        Their germ points; None: there are none.
-    boxes : sequence of GermBox
-        Elements, each of which counts by its probability.
-
-    Raises
-    ------
-    StudyError
-        If there is not one for each, or one is negative.
-    """
+    """Return weights (V,) of realisations at germ points (V, d) so that they sum to 1; None: none are known."""
+    # without weights they are spread like the inputs, within each of the boxes, which count by their probability
     if germs is None:
         if weights is not None:
             raise StudyError("'verification_weights' are given without 'verification_germs'; they belong together.")

@@ -59,8 +59,7 @@ class SurrogateContainer:
     verification_response: Array | None
     verification_weights: Array | None
 
-    _kind: ClassVar[type[Any]]
-    """Of the readout."""
+    _kind: ClassVar[type[Any]]  # of the readout
 
     def __post_init__(self) -> None:
         """Check elements that share their terms, weights and times, and set what follows from them."""

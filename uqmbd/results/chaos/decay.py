@@ -47,17 +47,9 @@ def energy_of_germs(coefficients: Array, multi_index: Index) -> Array:
 
 
 def decay_rate(energy: Array) -> Array:
-    """Fit how fast the energy (N + 1, ...) falls: decades of standard deviation that each order gains.
-
-    The standard deviation that remains in order n and above, which falls whether a response is odd, even or neither,
-    is fitted by least squares in its logarithm over n = 1 .. N. NaN where fewer than two orders carry anything.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> float(decay_rate(np.array([7.0, 1.0, 1e-2, 1e-4, 1e-6])).round(2))
-    1.0
-    """
+    """Fit by how many decades of standard deviation the energy (N + 1, ...) falls with each order."""
+    # what remains in order n and above, which falls whether a response is odd, even or neither, is fitted by least
+    # squares in its logarithm over n = 1 .. N; NaN where fewer than two orders carry anything
     tail = np.sqrt(np.cumsum(energy[:0:-1], axis=0)[::-1])
     orders = np.arange(1.0, len(tail) + 1).reshape(-1, *[1] * (tail.ndim - 1))
     used = (tail > _ROUNDING * tail.max(axis=0, initial=0.0)) & (tail > np.finfo(float).tiny)
@@ -101,11 +93,9 @@ def decay_dataset(
 
 
 def top_order(multi_index: Index) -> tuple[int, Mask]:
-    """Return the order of an index set, and which of its terms (P,) are on its edge.
-
-    The order is the largest degree of any input. On the edge are the terms of the largest total degree, and those in
-    which an input has its own largest degree: order N for a total-degree set, the outer faces of a tensor set.
-    """
+    """Return the largest degree of any input in an index set, and which of its terms (P,) are on its edge."""
+    # on the edge are the terms of the largest total degree, and those in which an input has its own largest degree:
+    # order N for a total-degree set, the outer faces of a tensor set
     tops = multi_index.max(axis=0, initial=0)
     totals = multi_index.sum(axis=1)
     edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))

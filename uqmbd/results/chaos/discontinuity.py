@@ -95,30 +95,11 @@ class Discontinuity:
 def find_discontinuities(
     chaos: Surrogate, error: Array, energy: Array, energy_germ: Array, order: int
 ) -> tuple[Discontinuity | None, ...]:
-    """Suspect outputs whose error is large and whose coefficients fall slowly.
-
-    What the verification realisations miss counts as what the next orders would add: a chaos that is far from the
-    response but whose own coefficients have fallen does not pass as resolved.  Where a smooth motion outgrows the
-    order, its spectrum still ends steeply at the first time of a large error; beside a jump or a kink it does not.  A
-    smooth response of which the order is much too low at once looks like a discontinuity.
-
-    Parameters
-    ----------
-    chaos : Surrogate
-        With verification realisations.
-    error : array, shape (O, T)
-        Its stated error.
-    energy : array, shape (N + 1, O, T)
-        Sum of its squared coefficients of each order.
-    energy_germ : array, shape (d, O, T)
-        Parts of the energy of the top order by germ.
-    order : int
-        Of the chaos; below 2 there is no suspicion.
-
-    Returns
-    -------
-    tuple of Discontinuity or None, length O
-    """
+    """Suspect outputs from errors (O, T) and squared coefficients by order (N + 1, O, T), and by germ (d, O, T)."""
+    # What the verification realisations miss counts as what the next orders would add: a chaos that is far from the
+    # response but whose own coefficients have fallen does not pass as resolved.  Where a smooth motion outgrows the
+    # order, its spectrum still ends steeply at the first time of a large error; next to a jump or a kink it does not.
+    # A smooth response of which the order is much too low at once looks like a discontinuity.
     outputs = chaos.labels.outputs
     if order < 2:
         return (None,) * len(outputs)

@@ -45,8 +45,7 @@ class Surrogate(SurrogateContainer):
     they are made of, and what else can be read of them: others use their names as types, and their class methods.
     """
 
-    _remedy: ClassVar[str] = "raise the order"
-    """What makes the stated error smaller."""
+    _remedy: ClassVar[str] = "raise the order"  # what makes the stated error smaller
 
     @overload
     def evaluate(self, inputs: Named) -> xr.DataArray: ...

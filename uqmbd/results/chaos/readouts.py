@@ -71,8 +71,7 @@ class Terms(Element):
     coefficients: Array
 
 
-Piece: TypeAlias = "tuple[GermSpace, Index, Element]"
-"""An element with its local germ space and its terms (P, d)."""
+Piece: TypeAlias = "tuple[GermSpace, Index, Element]"  # an element with its local germ space and its terms (P, d)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +100,8 @@ class Readout:
 class OverTime(Readout, ABC):
     """Outputs follow at any time from elements with the same terms; their moments are those of samples."""
 
-    needed: ClassVar[tuple[str, ...]]
-    """Variables that a dataset has, among others."""
-    of_times: ClassVar[str]
-    """What outputs without times do not have."""
+    needed: ClassVar[tuple[str, ...]]  # variables that a dataset has, among others
+    of_times: ClassVar[str]  # what outputs without times do not have
 
     @abstractmethod
     def at(self, element: Any, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
@@ -156,12 +153,17 @@ class SampledTerms(SampledPiece):
 
     def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
         """Evaluate all outputs at all their times, into rows of (N, O, T)."""
-        self.evaluate_change(self.basis, times, found)
+        found[self.rows] = self.summed(self.basis, found.shape[1:])
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
         """Evaluate the change by that of the basis (K, P), into rows of (N, O, T)."""
+        found[self.rows] = self.summed(change, found.shape[1:])
+
+    def summed(self, basis: Array, shape: tuple[int, ...]) -> Array:
+        """Return the sum (K, O, T) of the terms, each times a basis (K, P)."""
         with one_thread():
-            found[self.rows] = (change @ self.flat).reshape(len(change), *found.shape[1:])
+            found: Array = basis @ self.flat
+        return found.reshape(len(basis), *shape)
 
 
 class Plain(Readout):

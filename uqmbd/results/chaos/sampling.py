@@ -80,22 +80,8 @@ def affordable(wanted: int, terms: int, columns: int) -> int:
 def sampled_shape(
     space: GermSpace, coefficients: Array, multi_index: Index, std: Array, samples: int
 ) -> tuple[Array, Array]:
-    """Estimate skewness and kurtosis from evenly spread samples of the surrogate.
-
-    Parameters
-    ----------
-    space : GermSpace
-    coefficients : array, shape (P, C)
-    multi_index : array of int, shape (P, d)
-    std : array, shape (C,)
-        Standard deviation; 0 where a column does not vary.
-    samples : int
-
-    Returns
-    -------
-    skewness, kurtosis : array, shape (C,)
-        Of the samples, by their own mean and deviation; 0 and 3 where the column does not vary.
-    """
+    """Estimate skewness and kurtosis (C,) of coefficients (P, C) from evenly spread samples of the surrogate."""
+    # by the samples' own mean and deviation; 0 and 3 where `std` (C,) is 0
     basis = basis_values(space, spread_germs(space, samples, 0), multi_index)
     skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
     varies = np.flatnonzero(std > 0)
@@ -127,27 +113,10 @@ def basis_values(space: GermSpace, germs: Array, multi_index: Index, by: int | N
 def quantiles_of_rows(
     rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike, *, along: bool = False
 ) -> Array:
-    """Return quantiles (N, C) of samples that are made block by block.
-
-    Samples are sorted as a whole: NumPy sorts with vector instructions, in less than half the time in which it selects
-    a dozen of some thousand.  Those along a single germ rise and fall a few times only: merging them takes a fifth to
-    a half of that again.
-
-    Parameters
-    ----------
-    rows : callable
-        From a slice of the C columns to their samples, shape (c, K), in any order, to be overwritten.
-    count, columns : int
-        K samples, C columns.
-    probabilities : array_like, shape (N,)
-    along : bool
-        Whether the samples are in the order of a single germ.
-
-    Raises
-    ------
-    StudyError
-        If the probabilities do not increase between 0 and 1.
-    """
+    """Return quantiles (N, C) of K samples, made as rows (c, K) block by block; `along`: in the order of one germ."""
+    # Samples are sorted as a whole: NumPy sorts with vector instructions, in less than half the time in which it
+    # selects a dozen of some thousand.  Those along a single germ rise and fall a few times only: merging them takes a
+    # fifth to a half of that again.
     levels = np.array(probabilities, dtype=float)
     if levels.ndim != 1 or not levels.size or np.any((levels < 0) | (levels > 1)) or np.any(np.diff(levels) <= 0):
         raise StudyError(f"Probabilities must increase between 0 and 1; {levels.tolist()} was given.")
@@ -182,23 +151,8 @@ def _sort(values: Array, along: bool) -> None:
 
 
 def kernel_density(samples: Array, values: ArrayLike) -> Array:
-    """Estimate a density by Gaussian kernels with Silverman's bandwidth.
-
-    Parameters
-    ----------
-    samples : array, shape (K,)
-    values : array_like, shape (N,)
-        Where to estimate.
-
-    Returns
-    -------
-    array, shape (N,)
-        In one over the units of the samples.
-
-    References
-    ----------
-    B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, section 3.4.2.
-    """
+    """Estimate a density at values (N,) from samples (K,) by Gaussian kernels, in one over their units."""
+    # bandwidth: B. W. Silverman, Density Estimation for Statistics and Data Analysis, 1986, section 3.4.2
     points = np.asarray(values, dtype=float)
     low, high = np.quantile(samples, [0.25, 0.75])
     spread = min(float(samples.std(ddof=1)), float(high - low) / 1.34) or float(samples.std(ddof=1))

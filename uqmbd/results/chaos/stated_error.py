@@ -27,38 +27,19 @@ SPREAD_FLOOR = 0.01
 
 
 def reference_spread(std: Array) -> Array:
-    """Return the standard deviation (O, T) that errors are compared with.
-
-    At times where an output hardly varies (a common start, a passage through a nodal point) an error relative to the
-    standard deviation there says nothing: 1 % of its maximum over time stands in for it.  Where it is NaN, the result
-    is NaN, at that time only.
-    """
+    """Return the standard deviation (O, T) that errors are compared with: at least 1 % of its maximum over time."""
+    # at times where an output hardly varies (a common start, a nodal point) an error relative to the standard deviation
+    # there says nothing; where it is NaN, the result is NaN, at that time only
     return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
 def stated_error(
     surrogate: Array, response: Array, mean: Array, std: Array, weights: Array, *, terms: int = 1
 ) -> Array:
-    """Return the error of a surrogate relative to the standard deviation.
-
-    Parameters
-    ----------
-    surrogate, response : array, shape (V, O, T)
-        Of the chaos, and of the mechanism, at the same V germ points.
-    mean, std : array, shape (O, T)
-        Of the chaos.
-    weights : array, shape (V,)
-        Of the points, which are not spread like the inputs; they sum to 1.
-    terms : int
-        From so many the standard deviation comes, for its rounding.
-
-    Returns
-    -------
-    array, shape (O, T)
-        Root mean square over V of the difference, over :func:`reference_spread`. An output that does not vary in the
-        chaos at any time is compared with the root mean square of the responses about its mean: 1, the surrogate
-        misses all. A difference that is rounding of the mean counts as 0.
-    """
+    """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`."""
+    # An output that does not vary in the chaos at any time is compared with the root mean square of the responses about
+    # its mean: 1, the surrogate misses all.  A difference that is rounding of the mean counts as 0; the standard
+    # deviation comes from so many terms, for its rounding.
     error = root_mean_square(surrogate - response, weights)
     constant = constant_columns(mean, std, terms)
     missed = root_mean_square(response - mean, weights)
@@ -84,24 +65,10 @@ def root_mean_square(values: Array, weights: Array) -> Array:
 
 
 def uncertainty_factor(wrong: Array, weights: Array) -> Array:
-    """Return by which factor the root mean square (...) of errors (V, ...) may be off, by the scatter of their squares.
-
-    Two standard errors of the logarithm of the mean square, which are those of independent points, make one factor of
-    the root: ``exp(r)`` with the relative standard error r of the mean square.  1 where there is no error; infinite
-    where there is one point, which has no scatter.
-
-    Parameters
-    ----------
-    wrong : array, shape (V, ...)
-        Errors at the points.
-    weights : array, shape (V,)
-        Of the points; they sum to 1.
-
-    Examples
-    --------
-    >>> uncertainty_factor(np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 2.0]]), np.full(3, 1 / 3)).round(3).tolist()
-    [1.0, 2.718]
-    """
+    """Return by which factor the root mean square (...) of weighted errors (V, ...) may be off, by their scatter."""
+    # Two standard errors of the logarithm of the mean square, which are those of independent points, make one factor of
+    # the root: exp(r) with the relative standard error r of the mean square.  1 where there is no error; infinite where
+    # there is one point, which has no scatter.
     scale = np.abs(wrong).max(axis=0)
     square = (wrong / divisor(scale)) ** 2
     mean = np.tensordot(weights, square, axes=1)

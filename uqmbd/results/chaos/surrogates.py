@@ -145,13 +145,7 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
 
 
 def stored_surrogates(node: xr.DataTree) -> tuple[StoredSurrogate, ...]:
-    """Return the surrogates that a method's results hold, of whatever kind, without making them; none: empty.
-
-    Parameters
-    ----------
-    node : xarray.DataTree
-        The node of a propagator, or its child ``scalars``.
-    """
+    """Return the surrogates in the node of a method, or in its child ``scalars``, without making them; may be none."""
     found = []
     for kind, part in surrogate_parts(node).values():
         data = part.to_dataset()

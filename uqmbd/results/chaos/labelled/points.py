@@ -44,21 +44,11 @@ Named: TypeAlias = Mapping[str, Any] | xr.Dataset | Frame
 
 @dataclass(frozen=True)
 class Points:
-    """Points with dimensions of their own.
+    """Points with dimensions of their own."""
 
-    Attributes
-    ----------
-    values : array, shape (K, d)
-        Inputs, in their order and units.
-    sizes : mapping of str to int
-        Dimensions of the points, whose product is K.
-    coords : mapping
-        Coordinates along these, and values of the inputs, as of `xarray.DataArray`.
-    """
-
-    values: Array
-    sizes: Mapping[str, int]
-    coords: Mapping[str, Any]
+    values: Array  # (K, d) inputs, in their order and units
+    sizes: Mapping[str, int]  # dimensions of the points, whose product is K
+    coords: Mapping[str, Any]  # along these, and values of the inputs, as of `xarray.DataArray`
 
 
 def points_of(

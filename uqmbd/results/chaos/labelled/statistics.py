@@ -64,24 +64,10 @@ def surrogate_statistics(
     of_germs: tuple[Sequence[str], Array, Array] | None,
     stated: tuple[Array, Array] | None,
 ) -> xr.Dataset:
-    """Build the dataset, and say what in it is of samples.
-
-    Parameters
-    ----------
-    labels : Labels
-    values : mapping
-        Arguments of :func:`uqmbd.extend.statistics_dataset`.
-    shape_samples : int
-        Samples that skewness and kurtosis are of; 0: they are exact.
-    samples, wanted : int
-        Samples that quantiles are of, and that were asked for.
-    terms : int
-        Of the surrogate, which allow no more.
-    of_germs : tuple, optional
-        Names of germs, their first-order and total indices, where inputs depend on one another.
-    stated : tuple of array, shape (O, T), optional
-        Stated error, over the standard deviation, and the factor by which it may be off.
-    """
+    """Build the dataset of statistics, and state what in it is of samples."""
+    # `shape_samples` are those of skewness and kurtosis, 0: exact; `samples` those of quantiles, of which `wanted` were
+    # asked for and `terms` allow no more; `of_germs` has names of germs and their first-order and total indices, where
+    # inputs are dependent; `stated` has the stated error (O, T) and the factor by which it may be off
     found = statistics_dataset(labels, **values)
     if shape_samples:
         for name in ("skewness", "kurtosis"):

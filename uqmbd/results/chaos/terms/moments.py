@@ -60,31 +60,12 @@ def column_blocks(columns: int, rows: int) -> Iterator[slice]:
 def skewness_kurtosis(
     coefficients: Array, multi_index: Index, germs: Sequence[Germ], route: str = "auto"
 ) -> tuple[Array, Array]:
-    r"""Compute the third and fourth standardised moments, exactly but for rounding.
-
-    Two routes give the same numbers. "grid": values on a tensor Gauss grid that integrates the fourth power exactly
-    (2 q + 1 nodes for an input of degree q), by sum factorisation; for few inputs. "products": with the coefficients
-    g of the square of the chaos, :math:`E f^3 = \sum f_k g_k` and :math:`E f^4 = \sum g_k^2`, through the table of the
-    non-zero :math:`E[\psi_i \psi_j \psi_k]`; for many inputs.
-
-    Parameters
-    ----------
-    coefficients : array, shape (P, C)
-    multi_index : array of int, shape (P, d)
-    germs : sequence of Germ, length d
-    route : {"auto", "grid", "products"}
-        "auto" takes the cheaper one, by the number of operations.
-
-    Returns
-    -------
-    skewness, kurtosis : array, shape (C,)
-        0 and 3 where the column does not vary.
-
-    Raises
-    ------
-    StudyError
-        If both routes are too large.
-    """
+    """Compute skewness and kurtosis (C,) of coefficients (P, C), exactly but for rounding; 0 and 3 of a constant."""
+    # Two routes give the same numbers, and "auto" takes the cheaper one.  "grid": values on a tensor Gauss grid that
+    # integrates the fourth power exactly (2 q + 1 nodes for an input of degree q), by sum factorisation, for few
+    # inputs.  "products": with the coefficients g of the square of the chaos, E f^3 = sum f_k g_k and
+    # E f^4 = sum g_k^2, through the table of the non-zero E[psi_i psi_j psi_k]; for many inputs.  Where both are too
+    # large, a StudyError.
     std = standard_deviation(coefficients)
     varies = np.flatnonzero(~constant_columns(coefficients[0], std, len(coefficients)))
     skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
@@ -113,14 +94,7 @@ def skewness_kurtosis(
 
 
 def shape_route(coefficients: Array, multi_index: Index, germs: Sequence[Germ]) -> str:
-    """Return how skewness and kurtosis are found: by "grid", by "products", or by "samples" where these are too large.
-
-    Parameters
-    ----------
-    coefficients : array, shape (P, C)
-    multi_index : array of int, shape (P, d)
-    germs : sequence of Germ, length d
-    """
+    """Return how skewness and kurtosis are found: by "grid" or "products"; by "samples" where these are too large."""
     std = standard_deviation(coefficients)
     varies = int(np.count_nonzero(~constant_columns(coefficients[0], std, len(coefficients))))
     used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0).tolist()

@@ -22,24 +22,12 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class ProductTable:
-    """How the square of a chaos follows from products of its coefficients.
+    """How the square of a chaos follows from products of its coefficients: ``matrix @ (f[i] * f[j])``."""
 
-    Attributes
-    ----------
-    pairs : array of int, shape (N, 2)
-        Terms i <= j; the pair of different ones counts twice, which `matrix` holds.
-    matrix : scipy.sparse.csr_array, shape (Q, N)
-        Coefficients of the square: ``matrix @ (f[i] * f[j])``.
-    position : array of int, shape (P,)
-        Row of the square's coefficients that belongs to each term of the chaos.
-    terms : int
-        Q.
-    """
-
-    pairs: Index
-    matrix: Any
-    position: Index
-    terms: int
+    pairs: Index  # (N, 2) terms i <= j; the pair of different ones counts twice, which the matrix holds
+    matrix: Any  # scipy.sparse.csr_array (Q, N)
+    position: Index  # (P,) row of the square's coefficients that belongs to each term of the chaos
+    terms: int  # Q
 
 
 def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
@@ -56,19 +44,7 @@ def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
 
 
 def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
-    """Tabulate the products of all pairs of terms.
-
-    The mean (term 0) is left out: the chaos is meant to be central.
-
-    Parameters
-    ----------
-    index : array of int, shape (P, d)
-    germs : sequence of Germ, length d
-
-    Returns
-    -------
-    ProductTable
-    """
+    """Tabulate the products of all pairs of terms (P, d) but the mean: the chaos is meant to be central."""
     import scipy.sparse
 
     left, right = np.triu_indices(len(index) - 1)

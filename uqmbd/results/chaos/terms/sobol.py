@@ -92,35 +92,12 @@ def variance_shares(coefficients: Array, masks: Mask, std: Array | None = None) 
 def closed_variance(
     coefficients: Array, multi_index: Index, boxes: Sequence[GermBox], mean: Array, germs: Sequence[int]
 ) -> Array:
-    r"""Compute :math:`\mathrm{Var}(E[f | \xi_S])` of outputs that are a polynomial in each of some boxes.
-
-    In the marginal box of an element over S the expectation over the other germs keeps the terms without these, with
-    the probability of the element's other intervals as factor.  Where marginal boxes of elements overlap these add up,
-    so that the expectation of the square is a sum over pairs of elements; its integrals of products of polynomials
-    over overlaps are those of Gauss rules that are exact.
-
-    Parameters
-    ----------
-    coefficients : array, shape (E, P, C)
-        Of the local orthonormal polynomials of each element.
-    multi_index : array of int, shape (P, d)
-        Degrees, the mean first.
-    boxes : sequence of GermBox, length E
-        They fill the germ space.
-    mean : array, shape (C,)
-        Of the whole.
-    germs : sequence of int
-        S, the germs that are given.
-
-    Returns
-    -------
-    array, shape (C,)
-        The first-order Sobol' index of S times the variance.
-
-    References
-    ----------
-    I. M. Sobol', Mathematics and Computers in Simulation 55 (2001) 271-280 (indices of groups of variables).
-    """
+    """Compute Var(E[f | germs]) (C,) of outputs that are polynomials (E, P, C) in boxes that fill the germ space."""
+    # In the marginal box of an element over the germs the expectation over the others keeps the terms without these,
+    # with the probability of the element's other intervals as factor.  Where marginal boxes of elements overlap these
+    # add up, so that the expectation of the square is a sum over pairs of elements; its integrals of products of
+    # polynomials over overlaps are those of Gauss rules that are exact.  Indices of groups of variables: I. M. Sobol',
+    # Mathematics and Computers in Simulation 55 (2001) 271-280.
     given = list(germs)
     others = [k for k in range(multi_index.shape[1]) if k not in given]
     kept = ~np.any(multi_index[:, others] > 0, axis=1)
