@@ -15,7 +15,7 @@ from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import index1
 from uqmbd.dynamics.linear.fronts import frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
-from uqmbd.dynamics.linear.sparse import SparsePattern
+from uqmbd.dynamics.linear.system import SparsePattern
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute

@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import nodal
 from uqmbd.dynamics.projection import ida as projected_ida
-from uqmbd.dynamics.projection.coupled import Coupled
+from uqmbd.dynamics.projection.ensemble import Coupled
 from uqmbd_galerkin import Galerkin
 from uqmbd_springs import SpringDamper
 

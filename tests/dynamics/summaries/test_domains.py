@@ -19,9 +19,8 @@ import sympy
 import uqmbd
 from uqmbd.dynamics import Ensemble, integrate, margins_of, scalars_of
 from uqmbd.dynamics.summaries import resolved
-from uqmbd.dynamics.summaries.domain import DEEPEST
+from uqmbd.dynamics.summaries.domain import DEEPEST, exponential_types
 from uqmbd.dynamics.summaries.motion import Motion
-from uqmbd.dynamics.summaries.rates import exponential_types
 from uqmbd.dynamics.summaries.resolved import ROUGH
 from uqmbd.mechanism import domain_of
 from uqmbd.propagation.observed_model import observed_model

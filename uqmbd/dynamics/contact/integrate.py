@@ -1,22 +1,106 @@
-"""Event-driven integration of an ensemble, and the times of what happens."""
+"""Event-driven integration of an ensemble, and the times of what happens.
+
+The motion of one realisation from event to event, each piece as a function of time.
+"""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from uqmbd.compiled import Encounters, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.event_driven import EventDrivenMotion
 from uqmbd.dynamics.contact.records import named_times
-from uqmbd.dynamics.contact.segments import followed_segments
-from uqmbd.dynamics.integration import Counters, SegmentedMotion, Trajectories
+from uqmbd.dynamics.integration import Counters, Leg, Segment, SegmentedMotion, Trajectories
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
 __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Where a motion without restarts begins: all that its steps depend on."""
+
+    begin: float
+    leg_begin: float
+    leg: int
+    wanted: float
+    z: Array
+    mode: Array
+    heading: Array
+    internal: Array
+    slow: float
+
+
+def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
+    """Follow the only realisation of a motion that has not begun."""
+    pieces: list[_Piece] = []
+    ends: list[float] = []
+
+    def begun() -> None:
+        run, e = motion.run, motion.encounters
+        if run.status[0] == Status.DONE:  # an event at the last output time begins nothing
+            return
+        # restarts without progress in time are one
+        while pieces and pieces[-1].begin >= run.now[0]:
+            pieces.pop()
+        pieces.append(
+            _Piece(
+                *(float(run.now[0]), float(run.begin[0]), int(run.leg[0]), float(run.wanted[0])),
+                *(run.z[0].copy(), e.mode[0].copy(), e.heading[0].copy(), e.internal[0].copy()),
+                float(e.slow[0]),
+            )
+        )
+
+    motion.restarted = begun
+    motion.follow()
+    if not pieces:
+        return SegmentedMotion((), motion.messages[0])
+    last = float(motion.run.now[0])
+    ends = [*(piece.begin for piece in pieces[1:]), last]
+    happened = motion.records.of(0)
+    segments = []
+    for piece, end in zip(pieces, ends, strict=True):
+        names = [f"{motion.model.events[k][0]}: {label}" for time, k, label in happened if time == end]
+        text = ", ".join(dict.fromkeys(names)) or ("" if piece is pieces[-1] else "break")
+        segments.append(Segment(piece.begin, end, text, partial(_states, motion, piece)))
+    return SegmentedMotion(tuple(segments), motion.messages[0])
+
+
+def _states(motion: EventDrivenMotion, piece: _Piece, times: Array) -> Array:
+    """States of a piece at times (T,), on the constraints: (T, width)."""
+    run, contacts = motion.run, motion.run.contacts
+    assert contacts is not None
+    order = np.argsort(times, kind="stable")
+    legs = [
+        Leg(float(run.leg_ends[k]), float(run.leg_longest[k]), jumps=False)
+        for k in range(piece.leg, int(run.last_leg[0]) + 1)
+    ]
+    encounters = Encounters(contacts, 1, watched=False)
+    encounters.mode[0], encounters.heading[0], encounters.internal[0] = piece.mode, piece.heading, piece.internal
+    encounters.length[:], encounters.slow[:] = motion.length, piece.slow
+    grid = np.concatenate([[piece.begin], np.asarray(times, dtype=float)[order]])
+    again = Realisations(
+        run.dynamics, run.method, piece.z[None], motion.batch.block, grid, [legs], run.floor, contacts, encounters
+    )
+    again.begin[0], again.wanted[0] = piece.leg_begin, piece.wanted
+    with np.errstate(all="ignore"):
+        while again.status[0] == Status.RUNNING and again.column[0] < len(grid):
+            again.told[0] = 1
+            again.advance()
+            again.status[0] = Status.RUNNING if again.status[0] == Status.STEPPED else again.status[0]
+    again.project()
+    again.result[0, again.column[0] :] = np.nan
+    found = np.empty((len(times), run.z.shape[1]))
+    found[order] = again.result[0, 1:]
+    return found
 
 
 def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:

@@ -1,16 +1,27 @@
-"""Controllers of a model: their numbers, what they measure, and where their commands are among the states."""
+"""Controllers of a model: their numbers, what they measure, and where their commands are among the states.
+
+Functions of users on their way to worker processes.
+"""
 
 from __future__ import annotations
 
+import functools
 import hashlib
-from collections.abc import Sequence
+import importlib.machinery
+import inspect
+import re
+import sys
+import sysconfig
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
+import cloudpickle
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.control.shipping import Shipped
 from uqmbd.dynamics.equations import Instance, OutputMap, ParameterMap, Placement, output_map
 from uqmbd.errors import Finding, Severity, StudyError
 from uqmbd.mechanism import Controller, HeldStates, HeldSymbol, Mechanism, Output, flatten
@@ -18,7 +29,229 @@ from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
-__all__ = ["Loop", "loops_of", "require_controllers", "unused_commands"]
+__all__ = ["Loop", "Shipped", "loops_of", "require_controllers", "unused_commands"]
+
+PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...), np.generic)
+DATA = (*PLAIN, np.ndarray, tuple, list, dict, set, frozenset)
+CODE = ("co_argcount", "co_kwonlyargcount", "co_flags", "co_names", "co_varnames", "co_freevars", "co_code")
+OF_CLASSES = (
+    "__dict__",
+    "__weakref__",
+    "_abc_impl",
+    "__slotnames__",
+    "__module__",
+    "__doc__",
+    "__firstlineno__",
+    "__static_attributes__",
+)
+
+
+def fingerprint(function: Callable[..., Any]) -> str:
+    """Hash what a callable does.
+
+    That is its code with the constants, defaults and closures; the source of its module; what it names of its module
+    and of others, such as functions and numbers; the functions and arguments within a ``functools.partial``, and the
+    classes and attributes of objects.  Of libraries (the standard one, and what is installed beside it) the name
+    counts.  The hash of an object that cannot be copied is that of its text,
+    without its address, and of its attributes.
+    """
+    return _Hashing().of(function).hex()
+
+
+def parts(function: Any) -> Iterator[Any]:
+    """Everything of which a callable is put together, itself first: what partials and bound methods hold."""
+    yield function
+    inner: list[Any] = []
+    if isinstance(function, functools.partial):
+        inner = [function.func, *function.args, *function.keywords.values()]
+    elif isinstance(function, MethodType):
+        inner = [function.__func__, function.__self__]
+    for part in inner:
+        yield from parts(part)
+
+
+class _Hashing:
+    """Hashes of values, each of which is looked at once."""
+
+    def __init__(self) -> None:
+        self.known: dict[int, tuple[Any, bytes]] = {}
+
+    def of(self, value: Any) -> bytes:
+        if isinstance(value, PLAIN):
+            return _joined([type(value).__name__.encode(), repr(value).encode()])
+        if id(value) not in self.known:
+            self.known[id(value)] = value, b"itself"
+            self.known[id(value)] = value, _joined(self._seen(value))
+        return self.known[id(value)][1]
+
+    def _seen(self, value: Any) -> list[bytes]:
+        kind = type(value)
+        found = [f"{kind.__module__}.{kind.__qualname__}".encode()]
+        if kind is np.ndarray:
+            content = self.of(value.tolist()) if value.dtype.hasobject else value.tobytes()
+            return [*found, repr((value.shape, value.dtype.str)).encode(), content]
+        if kind in (tuple, list):
+            return [*found, *map(self.of, value)]
+        if kind in (set, frozenset):
+            return [*found, *sorted(map(self.of, value))]
+        if kind is dict:
+            return [*found, *sorted(_joined([self.of(key), self.of(x)]) for key, x in value.items())]
+        if isinstance(value, CodeType):
+            return [*found, *(self.of(getattr(value, name)) for name in CODE), self.of(value.co_consts)]
+        if isinstance(value, ModuleType):
+            return [*found, _source(value) or value.__name__.encode()]
+        if isinstance(value, (FunctionType, type)) and _of_library(value):
+            return [*found, f"{value.__module__}.{value.__qualname__}".encode()]
+        if isinstance(value, FunctionType):
+            return found + self._function(value)
+        if isinstance(value, type):
+            content = {k: x for k, x in vars(value).items() if k not in OF_CLASSES and not inspect.isdatadescriptor(x)}
+            gets = {k: x.fget for k, x in vars(value).items() if isinstance(x, property)}
+            return [*found, value.__qualname__.encode(), *map(self.of, (value.__bases__, content, gets))]
+        if isinstance(value, functools.partial):
+            return [*found, *map(self.of, (value.func, value.args, value.keywords))]
+        if isinstance(value, (MethodType, staticmethod, classmethod)):
+            return [*found, self.of(value.__func__), self.of(getattr(value, "__self__", None))]
+        return found + self._object(value)
+
+    def _function(self, value: FunctionType) -> list[bytes]:
+        source = _source(sys.modules.get(value.__module__ or ""))
+        held = [_content(cell) for cell in value.__closure__ or ()]
+        found = [source, *map(self.of, (value.__code__, value.__defaults__, value.__kwdefaults__, held))]
+        names = sorted(_names(value.__code__))
+        for name in names:
+            if name not in value.__globals__:
+                continue
+            named = value.__globals__[name]
+            # how other objects are made the source says, where there is one
+            if source and not (isinstance(named, (*DATA, ModuleType)) or callable(named)):
+                continue
+            found += [name.encode(), self.of(named)]
+            if isinstance(named, ModuleType) and _source(named):
+                found += [self.of(x) for x in (vars(named).get(name) for name in names) if isinstance(x, DATA)]
+                found += [self.of(x) for x in (vars(named).get(name) for name in names) if callable(x)]
+        return found
+
+    def _object(self, value: Any) -> list[bytes]:
+        """Of what pickle needs to make an object anew."""
+        found = [self.of(type(value))]
+        if (wrapped := getattr(value, "__wrapped__", None)) is not None:
+            found.append(self.of(wrapped))
+        try:
+            made = value.__reduce_ex__(4)
+        except Exception:
+            text = re.sub(r" at 0x[0-9a-fA-F]+", "", repr(value))
+            return [*found, text.encode(), self.of(getattr(value, "__dict__", None))]
+        if isinstance(made, str):
+            return [*found, made.encode()]
+        return found + [self.of(x if isinstance(x, PLAIN) or not isinstance(x, Iterator) else list(x)) for x in made]
+
+
+def _joined(found: Iterable[bytes]) -> bytes:
+    text = hashlib.sha256()
+    for part in found:
+        text.update(len(part).to_bytes(8, "little") + part)
+    return text.digest()
+
+
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # not filled yet
+        return None
+
+
+def _names(code: CodeType) -> set[str]:
+    """Names of a piece of code, and of those within it."""
+    return set(code.co_names).union(*(_names(x) for x in code.co_consts if isinstance(x, CodeType)))
+
+
+def _source(module: ModuleType | None) -> bytes:
+    """Source of a module of the user, or nothing."""
+    if module is None or _of_library(module):
+        return b""
+    try:
+        return inspect.getsource(module).encode()
+    except (OSError, TypeError):  # a notebook, or compiled
+        return b""
+
+
+@functools.cache
+def _libraries() -> tuple[Path, ...]:
+    paths = sysconfig.get_paths()
+    return tuple(Path(paths[key]).resolve() for key in ("stdlib", "platstdlib", "purelib", "platlib"))
+
+
+def _of_library(value: Any) -> bool:
+    """Whether a module, function or class belongs to what is installed."""
+    module = value if isinstance(value, ModuleType) else sys.modules.get(getattr(value, "__module__", None) or "")
+    if module is None or module.__name__ == "__main__":
+        return False
+    if module.__name__.partition(".")[0] == __name__.partition(".")[0]:
+        return True
+    if (file := getattr(module, "__file__", None)) is None:
+        return module.__name__ in sys.builtin_module_names
+    return any(folder in Path(file).resolve().parents for folder in _libraries())
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """Wrapper that makes any function picklable."""
+
+    function: Callable[..., Any]
+    owner: str  # what the function belongs to, for messages
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpacked, (self._packed(), self.owner)
+
+    def digest(self) -> str:
+        """Hash of what the function does, the same in every process."""
+        return fingerprint(self.function)
+
+    def _packed(self) -> bytes:
+        modules = [
+            module for name in sorted(_modules(self.function))
+            if (module := sys.modules.get(name)) is not None and not _importable(module)
+        ]  # fmt: skip
+        try:
+            for module in modules:
+                cloudpickle.register_pickle_by_value(module)
+            try:
+                packed: bytes = cloudpickle.dumps(self.function)
+            finally:
+                for module in modules:
+                    cloudpickle.unregister_pickle_by_value(module)
+        except StudyError:
+            raise
+        except Exception as error:
+            raise StudyError(
+                f"{self.owner}: its function cannot be sent to where it is computed ({type(error).__name__}: {error}). "
+                "Define it at the level of a module or a script, and let it use numbers and arrays only: no mechanism, "
+                "open file or lock."
+            ) from error
+        return packed
+
+
+def _modules(function: Any) -> set[str]:
+    """Names of the modules of which a callable is put together."""
+    names = {getattr(part, "__module__", None) for part in parts(function)}
+    return {name for name in names if isinstance(name, str)}
+
+
+def _unpacked(packed: bytes, owner: str) -> Shipped:
+    return Shipped(cloudpickle.loads(packed), owner)
+
+
+def _importable(module: ModuleType) -> bool:
+    """Whether another process finds a module by its name (of the main script cloudpickle sends values anyway)."""
+    name = module.__name__
+    if name == "__main__" or name in sys.builtin_module_names or "." in name:
+        return True
+    try:
+        return importlib.machinery.PathFinder.find_spec(name) is not None
+    except (ImportError, ValueError):
+        return False
+
 
 LONGEST_NAME = 40
 """Characters up to which a measured expression is its own name in messages."""

@@ -7,6 +7,8 @@ equations of the coefficients are those of the ensemble, projected::
     R(Y, Y', t) = Psi^T W r(Psi Y, Psi Y', t; xi)
 
 They are the Euler-Lagrange equations of the averaged Lagrangian with averaged virtual work (Variational Work).
+
+The projected index-1 system: accelerations and multipliers of coefficients.
 """
 
 from __future__ import annotations
@@ -17,15 +19,71 @@ from functools import cached_property
 
 import numpy as np
 
+from uqmbd.compiled import CoupledSystems, Dynamics
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.equations import state_arguments
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration import instant, speed_jumps
-from uqmbd.dynamics.projection.coupled import Coupled
+from uqmbd.dynamics.linear import nodal_systems
 from uqmbd.dynamics.projection.singular_values import smallest_singular_values
 from uqmbd.errors import AssemblyError
 from uqmbd.typing import Array
 
-__all__ = ["ProjectedStart", "Projection"]
+__all__ = ["Coupled", "ProjectedStart", "Projection"]
+
+DRIFT = 1e-3
+"""Relative accuracy of what a step exceeds the constraints by."""
+
+
+class Coupled:
+    """The projected system of a model, with a correction from its last solutions.
+
+    The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` holds the parameters of the
+    nodes (K, parameter).  The driver solves, and counts, in `systems`.
+    """
+
+    def __init__(self, model: Model, psi: Array, adjoint: Array, block: Array) -> None:
+        self.layout, self.nodal = model.layout, nodal_systems(model)
+        library = self.nodal.library
+        outside = None if library is None else library()
+        self.systems = CoupledSystems(self.nodal.systems, psi, adjoint, block, outside)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether a solution is cheap enough for every stage of an explicit step."""
+        return self.nodal.compiled
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Systems and iterations so far; how often the system was assembled, or GMRES was needed."""
+        systems, iterations, direct, krylov = self.systems.counts[:4].tolist()
+        return {"systems": systems, "iterations": iterations, "direct": direct, "krylov": krylov}
+
+    def dynamics(self, tolerance: float) -> Dynamics:
+        """Return the equations of motion for the explicit integrator.
+
+        Iterations for the accelerations end at a relative change of `tolerance`.
+        """
+        layout = self.layout
+        self.systems.tolerances(tolerance, DRIFT)
+        moving = layout.width - 2 * len(layout.frozen) - layout.held
+        return self.systems.dynamics(layout.velocities, self.nodal.rated, moving, constrained=bool(layout.rank))
+
+    def solve(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
+        """Return accelerations and multipliers (P, size), and rates of the auxiliary states (P, state), at a time in s.
+
+        The state (P, width) holds coefficients.  Iterations for the accelerations end at a relative change of
+        `tolerance`; the results are NaN where they do not converge.
+        """
+        self.systems.tolerances(tolerance, tolerance)
+        found, rated = self.systems.rate(time, state)
+        rates = np.zeros((len(state), self.layout.states))
+        rates[:, self.nodal.rated] = rated
+        return found, rates
+
+    def excess(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
+        """By what coefficients of coordinates and velocities (P, coordinate) exceed the projected constraints."""
+        self.systems.tolerances(tolerance, tolerance)
+        return self.systems.excess(time, state)
 
 
 ORTHONORMAL = 1e-9

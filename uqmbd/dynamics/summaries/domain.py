@@ -4,6 +4,8 @@ Values at the places of parts show most of that, but not all.  What is computed 
 expression is not, as the square of a root; a pole is between two places, and a gap may be narrower than their distance.
 So the parts of an expression that have to be positive, or other than zero, are resolved, too.  Where one of them is
 zero the expression is followed towards that place: a ratio of two numbers that vanish together stays finite.
+
+How fast an expression of time changes at most, by its symbols alone.
 """
 
 from __future__ import annotations
@@ -12,18 +14,61 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import sympy
 from sympy import Expr
 
 from uqmbd.compiled import FINE, PLACES, SERIES, Need
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.extremes import SAME
 from uqmbd.dynamics.summaries.motion import Motion
-from uqmbd.dynamics.summaries.rates import exponential_types
 from uqmbd.dynamics.summaries.resolved import SHARE, Parts, Timed, values_at
 from uqmbd.mechanism import Output, domain_of, random_variables, t
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Domain", "Unresolved", "domain_map", "not_finite_since", "outside_since", "unresolved"]
+__all__ = ["Domain", "Unresolved", "domain_map", "exponential_types", "not_finite_since", "outside_since", "unresolved"]
+
+DEGREE = 16
+"""Degree of the polynomials in time, at most: those of a high degree have narrow peaks, as ``(t * (1 - t))**10000``."""
+
+MANY = 64
+"""Terms, at most."""
+
+
+def exponential_types(expression: sympy.Expr) -> tuple[sympy.Expr, ...] | None:
+    """Return numbers, the largest of which is the exponential type of an expression of time, rad/s; None: unknown."""
+    found = _growth(expression)
+    return None if found is None or found[1] > DEGREE else tuple(found[0])
+
+
+def _growth(e: sympy.Expr) -> tuple[list[sympy.Expr], sympy.Expr] | None:
+    """Return exponential types of the terms of an expression, and its degree as a polynomial in time."""
+    if not e.has(t):
+        return [sympy.S.Zero], sympy.S.Zero
+    if e == t:
+        return [sympy.S.Zero], sympy.S.One
+    if isinstance(e, sympy.sin | sympy.cos | sympy.sinh | sympy.cosh | sympy.exp):
+        rate = sympy.diff(e.args[0], t)
+        return None if rate.has(t) else ([sympy.Abs(rate)], sympy.S.Zero)
+    if isinstance(e, sympy.Pow):
+        base, exponent = _growth(e.args[0]), e.args[1]
+        if base is None or not (exponent.is_Integer and exponent.is_positive):
+            return None
+        return [exponent * one for one in base[0]], exponent * base[1]
+    if not isinstance(e, sympy.Add | sympy.Mul):
+        return None
+    types, degree = [sympy.S.Zero], sympy.S.Zero
+    for part in e.args:
+        found = _growth(part)
+        if found is None:
+            return None
+        if isinstance(e, sympy.Add):
+            types, degree = [*types, *found[0]], max(degree, found[1])
+        else:
+            types, degree = [a + b for a in types for b in found[0]], degree + found[1]
+        types = list(dict.fromkeys(types))
+        if len(types) > MANY:
+            return None
+    return types, degree
 
 
 INTEGRAL = 3

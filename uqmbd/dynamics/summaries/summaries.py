@@ -1,4 +1,7 @@
-"""What sums a motion up: extremes, integrals, last values and first times, of each realisation by itself."""
+"""What sums a motion up: extremes, integrals, last values and first times, of each realisation by itself.
+
+Integrals along a motion, and when a value is first reached.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +12,67 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import Need
+from uqmbd.compiled import FINE, Need
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since, outside_since, unresolved
 from uqmbd.dynamics.summaries.extremes import SAME, extremes
-from uqmbd.dynamics.summaries.integrals import first_times, integrals
 from uqmbd.dynamics.summaries.motion import motion_of
-from uqmbd.dynamics.summaries.resolved import SHARE, Parts, part_table, resolved
+from uqmbd.dynamics.summaries.resolved import SHARE, Parts, part_table, resolved, values_at
 from uqmbd.mechanism import Output, Summary
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
 __all__ = ["Reason", "SummaryMap", "running_minimum", "summarised", "summary_map"]
+
+BISECTIONS = 60
+"""Halvings of a part in which a value is reached: to rounding."""
+
+
+def integrals(parts: Parts, column: int) -> tuple[Array, Array]:
+    """Integrate an output over the motion of each realisation, by Clenshaw and Curtis; and the lengths, (R,) each."""
+    length = parts.end - parts.begin
+    return np.add.reduceat(parts.of("mean", column) * length, parts.first), np.add.reduceat(length, parts.first)
+
+
+def first_times(parts: Parts, column: int) -> Array:
+    """Find when an output is zero or above for the first time, s, of each realisation, shape (R,).
+
+    NaN: never.  Infinite: not known, as the output is not finite before it is.
+    """
+    times = _first_times(parts, column)
+    undefined = np.isnan(parts.of("highest", column))
+    if not undefined.any():
+        return times
+    since = np.minimum.reduceat(np.where(undefined, parts.begin, np.inf), parts.first)
+    return np.where((since < np.inf) & ~(times <= since), np.inf, times)
+
+
+def _first_times(parts: Parts, column: int) -> Array:
+    which = np.flatnonzero(parts.of("most", column) >= 0)
+    place, value = parts.fitted(column).peaks(1.0, which)
+    above = value >= 0
+    which, place = which[above], place[above]
+    rows, earliest = np.unique(parts.number[which], return_index=True)
+    chosen, place = which[earliest], place[earliest]
+    found = np.full(len(parts.first), np.nan)
+    if not len(chosen):
+        return found
+    series, values = (parts.of(name, column, chosen) for name in ("coefficients", "values"))
+    fine = np.stack([values_at(series, np.full(len(chosen), x)) for x in FINE.tolist()], axis=1)
+    fine[:, [0, -1]] = values[:, [0, -1]]
+    fine = np.where(FINE >= place[:, None], 0.0, fine)  # there it is
+    top = (fine >= 0).argmax(axis=1)
+    high, low = np.minimum(FINE[top], place), FINE[np.maximum(top - 1, 0)]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        over = values_at(series, middle) >= 0
+        high, low = np.where(over, middle, high), np.where(over, low, middle)
+    at_once = values[:, 0] >= 0
+    found[rows] = np.where(at_once, parts.begin[chosen], parts.time(chosen, high))
+    return found
 
 
 AT_ONCE = 128
