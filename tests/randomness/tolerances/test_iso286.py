@@ -10,8 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.randomness.tolerances.classes import deviations
-from uqmbd.randomness.tolerances.deviations import DEVIATIONS, GRADES, SIZES, STANDARD, SUBDIVIDED, place
+from uqmbd.randomness.tolerances.classes import DEVIATIONS, GRADES, SIZES, STANDARD, SUBDIVIDED, deviations, place
 
 PRINTED = {
     # shafts, JIS B 0401 (1999) as printed by Sumitomo Electric Hardmetal

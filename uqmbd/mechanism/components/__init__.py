@@ -29,11 +29,10 @@ from uqmbd.mechanism.components.joint_motion import (
     motion_quantities,
 )
 from uqmbd.mechanism.components.parameter import range_text
-from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
+from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies, unseen_in
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.typed import TypedComponent
-from uqmbd.mechanism.components.unseen import unseen_in
 from uqmbd.mechanism.components.user_law import law_at, law_values
 
 __all__ = [
@@ -65,11 +64,11 @@ __all__ = [
     "known_effects",
     "law_at",
     "law_values",
+    "motion_quantities",
     "no_effect",
     "range_text",
     "require_effects",
     "settle",
     "stated_in_bodies",
-    "motion_quantities",
     "unseen_in",
 ]

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from uqmbd.randomness.designs.protocol import SamplingDesign, Seed
-from uqmbd.randomness.designs.registry import Design, design_problem, sampling_design, sampling_designs
+from uqmbd.randomness.designs.registry import (
+    Design,
+    SamplingDesign,
+    Seed,
+    design_problem,
+    sampling_design,
+    sampling_designs,
+)
 
 __all__ = ["Design", "SamplingDesign", "Seed", "design_problem", "sampling_design", "sampling_designs"]
