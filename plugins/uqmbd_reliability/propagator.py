@@ -1,26 +1,128 @@
-"""The reliability propagator."""
+"""The reliability propagator.
+
+Margins by a surrogate that another method makes.
+
+The mechanism as a limit state: every realisation is counted and kept with its running margins.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
 from uqmbd.extend import sample_dataset, statistics_of_samples
-from uqmbd.results import requirement_names
+from uqmbd.results import requirement_names, surrogate
+from uqmbd.typing import Array, Index, Mask
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
 from uqmbd_reliability.learning import FIRST, gaussian_processes, learn
-from uqmbd_reliability.predicting import Predictor, predictor
-from uqmbd_reliability.runs import Runs
 from uqmbd_reliability.space import StandardSpace
 from uqmbd_reliability.subset import MISSING, available, subset
 
 __all__ = ["Reliability"]
+
+
+class Known(Protocol):
+    """Margins of realisations, as they are given beside outputs, and alone."""
+
+    @property
+    def values(self) -> Array: ...
+    @property
+    def running(self) -> Array: ...
+    @property
+    def failed(self) -> Mask: ...
+    @property
+    def messages(self) -> tuple[str, ...]: ...
+
+
+class Runs:
+    """Margins of chosen requirements, computed on request."""
+
+    def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
+        self._problem, self._space, self._chosen = problem, space, chosen
+        self._running: list[Array] = []
+        self.counters: Counter[str] = Counter()
+        self.reasons: Counter[str] = Counter()
+        self.wall_time = 0.0
+        self.failures = self.count = 0
+        self.pilot: uqmbd.extend.Realisations | None = None
+
+    def __call__(self, points: Array) -> tuple[Array, Mask]:
+        """Return margins (K, requirement) at points (K, d), and which realisations failed.
+
+        The outputs of the first points that are asked for are kept.
+        """
+        inputs = self._space.to_inputs(points)
+        if self.pilot is None:
+            self.pilot = self._problem.realise(inputs)
+            self.counters.update(self.pilot.counters)
+            self.wall_time += self.pilot.wall_time
+            # computed beside the outputs, and not again
+            found: Known = self.pilot.margins or self._problem.margins(inputs)
+        else:
+            found = more = self._problem.margins(inputs)
+            self.counters.update(more.counters)
+            self.wall_time += more.wall_time
+        self.count += len(points)
+        self.failures += int(np.count_nonzero(found.failed))
+        self.reasons.update(message for message in found.messages if message)
+        self._running.append(found.running[:, self._chosen])
+        return found.values[:, self._chosen], found.failed
+
+    def running(self, rows: Index) -> Array:
+        """Return the running margins (K, requirement, T) of some realisations, by their places."""
+        return np.asarray(np.concatenate(self._running)[rows])
+
+    @property
+    def reason(self) -> str:
+        """The most frequent reason of failure, or empty."""
+        return self.reasons.most_common(1)[0][0] if self.reasons else ""
+
+
+BLOCK = 2**13
+"""Points that are evaluated at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Surrogate margins of chosen requirements at points of the standard normal space."""
+
+    evaluate: Callable[[Array], Array]  # from germs (K, d) to values (K, requirement, 1)
+    space: StandardSpace
+    chosen: list[int]  # indices of the requirements
+    realisations: int  # for the training
+    failures: int  # of these realisations
+
+    def __call__(self, points: Array) -> Array:
+        """Return margins (K, requirement) at points (K, d)."""
+        parts = [points[k : k + BLOCK] for k in range(0, len(points), BLOCK)]
+        found = [self.evaluate(self.space.to_germs(part))[:, self.chosen, -1] for part in parts]
+        return np.concatenate([np.zeros((0, len(self.chosen))), *found])
+
+
+def predictor(
+    method: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]
+) -> Predictor:
+    """Train a surrogate of the margins by a method; raise StudyError if the method gives none."""
+    margins = problem if problem.kind == "requirements" else problem.of_requirements()
+    part = margins.part(f"{problem.label}: surrogate").using(observed=margins.runner.observed)
+    node = method.propagate(replace(part, answers_requirements=False))
+    chaos = surrogate(node, times=[len(problem.times if problem.over is None else problem.over) - 1])
+    return Predictor(
+        chaos.evaluate_germs,
+        space,
+        chosen,
+        int(node.attrs["realisations"]),
+        int(node.attrs["failures"]),
+    )
+
 
 FINEST = 0.005
 """Least coefficient of variation that may be asked for."""

@@ -1,6 +1,6 @@
 """Subset simulation by OpenTURNS: another look at a probability, which shares the space with the others only.
 
-What it cannot do is why it is not the method by default: see `uqmbd_reliability.exploring`.
+What it cannot do is why it is not the method by default: see `uqmbd_reliability.analysis`.
 """
 
 from __future__ import annotations

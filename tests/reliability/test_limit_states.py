@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from scipy.stats import chi2, norm
 
 import uqmbd
-from uqmbd_reliability.analysis import analyse
+from uqmbd_reliability.analysis import analyse, multilevel
 from uqmbd_reliability.estimating import estimate, tail_index
-from uqmbd_reliability.exploring import multilevel
 from uqmbd_reliability.learning import learn
 from uqmbd_reliability.ledger import Exhausted, Ledger
 from uqmbd_reliability.mixtures import Mixture, Normal, Outside

@@ -1,7 +1,11 @@
-"""What `uqmbd calibrate` does."""
+"""What `uqmbd calibrate` does.
+
+Options of the form NAME=VALUE.
+"""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -13,11 +17,58 @@ from uqmbd.report import installed_sections, write_report
 from uqmbd.results import failed_methods, save
 from uqmbd_calibration.calibrated import Calibrated
 from uqmbd_calibration.calibrating import calibrate
-from uqmbd_calibration.command.assignments import numbers_of, texts_of
 from uqmbd_calibration.records import Record, check_known_names, outputs_in
 from uqmbd_calibration.result import Calibration
 
 __all__ = ["Options", "run"]
+
+
+def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
+    """Return what options say, by name; a name may hold equals signs, its value none.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If one has no equals sign or no name, or a name is given twice.
+
+    Examples
+    --------
+    >>> texts_of(["force=N", "a=b=m"], "--units")
+    {'force': 'N', 'a=b': 'm'}
+    """
+    found: dict[str, str] = {}
+    for word in words:
+        name, mark, value = word.rpartition("=")
+        if not mark or not name.strip():
+            raise uqmbd.StudyError(f"{option} {word}: expected NAME=VALUE.")
+        if name in found:
+            raise uqmbd.StudyError(f"{option} {word}: {name!r} is given twice; expected once.")
+        found[name] = value.strip()
+    return found
+
+
+def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
+    """Return the numbers that options say, by name.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If one is no number, infinite, or as for `texts_of`.
+
+    Examples
+    --------
+    >>> numbers_of(["force=2", "angle=1e-3"], "--noise")
+    {'force': 2.0, 'angle': 0.001}
+    """
+    found: dict[str, float] = {}
+    for name, text in texts_of(words, option).items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            found[name] = math.nan
+        if not math.isfinite(found[name]):
+            raise uqmbd.StudyError(f"{option} {name}={text}: {text!r} is no finite number.")
+    return found
 
 
 WRITTEN = ("calibration.nc", "results.nc", "report.html", "figures")

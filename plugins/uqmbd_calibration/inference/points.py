@@ -1,8 +1,12 @@
-"""The mechanism at an operating point: realisations at standard normal variables, each counted and kept."""
+"""The mechanism at an operating point: realisations at standard normal variables, each counted and kept.
+
+How well a surrogate follows outputs over time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -11,11 +15,28 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
+from uqmbd.results import surrogate
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
-from uqmbd_calibration.inference.following import followed
 
 __all__ = ["Exhausted", "OperatingPoint", "picked"]
+
+
+def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
+    """Return the error of a surrogate at its verification realisations, over the largest deviation of an output.
+
+    Root mean square over time, of the output that is followed worst; infinite where it is not known.
+    """
+    worst = 0.0
+    for output in outputs:
+        chaos = surrogate(node, output)
+        if chaos.verification_response is None:
+            return np.inf
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            error = np.sqrt(np.mean(uqmbd.extend.errors_over_largest(chaos) ** 2))
+        worst = max(worst, float(error) if np.isfinite(error) else np.inf)
+    return worst
 
 
 NARROW = 1e-9

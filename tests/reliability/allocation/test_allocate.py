@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_reliability import allocate
+from uqmbd_reliability.allocation.allocate import verified
 from uqmbd_reliability.allocation.surrogates import fitted
-from uqmbd_reliability.allocation.verifying import verified
 from uqmbd_springs import Torque
 
 WIDTHS = {"box": 0.4, "a": 0.4, "b": 0.3, "c": 0.4}
