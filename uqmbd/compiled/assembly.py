@@ -11,13 +11,13 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
-from uqmbd.compiled.programs import Columns, Program
+from uqmbd.compiled.programs import Addressed, Columns, Program
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Equations", "Gradients", "Turns"]
@@ -46,16 +46,12 @@ class Gradients(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Turns:
+class Turns(Addressed):
     """Coordinates of rotations; the first `dimension` coordinates give the size of the mechanism."""
 
     coordinates: Index  # (body, 2 or 4); (body, 0) without rotations
     free: Index  # (body,): 1 where the coordinates may be normalised to length one, else 0
     dimension: int
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     @cached_property
     def structure(self) -> c.Turns:
@@ -68,7 +64,7 @@ class Turns:
 
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(Addressed):
     """Equations whose values and gradients a program computes."""
 
     program: Program  # its first arguments are the unknowns
@@ -78,10 +74,6 @@ class Equations:
     certain: int  # number of independent equations; the others may follow from these
     unknowns: int  # number
     shortest: float  # length from which a gradient is scaled to one
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     def close(self, turns: Turns, cosines: Index, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
         """Solve by damped Gauss-Newton; return unknowns (K, unknown) and a mask (K,) of the undecided poses.

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address
-from uqmbd.compiled.programs import Part
+from uqmbd.compiled.programs import Addressed, Part
 from uqmbd.typing import Index
 
 __all__ = ["Contacts", "Encounters", "Touching"]
@@ -32,7 +31,7 @@ class Touching(IntEnum):
 
 
 @dataclass(frozen=True)
-class Contacts:
+class Contacts(Addressed):
     """Events of a mechanism, as programs on the work array of its `Dynamics`; rows are rows of that array."""
 
     first: Index  # (event + 1,): first direction of each event, then the end; an event without directions is a marker
@@ -49,10 +48,6 @@ class Contacts:
     columns: Index  # (entry,): column of each entry
     values: Index  # (entry,): row of the work array of each entry
     right: Index  # (size,): rows of its right-hand side
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     @cached_property
     def structure(self) -> c.Contacts:

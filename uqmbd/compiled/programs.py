@@ -16,7 +16,7 @@ from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.typing import Array, Index
 
-__all__ = ["Columns", "Part", "Program", "Step", "Writer"]
+__all__ = ["Addressed", "Columns", "Part", "Program", "Step", "Writer"]
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,20 @@ class Columns:
     divisor: int = 1
 
 
+class Addressed:
+    """Data whose cached `structure` holds addresses of this process: it is left out of pickles and made anew."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the addresses."""
+        return {key: value for key, value in self.__dict__.items() if key != "structure"}
+
+
 @dataclass(frozen=True)
-class Part:
+class Part(Addressed):
     """A sequence of steps on a work array."""
 
     steps: tuple[Step, ...]
     scratch: int  # row from which arguments may be gathered
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     @property
     def operations(self) -> int:

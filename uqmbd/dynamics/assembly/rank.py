@@ -63,11 +63,16 @@ class Rank:
 
 def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
     """Constraint Jacobian of all equations (equation, coordinate), each scaled to length one, of one realisation."""
+    return _scaled_gradient(model, q, s, time, parameters)[0]
+
+
+def _scaled_gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:
+    """Return the rows of `gradient`, and the lengths (equation, 1) that they were divided by; 1 where there is none."""
     state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
     d = model.evaluate("velocity", state, parameters[None])["d"][0]
     norm = np.linalg.norm(d, axis=1)
-    scaled: Array = d / np.where(norm > 1e-9, norm, 1.0)[:, None]
-    return scaled
+    lengths = np.where(norm > 1e-9, norm, 1.0)[:, None]
+    return d / lengths, lengths
 
 
 def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
@@ -128,12 +133,9 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
     Of one realisation, shape (equation, redundancy); orthonormal before each row is divided by the length of its
     equation's gradient.
     """
-    state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
-    d = model.evaluate("velocity", state, parameters[None])["d"][0]
-    norm = np.linalg.norm(d, axis=1)
-    norm = np.where(norm > 1e-9, norm, 1.0)
-    left = np.linalg.svd(d / norm[:, None])[0]
-    free: Array = left[:, model.layout.rank :] / norm[:, None]
+    scaled, lengths = _scaled_gradient(model, q, s, time, parameters)
+    left = np.linalg.svd(scaled)[0]
+    free: Array = left[:, model.layout.rank :] / lengths
     return free
 
 

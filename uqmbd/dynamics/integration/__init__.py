@@ -14,7 +14,7 @@ from uqmbd.dynamics.integration.dop853 import explicit_method, integrate_by_dop8
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
 from uqmbd.dynamics.integration.knots import timed_tables
-from uqmbd.dynamics.integration.legs import Leg, legs_of_members, longest_step, pace
+from uqmbd.dynamics.integration.legs import Leg, legs_of_members, longest_step, pace, times_between
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
@@ -54,6 +54,7 @@ __all__ = [
     "speed_jumps",
     "step_limits",
     "step_tolerance",
+    "times_between",
     "stopped",
     "stops",
     "sundials",

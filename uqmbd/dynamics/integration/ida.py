@@ -24,7 +24,7 @@ from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.costs import implicit_costs
-from uqmbd.dynamics.integration.legs import pace
+from uqmbd.dynamics.integration.legs import pace, times_between
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
@@ -211,10 +211,7 @@ def _integrate_stack(
         callbacks = purse.paying(ensemble, callbacks)
     now, paths = float(times[0]), list[Path]()
     for stop, longest, _ in pace(ensemble, times, rtol):
-        inside = np.flatnonzero((times > now) & (times <= stop))
-        grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
-        if len(grid) == 2:  # with two times the integrator returns its own steps instead
-            grid = np.array([now, 0.5 * (now + stop), stop])
+        inside, grid = times_between(times, now, stop)
         if ensemble.breaks.size or now > times[0]:
             y, yp, refused = _consistent(ensemble, now, y, rtol)
             result[:, np.flatnonzero(times[1:] == now) + 1] = np.concatenate(ensemble.expand(y[:, None]), axis=2)

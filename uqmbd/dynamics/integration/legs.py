@@ -10,9 +10,9 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
-__all__ = ["Leg", "legs_of", "legs_of_members", "longest_step", "pace"]
+__all__ = ["Leg", "legs_of", "legs_of_members", "longest_step", "pace", "times_between"]
 
 
 BAND = 16.0
@@ -158,6 +158,15 @@ def _cut(legs: tuple[Leg, ...], samples: Array) -> tuple[Leg, ...]:
     within = np.searchsorted(ends, more)
     found += [Leg(t, legs[k].longest) for t, k in zip(more.tolist(), within.tolist(), strict=True)]
     return tuple(sorted(found))
+
+
+def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
+    """Return the places of output times after `now` and up to `stop`, and these times with both ends."""
+    inside = np.flatnonzero((times > now) & (times <= stop))
+    grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
+    if len(grid) == 2:  # with two times the integrator returns its own steps instead
+        grid = np.array([now, 0.5 * (now + stop), stop])
+    return inside, grid
 
 
 def longest_step(rough: bool, times: Array) -> float:

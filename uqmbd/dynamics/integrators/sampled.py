@@ -52,19 +52,13 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
         # what is prescribed jumps first, and is seen by the controllers
         change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
         now[:, velocities:] += change
-        for row, reason in reasons.items():
-            messages[alive[row]] = reason
-        going = np.array([not messages[k] for k in alive], dtype=bool)
-        alive, now = alive[going], now[going]
+        alive, now = _going(messages, alive, now, reasons)
         if not len(alive):
             break
         now, reasons = sampling.after(number, now, alive)
         change, more = sampling.jumps(begin, now, alive)
         now[:, velocities:] += change
-        for row, reason in (more | reasons).items():
-            messages[alive[row]] = reason
-        going = np.array([not messages[k] for k in alive], dtype=bool)
-        alive, now = alive[going], now[going]
+        alive, now = _going(messages, alive, now, more | reasons)
         if not len(alive):
             break
         at = np.flatnonzero(times == begin)
@@ -81,12 +75,17 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
         paths.append(None if found.path is None else found.path.placed(alive))
         notes += [note for note in found.notes if note not in notes]
         _note(happened, found.scalars, alive, begin if number else -np.inf)
-        for row, message in zip(alive.tolist(), found.messages, strict=True):
-            messages[row] = message
-        going = np.array([not messages[k] for k in alive], dtype=bool)
-        alive, now = alive[going], found.states[going, -1]
+        alive, now = _going(messages, alive, found.states[:, -1], dict(enumerate(found.messages)))
     scalars, path = _times_of(happened, len(ensemble)), Path.joined(paths)
     return Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes), path=path)
+
+
+def _going(messages: list[str], alive: Index, now: Array, reasons: dict[int, str]) -> tuple[Index, Array]:
+    """Store the reasons of some rows as messages; return the realisations without one, and their states (K, width)."""
+    for row, reason in reasons.items():
+        messages[alive[row]] = reason
+    going = np.array([not messages[k] for k in alive], dtype=bool)
+    return alive[going], now[going]
 
 
 def projected_in_samples(

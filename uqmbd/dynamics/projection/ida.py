@@ -17,6 +17,7 @@ from uqmbd.dynamics.integration import (
     step_limits,
     step_tolerance,
     sundials,
+    times_between,
 )
 from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.dynamics.projection.trajectories import Watch
@@ -200,10 +201,7 @@ def implicit(
         y = ensemble.pack(q, s, v, multipliers)
         yp = ensemble.pack(v, rates, accelerations, np.zeros_like(multipliers))
         longest = next(leg.longest for leg in legs if leg.end >= stop)
-        inside = np.flatnonzero((times > now) & (times <= stop))
-        grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
-        if len(grid) == 2:  # with two times the integrator returns its own steps instead
-            grid = np.array([now, 0.5 * (now + stop), stop])
+        inside, grid = times_between(times, now, stop)
         begin = clock.perf_counter()
         limits = {"rtol": tolerance, "atol": np.tile(atol, terms), **step_limits(grid, longest)}
         solution = solve(residual, linear.options(), grid, y.ravel(), yp.ravel(), **limits)

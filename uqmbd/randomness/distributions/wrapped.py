@@ -23,7 +23,18 @@ MOST_VALUES = 100_000
 """Whole numbers that a discrete distribution may take."""
 
 
-class WrappedDistribution(SimpleDistribution):
+class _Printed:
+    """Print a distribution as its package does."""
+
+    _text: str
+
+    def __repr__(self) -> str:
+        return self._text
+
+    __str__ = __repr__
+
+
+class WrappedDistribution(_Printed, SimpleDistribution):
     """Continuous distribution of another package, printed as `text`."""
 
     tabulated = True
@@ -35,12 +46,6 @@ class WrappedDistribution(SimpleDistribution):
         low, high = source.support
         self._low = low if np.isfinite(low) else source.lower_quantile(RARE)
         self._high = high if np.isfinite(high) else source.upper_quantile(RARE)
-
-    def __repr__(self) -> str:
-        return self._text
-
-    def __str__(self) -> str:
-        return self._text
 
     def _ppf(self, u: Array, **_: Any) -> Array:
         return self._source.quantile(u)
@@ -62,7 +67,7 @@ class WrappedDistribution(SimpleDistribution):
         return self._high
 
 
-class MovedDistribution(ShiftScaleDistribution):
+class MovedDistribution(_Printed, ShiftScaleDistribution):
     """The distribution of ``shift + scale * x``, with ``x`` distributed as another; shown as its package shows it."""
 
     tabulated = True
@@ -71,14 +76,8 @@ class MovedDistribution(ShiftScaleDistribution):
         super().__init__(standard, shift=shift, scale=scale)
         self._text = text
 
-    def __repr__(self) -> str:
-        return self._text
 
-    def __str__(self) -> str:
-        return self._text
-
-
-class WholeNumbers(SimpleDistribution):
+class WholeNumbers(_Printed, SimpleDistribution):
     """Distribution of whole numbers as a table, spread over an interval of length one about each, as in chaospy.
 
     The source is read once; `text` is the printed form. Raise StudyError, with a part of a sentence, if it takes a
@@ -104,12 +103,6 @@ class WholeNumbers(SimpleDistribution):
         self._text, self._numbers, self._probability = text, numbers, probability / probability.sum()
         self._edges = np.r_[numbers[0] - 0.5, numbers + 0.5]
         self._cumulated = np.r_[0.0, np.cumsum(self._probability)]
-
-    def __repr__(self) -> str:
-        return self._text
-
-    def __str__(self) -> str:
-        return self._text
 
     def _ppf(self, u: Array, **_: Any) -> Array:
         chosen = np.clip(np.searchsorted(self._cumulated, u, side="right") - 1, 0, len(self._numbers) - 1)
