@@ -12,7 +12,8 @@ from uqmbd_montecarlo import MonteCarlo
 
 from ..test_hostile_names import HOSTILE
 
-pytestmark = pytest.mark.slow
+# surrogates of order 1: their errors do not matter here
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")]
 
 FACTORS = ("a", "b", "c", "d", "e", "f", "last")
 """Inputs; the spread of each is four times that of the one before, so that the last one matters most."""
