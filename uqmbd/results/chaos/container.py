@@ -130,7 +130,7 @@ class SurrogateContainer:
     def _without(self, terms: Mask, germs: Array) -> Array:
         """Evaluate at germ points (K, d) without some terms (P,)."""
         this: Any = self
-        return np.asarray(replace(this, elements=tuple(e.without(terms) for e in self.elements)).evaluate_germs(germs))
+        return np.asarray(replace(this, elements=tuple(e._without(terms) for e in self.elements)).evaluate_germs(germs))
 
     def _statistic(self, name: str, axis: int, part: Any = slice(None)) -> Array:
         """Return a statistic of `_moments`, of which outputs are along an axis, or a part of it."""
@@ -258,7 +258,7 @@ class SurrogateContainer:
         """
         terms, places = terms_of_all(chaoses)
         owners = zip(chaoses, boxes, places, strict=True)
-        elements = tuple(chaos.elements[0].among(box, len(terms), rows) for chaos, box, rows in owners)
+        elements = tuple(chaos.elements[0]._among(box, len(terms), rows) for chaos, box, rows in owners)
         known: dict[str, Any] = verification_of_all(chaoses, [box.probability for box in boxes])
         first: Any = chaoses[0]
         found: Self = replace(first, elements=elements, multi_index=terms, **known)
@@ -266,6 +266,11 @@ class SurrogateContainer:
 
     def selected(self, outputs: Sequence[int] | None = None, times: Sequence[int] | None = None) -> Self:
         """Return the surrogate of some outputs and times, by their numbers; itself where these are all.
+
+        Raises
+        ------
+        StudyError
+            If there is no such output or time, or none is wanted.
 
         Examples
         --------
@@ -279,14 +284,13 @@ class SurrogateContainer:
         >>> chaos.selected(times=[1]).mean.tolist()
         [[2.0]]
         """
-        wanted = {"output": outputs, "time": times}
-        whole = dict(zip(("output", "time"), self.labels.shape, strict=False))
-        rows = {
-            dim: list(one)
-            for dim, one in wanted.items()
-            if one is not None and list(one) != [*range(whole.get(dim, 0))]
-        }
-        return type(self).from_dataset(self._dataset(stated=False).isel(rows)) if rows else self
+        whole = dict(zip(self.labels.dims, self.labels.shape, strict=True))
+        wanted = {dim: list(one) for dim, one in (("output", outputs), ("time", times)) if one is not None}
+        for dim, one in wanted.items():
+            if not one or any(k not in range(whole.get(dim, 0)) for k in one):
+                raise StudyError(f"Numbers along {dim!r} are {one!r}; expected some from 0 to {whole.get(dim, 0) - 1}.")
+        fewer = {dim: one for dim, one in wanted.items() if one != [*range(whole[dim])]}
+        return type(self).from_dataset(self._dataset(stated=False).isel(fewer)) if fewer else self
 
     def reached(self) -> Self:
         """Return the surrogate at the times that all samples reach: itself, unless it is aligned.

@@ -49,7 +49,7 @@ class Element:
         """Coefficients by their names, each (P, ...)."""
         return {f.name: x for f in fields(self) if isinstance(x := getattr(self, f.name), np.ndarray)}
 
-    def among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
+    def _among(self, box: GermBox, terms: int, rows: Sequence[int]) -> Self:
         """Return it in another box with more terms, of which its own are some rows; coefficients of others are 0."""
         wide = {name: np.zeros((terms, *x.shape[1:]), np.result_type(x, float)) for name, x in self.arrays.items()}
         for name, x in self.arrays.items():
@@ -57,7 +57,7 @@ class Element:
         changes: dict[str, Any] = {"box": box, **wide}
         return replace(self, **changes)
 
-    def without(self, terms: Mask) -> Self:
+    def _without(self, terms: Mask) -> Self:
         """Return it with coefficients of some terms (P,) set to 0."""
         shape = {name: (-1, *(1,) * (x.ndim - 1)) for name, x in self.arrays.items()}
         fewer: dict[str, Any] = {name: x * ~terms.reshape(shape[name]) for name, x in self.arrays.items()}

@@ -117,10 +117,10 @@ class AlignedElement(Element):
         large = np.flatnonzero((np.abs(found) > NOISE * size).any(axis=(0, 1, 2)))
         return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
-    def without(self, terms: Mask) -> Self:
+    def _without(self, terms: Mask) -> Self:
         """Return it without some terms (P,); the last landmark stays: behind it nothing is known."""
         edges = np.append(self.edges[:, :-1] * ~terms[:, None], self.edges[:, -1:], axis=1)
-        return replace(super().without(terms), edges=edges)
+        return replace(super()._without(terms), edges=edges)
 
     @cached_property
     def table(self) -> SegmentTable:
