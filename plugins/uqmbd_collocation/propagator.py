@@ -172,18 +172,18 @@ class Collocation(uqmbd.extend.Propagator):
     name: ClassVar[str] = "collocation"
     order: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     index_set: Terms = "total"
-    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, above=True)] | Array | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, 10**6, above=True)] | Array | None = None
     method: Method = "projection"
     rule: str | None = None
     nodes: Annotated[tuple[int, ...], uqmbd.extend.Bounds(1, 10**6)] | Array | None = None
     level: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     samples: Annotated[int, uqmbd.extend.Bounds(2, 10**9)] | None = None
     adaptive: Adaptive = "no"
-    tolerance: Annotated[float, uqmbd.extend.Bounds(0, above=True)] = 1e-3
+    tolerance: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] = 1e-3
     max_realisations: Annotated[int, uqmbd.extend.Bounds(1, 10**9)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
-    threshold: float = 0.01
+    threshold: Annotated[float, uqmbd.extend.Bounds(0, 10**6)] = 0.01
     alignment: Literal["events", "phase", "two-frequency", "auto"] | tuple[Family, ...] | None = None
     clock: str | None = None
     expansion: Any = None

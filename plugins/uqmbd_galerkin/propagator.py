@@ -101,21 +101,21 @@ class Galerkin(uqmbd.extend.Propagator):
     name: ClassVar[str] = "galerkin"
     order: Annotated[int, uqmbd.extend.Bounds(0, 1000)] = 3
     index_set: Terms | None = None
-    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, above=True)] | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
     nodes: Annotated[tuple[int, ...], uqmbd.extend.Bounds(1, 10**6)] | None = None
     rule: str = "gauss"
     samples: Annotated[int, uqmbd.extend.Bounds(0, 10**9)] | None = None
     level: Annotated[int, uqmbd.extend.Bounds(0, 1000)] | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
-    threshold: float = 0.01
+    threshold: Annotated[float, uqmbd.extend.Bounds(0, 10**6)] = 0.01
     alignment: Literal["phase"] | None = None
     clock: str | None = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
     verify: Annotated[int, uqmbd.extend.Bounds(0, 10**9)] = 16
-    stop_at: Annotated[float, uqmbd.extend.Bounds(0, above=True)] | None = None
+    stop_at: Annotated[float, uqmbd.extend.Bounds(0, 10**6, above=True)] | None = None
     seed: Annotated[int, uqmbd.extend.Bounds(0)] = 0
 
     def __post_init__(self) -> None:

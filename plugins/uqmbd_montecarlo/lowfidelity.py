@@ -22,6 +22,9 @@ __all__ = ["LowFidelity", "PairedControl", "mismatch"]
 BLOCK = 2**18
 """Most further realisations whose inputs are held at once."""
 
+MOST = 10**9
+"""Largest cost, and number of realisations."""
+
 LEAST_FURTHER = 2
 """Smallest number of further realisations whose scatter can be estimated."""
 
@@ -79,46 +82,37 @@ class LowFidelity:
             raise uqmbd.StudyError(f"LowFidelity: study is {self.study!r}; expected a uqmbd.Study.")
         cost: Any = self.cost
         samples: Any = self.samples
-        if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < float(cost) < np.inf:
+        if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < cost <= MOST:
             raise uqmbd.StudyError(f"LowFidelity: cost is {cost!r}; expected a number above 0, e.g. 0.1.")
         object.__setattr__(self, "cost", float(cost))
         if samples is None:
             return
         if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1:
             raise uqmbd.StudyError(f"LowFidelity: samples is {samples!r}; expected a whole number, 1 or more, or None.")
+        if samples > MOST:
+            raise uqmbd.StudyError("LowFidelity: samples is more than 1e9; expected a whole number up to that.")
         object.__setattr__(self, "samples", int(samples))
 
     def __repr__(self) -> str:
         more = "" if self.samples is None else f", samples={self.samples}"
         return f"LowFidelity({self.study.name!r}, cost={self.cost:g}{more})"
 
-    def check_samples(self, samples: int) -> None:
-        """Raise a `uqmbd.StudyError` where its realisations are not more than the samples that it is to control.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If there are too few of them, or no whole number.
-        """
-        if self.samples is not None and self.samples < samples + LEAST_FURTHER:
-            raise uqmbd.StudyError(
-                f"MonteCarlo: samples is {samples}, and its control has samples={self.samples}; expected "
-                f"{samples + LEAST_FURTHER} or more of the control, which is computed at the samples and besides."
-            )
+def check_samples(control: LowFidelity, samples: int) -> None:
+    """Raise `uqmbd.StudyError` unless the control has more realisations than the samples that it controls."""
+    if control.samples is not None and control.samples < samples + LEAST_FURTHER:
+        raise uqmbd.StudyError(
+            f"MonteCarlo: samples is {samples}, and its control has samples={control.samples}; expected "
+            f"{samples + LEAST_FURTHER} or more of the control, which is computed at the samples and besides."
+        )
 
-    def further(self, samples: int, left: float) -> int:
-        """Return how many realisations are computed beside those at the samples.
 
-        Parameters
-        ----------
-        samples : int
-        left : float
-            Share of the variance that it leaves.
-        """
-        if self.samples is not None:
-            return self.samples - samples
-        count = round((optimum(left, self.cost) - 1.0) * samples)
-        return count if count >= LEAST_FURTHER else 0
+def further_realisations(control: LowFidelity, samples: int, left: float) -> int:
+    """Return how many realisations of the control are computed in addition; it leaves a share of the variance."""
+    if control.samples is not None:
+        return control.samples - samples
+    count = round((optimum(left, control.cost) - 1.0) * samples)
+    return count if count >= LEAST_FURTHER else 0
 
 
 def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, ...], times: Array) -> str | None:

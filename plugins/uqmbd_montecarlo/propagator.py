@@ -26,7 +26,13 @@ from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.controlledsums import ControlledSums
 from uqmbd_montecarlo.gain import of_study, of_surrogate
 from uqmbd_montecarlo.gathering import Gathered, gather
-from uqmbd_montecarlo.lowfidelity import LowFidelity, PairedControl, mismatch
+from uqmbd_montecarlo.lowfidelity import (
+    LowFidelity,
+    PairedControl,
+    check_samples,
+    further_realisations,
+    mismatch,
+)
 from uqmbd_montecarlo.pickfreeze import obstacle_of
 from uqmbd_montecarlo.replicates import (
     allowed_pairs,
@@ -161,7 +167,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
                 f"fitted to {FOLDS} parts of them."
             )
         if isinstance(self.control, LowFidelity):
-            self.control.check_samples(self.samples)
+            check_samples(self.control, self.samples)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
         """Count realisations, and the memory of the samples that are kept."""
@@ -266,7 +272,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             attrs = of_surrogate(statistics, surrogate)
         if sums is not None and paired is not None:
             left = sums.left()
-            if count := paired.control.further(self.samples, left):
+            if count := further_realisations(paired.control, self.samples, left):
                 # the samples are of the first child of this seed, and Sobol' indices of the second
                 seed = np.random.SeedSequence(self.seed, spawn_key=(2,))
                 statistics = sums.apply(statistics, paired.further(count, seed))

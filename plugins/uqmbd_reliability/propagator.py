@@ -195,6 +195,10 @@ class Reliability(uqmbd.extend.Propagator):
         super().__post_init__()
         if self.method == "subset" and not available():
             raise uqmbd.StudyError(f"Reliability: {MISSING}.")
+        if self.surrogate is not None and not isinstance(self.surrogate, uqmbd.extend.Propagator):
+            raise uqmbd.StudyError(
+                f"Reliability: surrogate is {self.surrogate!r:.80}; expected a method such as Collocation(order=3)."
+            )
         if self.surrogate is not None:
             gaussian_processes()
         if self.surrogate is not None and self.method != "auto":

@@ -97,8 +97,6 @@ EXAMPLES: dict[str, str] = {
 >>> mechanism.require("near", stone.position[0] <= 10)
 >>> study = uqmbd.Study("stone", mechanism, [0.0, 0.5])
 >>> low = LowFidelity(study, cost=0.1)
->>> low.check_samples(50)
->>> _ = low.further(50, 100.0)
 >>> _ = MonteCarlo(samples=8, seed=1)
 >>> _ = Collocation(order=1)
 >>> _ = Galerkin(order=1)

@@ -53,7 +53,7 @@ def test_numbers_beyond_those_of_64_bits_are_refused(wrong):
     for options in ({"tolerance": wrong}, {"weights": wrong}, {"weights": (1.0, wrong)}):
         with pytest.raises(uqmbd.StudyError, match=next(iter(options))) as caught:
             Collocation(**options)
-        assert "at most 1.79769e+308" in str(caught.value)
+        assert "at most 1e+06" in str(caught.value)
     assert MonteCarlo(seed=10**400).seed == 10**400
 
 

@@ -3,12 +3,13 @@
 One judgement of values by annotations, for arguments of functions and classes and for options of methods.
 """
 
-from uqmbd.arguments.annotations import Bounds, Count, OrNaN, Seed, Share, Size, bounded, each, members, several
-from uqmbd.arguments.expected import refusal
+from uqmbd.arguments.annotations import Axis, Bounds, Count, OrNaN, Seed, Share, Size, bounded, each, members, several
+from uqmbd.arguments.expected import refusal, shown
 from uqmbd.arguments.gate import typechecked
 from uqmbd.arguments.kinds import fits, is_one
 
 __all__ = [
+    "Axis",
     "Bounds",
     "Count",
     "OrNaN",
@@ -22,5 +23,6 @@ __all__ = [
     "members",
     "refusal",
     "several",
+    "shown",
     "typechecked",
 ]

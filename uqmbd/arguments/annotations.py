@@ -18,6 +18,7 @@ from uqmbd.errors import StudyError
 __all__ = [
     "LARGE",
     "MANY",
+    "Axis",
     "Bounds",
     "Count",
     "Numbers",
@@ -94,6 +95,9 @@ Seed: TypeAlias = Annotated[int, Bounds(0)]
 
 Count: TypeAlias = Annotated[int, Bounds(1, 10**9)]
 """How many samples: more do not fit into memory."""
+
+Axis: TypeAlias = Annotated[int, Bounds(-64, 63)]
+"""Of an array; NumPy allows at most 64 axes."""
 
 OrNaN: TypeAlias = Annotated[float, "or NaN"]
 """A number that may be unknown."""

@@ -88,6 +88,10 @@ def _of_function(function: Any, *, nan: bool) -> Any:
                     raise StudyError(f"{what}: {refusal(name, entry, declared)}")
         try:
             return function(*bind.args, **bind.kwargs)
+        except np.exceptions.AxisError as error:
+            if "axis" not in given:
+                raise
+            raise StudyError(f"{what}: axis is {given['axis']}; {error}.") from None
         except MemoryError:
             sizes = [f"{k} is {shown(x)}" for k, x in given.items() if isinstance(x, np.ndarray)]
             told = f" with what it is given: {'; '.join(sizes)}" if sizes else ""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.dynamics.drawn_pose import Move, apart, moved
 from uqmbd.mechanism import Controller, Mechanism, unit_findings
-from uqmbd.names import checked
 
 __all__ = ["Check", "check"]
 
@@ -79,7 +79,7 @@ class Check:
     units: tuple[str, ...] = ()
 
 
-@checked
+@typechecked
 def check(mechanism: Mechanism, time: float = 0.0) -> Check:
     """Assemble a mechanism at the means of its inputs, and count.
 

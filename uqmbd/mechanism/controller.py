@@ -15,6 +15,9 @@ from uqmbd.names import check_name, check_units, checked, did_you_mean
 from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 from uqmbd.units import without_quantities
 
+MANY = 1000
+"""Measured quantities, at most."""
+
 __all__ = ["Controller", "HeldStates", "HeldSymbol"]
 
 Number = Any
@@ -144,7 +147,8 @@ class Controller:
         where = self.where = f"Controller {name!r}"
         self.measured = _measured(where, measured)
         names = [commanded] if isinstance(commanded, str) else commanded
-        if not isinstance(names, (Mapping, Sequence)) or not names:
+        texts = isinstance(names, (Mapping, Sequence)) and all(isinstance(k, str) for k in names)
+        if not texts or not names:
             raise StudyError(
                 f"{where}: commanded is {shown(commanded)}; expected the names of its commands, e.g. ['torque'], or "
                 "a mapping from names to units, e.g. {'torque': 'N m'}."
@@ -250,7 +254,8 @@ def flatten_state(state: Any) -> list[Any]:
 
 
 def _measured(where: str, measured: Any) -> tuple[Any, ...]:
-    if isinstance(measured, str) or not (isinstance(measured, Sequence) or hasattr(measured, "tolist")):
+    array = hasattr(measured, "tolist") and 0 < getattr(measured, "ndim", 1) and len(measured) <= MANY
+    if isinstance(measured, str) or not (isinstance(measured, Sequence) or array):
         raise StudyError(
             f"{where}: measured is {shown(measured)}; expected a sequence of names of outputs, or of scalar "
             "expressions such as body.position[0]."
@@ -294,7 +299,7 @@ def _value(where: str, key: str, value: Any) -> sympy.Expr:
 
 def _pair(where: str) -> Callable[[str, Any], tuple[sympy.Expr, sympy.Expr]]:
     def checked_pair(key: str, value: Any) -> tuple[sympy.Expr, sympy.Expr]:
-        pair = list(value) if isinstance(value, (tuple, list)) or hasattr(value, "tolist") else []
+        pair = list(value) if isinstance(value, (tuple, list)) or getattr(value, "shape", None) == (2,) else []
         if len(pair) != 2:
             raise StudyError(f"{where}: {key} is {shown(value)}; expected a pair (smallest, largest), or None.")
         low, high = (

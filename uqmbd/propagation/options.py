@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -62,6 +62,8 @@ def _real(value: Any) -> float:
 
 def _some(times: Any, where: str) -> None:
     """Refuse arrays that are huge, and those with masked entries, whose values nobody means."""
+    if isinstance(times, Mapping):
+        raise StudyError(f"{where} are {times!r:.80}; expected a sequence of numbers in s, e.g. [0.4].")
     size = 0
     if getattr(times, "ndim", None) != 0:  # an array of no dimension has no length, also where its class has one
         size = times.size if isinstance(times, np.ndarray) else len(times) if isinstance(times, Sized) else 0
@@ -211,4 +213,6 @@ def check_folder(folder: Any, resume: Any, where: str) -> Path | None:
         return None
     if not isinstance(folder, (str, PathLike)):
         raise StudyError(f"{where}: folder is {folder!r}; expected a path, e.g. 'results'.")
+    if "\0" in str(folder):
+        raise StudyError(f"{where}: folder is {folder!r}; a path cannot contain a null character.")
     return Path(folder)

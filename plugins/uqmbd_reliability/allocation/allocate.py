@@ -363,7 +363,7 @@ def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any
     )
     for name, value, low, high in numbers:
         number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if not number or not low <= float(value) <= high:
+        if not number or not low <= value <= high:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a number from {low:g} to {high:g}.")
     for name, value, least in (("verify", verify, 100), ("seed", seed, 0)):
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)

@@ -91,7 +91,20 @@ class Local:
             raise AttributeError(f"nothing named {name!r} here{near} There are {there}") from None
 
     def state(self, name: str) -> sympy.Symbol:
-        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""
+        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well.
+
+        Parameters
+        ----------
+        name : str
+            Of the state, within the component.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the name is not a text.
+        """
+        if not isinstance(name, str):
+            raise StudyError(f"state: name is {name!r:.80}; expected a text.")
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
 
     def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:

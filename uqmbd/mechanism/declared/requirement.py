@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import sympy
 
 from uqmbd.arguments import typechecked
@@ -112,6 +113,8 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
 def _margin(where: str, relation: Any) -> sympy.Expr:
     """Return the difference of the sides of a relation, positive where it is satisfied."""
     expected = "expected a relation such as slider.position[0] <= 0.47 or uqmbd.eigenfrequency(1) >= 2"
+    if isinstance(relation, np.ndarray):
+        raise StudyError(f"{where}: the relation is {shown(relation)}; {expected}.")
     if relation in (True, False, sympy.true, sympy.false):
         always = "always" if relation in (True, sympy.true) else "never"
         raise StudyError(f"{where}: the relation is {always} satisfied, whatever the mechanism does; {expected}.")

@@ -348,6 +348,10 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
     )
 
 
+MOST_MODES = 10**6
+"""More modes no mechanism has that can be assembled."""
+
+
 def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
     count = _number(function, number, at)
     pose = "" if at == "equilibrium" else f", {at}"
@@ -360,7 +364,7 @@ def _number(function: str, number: Any, at: Any) -> int:
         count = operator.index(number)
     except TypeError:
         count = 0
-    if isinstance(number, bool) or count < 1:
+    if isinstance(number, bool) or not 1 <= count <= MOST_MODES:
         raise StudyError(
             f"{function}: the number of the mode is {shown(number)}; expected 1 for the lowest frequency above zero, "
             "2 for the next, ..."

@@ -16,6 +16,9 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 
 FINEST, COARSEST = 1e-9, 1.0
 
+MOST = 10**18
+"""Realisations of a budget, at most."""
+
 MOST_ALLOWED = 0.5
 """A requirement that may be violated more often than not is one that was turned round."""
 
@@ -45,7 +48,7 @@ def budget_of(given: object, name: str = "budget") -> Amount | None:
     """
     if given is None:
         return None
-    if not isinstance(given, bool) and isinstance(given, Integral) and int(given) > 0:
+    if not isinstance(given, bool) and isinstance(given, Integral) and 0 < given <= MOST:
         return Amount(realisations=int(given))
     if isinstance(given, str) and (found := re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", given)):
         try:
@@ -103,7 +106,7 @@ def allowed_of(given: object, name: str = "allowed") -> float | None:
 def _share(given: object) -> float:
     """Return a number or a percentage as a share; NaN: it is neither."""
     if not isinstance(given, bool) and isinstance(given, Real):
-        return float(given)
+        return float(given) if abs(given) <= MOST else math.nan
     if not isinstance(given, str):
         return math.nan
     text = given.strip()

@@ -14,6 +14,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
+from uqmbd.arguments import shown
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
 from uqmbd.propagation.execution.parent import end_with_parent
@@ -198,14 +199,20 @@ def _hired() -> tuple[ProcessPoolExecutor, Any]:
     return ProcessPoolExecutor(1, mp_context=context, initializer=_start, initargs=start), started
 
 
+MOST_WORKERS = 10_000
+"""More processes no computer starts."""
+
+
 def _count(workers: object) -> int:
     try:
         count = operator.index(workers)  # type: ignore[arg-type]  # that is the question
     except TypeError:
         count = 0
-    if count < 1 or isinstance(workers, bool):
+    if not 1 <= count <= MOST_WORKERS or isinstance(workers, bool):
+        most = f"; at most {MOST_WORKERS} processes" if count > MOST_WORKERS else ""
         raise StudyError(
-            f"workers is {workers!r}; expected a number of workers, 1 or more, or a concurrent.futures.Executor."
+            f"workers is {shown(workers)}; expected a number of workers, 1 or more, or a "
+            f"concurrent.futures.Executor{most}."
         )
     return count
 

@@ -192,7 +192,8 @@ def check_propagators(propagators: Any, where: str) -> tuple[Propagator, ...]:
 
 def labelled(propagators: Sequence[Propagator], only: Any, where: str) -> tuple[Propagator, ...]:
     """Return the propagators of some labels, or say which of them there are."""
-    wanted = [only] if isinstance(only, str) else list(only) if isinstance(only, Iterable) else []
+    several = isinstance(only, Iterable) and not hasattr(only, "dtype")
+    wanted = [only] if isinstance(only, str) else list(only) if several else []
     if not wanted or not all(isinstance(label, str) for label in wanted):
         raise StudyError(
             f"{where}: only is {only!r}; expected labels of its propagators: "

@@ -443,6 +443,8 @@ class Study:
                 f"study {self.name!r} has no propagators; give it some, "
                 "as in propagators=[MonteCarlo(samples=500, seed=1)]."
             )
+        if finished is not None and not callable(finished):
+            raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
         terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)

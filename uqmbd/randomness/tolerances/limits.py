@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Bounds, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import checked
 
@@ -173,8 +173,8 @@ def stated_tolerance(distribution: Any) -> Toleranced | None:
 
 def require_number(where: str, name: str, value: Any) -> float:
     """Return a finite number as float; raise StudyError for anything else."""
-    if not isinstance(value, (int, float, np.number)) or isinstance(value, bool) or not math.isfinite(value):
-        raise StudyError(f"{where}: {name} is {value!r}; expected a finite number.")
+    if not fits(value, Annotated[float, Bounds(-math.inf)]):
+        raise StudyError(f"{where}: {name} is {shown(value)}; expected a finite number.")
     return float(value)
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.arguments import typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.requirements.dataset import requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson, of_replicates
 from uqmbd.typing import Array, Index, Mask
@@ -66,7 +67,17 @@ class Violations:
         -------
         Violations
             Where there are several requirements, with a row for any of them.
+
+        Raises
+        ------
+        StudyError
+            If there is not one truth value for each realisation.
         """
+        if running.ndim != 3 or failed.shape != running.shape[:1] or failed.dtype != bool:
+            raise StudyError(
+                f"Violations.of: running has the shape {running.shape}, failed {failed.shape} of {failed.dtype}; "
+                "expected (K, requirement, T) and (K,) of truth values."
+            )
         return cls(events(running[~failed]).sum(axis=0), len(running), int(np.count_nonzero(failed)))
 
     def __add__(self, other: Violations) -> Violations:
@@ -98,7 +109,17 @@ class Violations:
             With ``violations (requirement)``, and the attributes ``realisations`` and ``failed``.  Intervals are those
             of Clopper and Pearson, or of the spread over replicates; the lower end is that as if what failed were safe,
             the upper one as if it were not.
+
+        Raises
+        ------
+        StudyError
+            If there are no counts, or not at the given times.
         """
+        if not replicates or np.shape(times) != replicates[0].by_time.shape[1:]:
+            raise StudyError(
+                f"Violations.dataset: {len(replicates)} replicates and times of the shape {np.shape(times)}; expected "
+                "1 replicate or more, and a time for each column of their counts."
+            )
         whole = replicates[0]
         for one in replicates[1:]:
             whole = whole + one

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.arguments import Share, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
 __all__ = ["LEVEL", "clopper_pearson", "of_replicates"]
@@ -35,6 +36,11 @@ def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: Share = LEVEL) ->
     -------
     lower, upper : array
 
+    Raises
+    ------
+    StudyError
+        If the numbers are negative, or more than there are trials.
+
     References
     ----------
     .. [1] C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404-413.
@@ -47,7 +53,15 @@ def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: Share = LEVEL) ->
     """
     from scipy.special import betaincinv
 
-    k, n = np.broadcast_arrays(np.asarray(happened, dtype=float), np.asarray(of, dtype=float))
+    try:
+        k, n = np.broadcast_arrays(np.asarray(happened, dtype=float), np.asarray(of, dtype=float))
+    except ValueError:
+        raise StudyError(
+            f"clopper_pearson: happened has the shape {np.shape(happened)}, of {np.shape(of)}; expected equal shapes, "
+            "or one number of trials."
+        ) from None
+    if not ((k >= 0) & (k <= n) & (n < np.inf)).all():
+        raise StudyError("clopper_pearson: happened and of hold other numbers than 0 <= happened <= of < inf.")
     # one end: all of the confidence is its own
     tail = np.where((k == 0) | (k == n), 1 - level, (1 - level) / 2)
     with np.errstate(invalid="ignore"):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import OrNaN, typechecked
+from uqmbd.arguments import OrNaN, Seed, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
@@ -36,10 +36,10 @@ def propagator_node(
     samples: xr.Dataset | None = None,
     *,
     propagator: str,
-    realisations: int,
+    realisations: Size,
     wall_time: OrNaN,
-    failures: int | None = None,
-    seed: int | None = None,
+    failures: Size | None = None,
+    seed: Seed | None = None,
     options: Mapping[str, Any] | None = None,
     solver_counters: Mapping[str, Any] | None = None,
     children: Mapping[str, xr.Dataset] | None = None,

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Axis, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -36,7 +36,7 @@ BLOCK_NUMBERS = 1_000_000
 
 
 @typechecked
-def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+def circular_mean(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     """Return the direction of the mean of the unit vectors of angles.
 
     Parameters
@@ -74,7 +74,7 @@ def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = 
 
 
 @typechecked
-def circular_std(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+def circular_std(angles: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     r"""Return the circular standard deviation :math:`\sqrt{-2 \ln R}`, with the mean resultant length R.
 
     Of a normal angle wrapped around the circle it is the standard deviation of the normal, however wide that is.
@@ -145,7 +145,7 @@ def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tupl
 
 
 @typechecked
-def unwrap_samples(angles: ArrayLike, axis: int = -1) -> Array:
+def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
     """Make the angles of samples continuous in time, and bring the samples near one another at the first time.
 
     Each sample loses its jumps of a full turn along `axis`; then whole turns are added to it, so that its first angle
@@ -177,7 +177,7 @@ def unwrap_samples(angles: ArrayLike, axis: int = -1) -> Array:
     [[179.0, 181.0, 183.0], [181.0, 183.0, 185.0]]
     """
     given = np.asarray(angles, dtype=float)
-    if given.ndim < 2 or axis in (0, -given.ndim):
+    if given.ndim < 2 or axis in (0, -given.ndim) or not given.shape[axis]:
         raise StudyError(
             f"Samples must lie along the first axis and times along another; shape {given.shape} with the times along "
             f"axis {axis} was given."

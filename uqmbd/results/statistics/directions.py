@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Axis, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.statistics.circular import ROUNDING, weighted_mean
 from uqmbd.typing import Array
@@ -18,7 +18,7 @@ __all__ = ["mean_direction", "mean_rotation", "rotation_std"]
 
 
 @typechecked
-def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
+def mean_direction(vectors: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
     """Return the mean direction of vectors, and the mean resultant length.
 
     Parameters
@@ -59,7 +59,7 @@ def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None 
 
 
 @typechecked
-def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+def mean_rotation(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     """Return the mean of rotations: the quaternion with the least mean square (chordal) distance from all of them.
 
     It is the eigenvector of the largest eigenvalue of the mean of ``q q^T`` [1]_, to which q and -q, the same rotation,
@@ -107,7 +107,7 @@ def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | No
 
 
 @typechecked
-def rotation_std(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+def rotation_std(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     """Return the root mean square of the angles between rotations and their mean.
 
     Parameters

@@ -9,6 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, typechecked
+from uqmbd.errors import StudyError
+from uqmbd.names import did_you_mean
 from uqmbd.results.statistics.scaling import over_time
 from uqmbd.typing import Array
 
@@ -82,6 +84,11 @@ def varies(node: xr.DataTree, output: str) -> bool:
     output : str
         Its name.
 
+    Raises
+    ------
+    StudyError
+        If there is no such output.
+
     Examples
     --------
     >>> import numpy as np
@@ -95,7 +102,11 @@ def varies(node: xr.DataTree, output: str) -> bool:
     False
     """
     statistics = node.children["statistics"].to_dataset()
-    return bool(varying(statistics, rtol_of(node))[[str(n) for n in statistics["output"].values].index(output)])
+    names = [str(n) for n in statistics["output"].values]
+    if output not in names:
+        near = did_you_mean(output, names) or "."
+        raise StudyError(f"varies: there is no output {output!r}{near} There are: {', '.join(names)}.")
+    return bool(varying(statistics, rtol_of(node))[names.index(output)])
 
 
 def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Count, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.packages import require_package
@@ -241,7 +241,7 @@ class SampleStore:
         return True
 
     @staticmethod
-    def write(path: str | os.PathLike[str], samples: xr.Dataset, size: int = 512) -> SampleStore:
+    def write(path: str | os.PathLike[str], samples: xr.Dataset, size: Count = 512) -> SampleStore:
         """Write the dataset ``samples`` of a method as a store; it is there as a whole or not at all.
 
         Parameters
