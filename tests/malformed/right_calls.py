@@ -35,6 +35,7 @@ EXAMPLES: dict[str, str] = {
 >>> _ = checked.verification_error("x", 0.5)
 >>> _ = checked.verification_factor(), checked.verification_rms(), checked.verification_std()
 >>> _ = checked.horizon(0.01)
+>>> _ = chaos.selected([0], times=[1])
 >>> _ = checked.evaluate_germs([[0.5]])
 """,
     "statistics": """
@@ -55,7 +56,13 @@ EXAMPLES: dict[str, str] = {
 >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
 >>> box = uqmbd.extend.GermBox.whole(space)
 >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])
->>> _ = extend.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
+>>> element = extend.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
+>>> _ = element.without(np.array([False, True])), element.among(box, 3, [0, 1])
+>>> one = extend.AlignedElement.through(
+...     extend.GermBox.whole(box.local), ("",), np.array([[0.0, 1.0]]), np.zeros((1, 1, 1, 3)), "time"
+... )
+>>> aligned = results.AlignedChaos((one,), np.array([[0]]), extend.labels(["x"], ["speed"], [0.5]))
+>>> _ = results.AlignedChaos.joined([aligned], [box])
 >>> _ = uqmbd.extend.GermBox(space, (0.0,), (1.0,))
 >>> _ = box.contains([[0.5]])
 >>> _ = box.divisible(0)

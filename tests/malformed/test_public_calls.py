@@ -86,12 +86,22 @@ def _mechanism():
     return mechanism
 
 
+def _chaos():
+    axes = extend.labels(["x"], ["speed"], [0.0])
+    return results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], _space(), axes)
+
+
 AXES = extend.labels(["x"], [], [0.0])
 
 CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a number for nodes": (lambda: results.align(5), "nodes is 5; expected a mapping from texts to"),
     "a mapping for a tree": (lambda: results.validate({}), "tree is .*; expected an xarray.DataTree"),
     "a number for names": (lambda: extend.labels(5, [], [0.0]), "outputs is 5; expected a sequence"),
+    "a negative seed": (lambda: _chaos().sample(3, -1), "seed is -1; expected a whole number, 0 or more"),
+    "too many samples": (lambda: _chaos().sample(10**400, 1), "count is .*; at most 1e"),
+    "a text for inputs": (lambda: _chaos().evaluate("2"), "inputs.*non-numeric"),
+    "rows of two lengths": (lambda: _chaos().evaluate([[1.0], [1.0, 2.0]]), "inputs.*non-numeric"),
+    "ten to the 400th": (lambda: _chaos().evaluate(10**400), "inputs.*non-numeric"),
     "a masked array": (lambda: results.circular_mean(HOSTILE["masked"]), "masked values, the first at index"),
     "a path with a null": (lambda: results.load("a\0b"), "path is"),
     "a broken status": (

@@ -10,6 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies.inertia import inertia_entries, mass_number
 from uqmbd.mechanism.expressions import as_symbolic, flatten, numbers, shown
@@ -27,6 +28,7 @@ VARYING = {
 }
 
 
+@typechecked
 @checked
 def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     r"""Make the inertia of a body random, so that every value is that of a distribution of mass.
@@ -139,6 +141,7 @@ class MassProperties:
     inertia: Any
 
 
+@typechecked
 @checked
 def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float, name: str = "body") -> MassProperties:
     r"""Make mass, centre of mass and inertia of a body random together, so that every value is that of a body.

@@ -7,12 +7,14 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.mechanism.components.component import Auxiliary, Local
 from uqmbd.mechanism.geometry import Frame, continued, relative_quaternion
 
 __all__ = ["counted_angle", "half_angle"]
 
 
+@typechecked
 def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any]) -> tuple[Any, Any]:
     """Cosine and sine of half the angle by which body j has turned relative to body i since it was drawn.
 

@@ -52,6 +52,7 @@ class NodeFit:
     warning: str = ""
 
 
+@typechecked
 def fit_nodes(
     label: str, response: Array, good: Mask, reason: str, psi: Array, multi_index: Index, weights: Array | None
 ) -> NodeFit:

@@ -196,6 +196,7 @@ def monte_carlo_rule(space: GermSpace, count: Count, seed: Seed, sequence: str =
     return Quadrature(space.from_uniform(uniform), weights, 0, f"{count} samples, {sequence}")
 
 
+@typechecked
 def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike) -> float:
     """Return the largest error of a rule for products of all pairs of a basis.
 

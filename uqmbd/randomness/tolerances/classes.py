@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import checked, did_you_mean
 from uqmbd.randomness.tolerances.limits import made, require_number
@@ -119,6 +120,7 @@ CORRECTED = range(3, 9)
 """Grades for which the standard tabulates the correction of holes: IT3 to IT8."""
 
 
+@typechecked
 @checked
 def iso286(
     nominal: float, tolerance_class: str, cpk: float = 1.33, units: str = "mm", inspected: bool = False

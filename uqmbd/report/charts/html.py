@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts.checks import checked_chart
 from uqmbd.report.charts.model import Chart, Curve, Views
@@ -54,6 +55,7 @@ def still_html(shown: Shown, alt: str, caption: str) -> str:
     return image_html({"source": source, "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(shown)))
 
 
+@typechecked
 def chart_figure(*charts: Chart) -> Figure:
     """Draw charts as a figure: what `charts_html` shows on a page, for files and papers.
 
@@ -85,6 +87,7 @@ def chart_figure(*charts: Chart) -> Figure:
     return paper(found[0] if len(found) == 1 else Views(found))
 
 
+@typechecked
 def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str = "Chart") -> str:
     """Return charts of which one is seen at a time, for a section of the report, as HTML.
 
@@ -128,6 +131,7 @@ def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str 
     return image_html({"source": "", "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(views)))
 
 
+@typechecked
 def chart_html(
     name: str, times: ArrayLike, curves: Sequence[Curve], alt: str, caption: str, *, units: str = "1"
 ) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Count, typechecked
 from uqmbd.report.drawing.scales import plain_formatter
 from uqmbd.wording import typeset_units
 
@@ -115,7 +115,7 @@ def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mappin
 
 
 @typechecked
-def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:
+def axes_grid(count: Count, height: float, columns: Count = 2) -> tuple[Figure, list[Axes]]:
     """Return a figure of the width of the report with axes in rows; `arrange` places them at the end.
 
     Parameters
@@ -170,7 +170,7 @@ def _dress(axes: Axes) -> None:
 def arrange(
     figure: Figure,
     grid: Sequence[Axes],
-    columns: int = 1,
+    columns: Count = 1,
     *,
     legend: Mapping[str, Any] | None = None,
     right: float = _RIGHT,
@@ -377,7 +377,7 @@ def with_units(name: str, units: str) -> str:
 
 
 @typechecked
-def wrapped(text: str, width: int) -> str:
+def wrapped(text: str, width: Count) -> str:
     r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
 
     Parameters

@@ -11,7 +11,7 @@ import tempfile
 import time as clock
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -48,6 +48,10 @@ BUDGET = 4.0
 """Seconds that a run may spend on realisations that are for the picture only."""
 STORED = 4_000_000
 """Numbers of poses that are stored with results."""
+
+
+Width: TypeAlias = Annotated[float, Bounds(1, 100)]
+"""Of a picture, in."""
 
 
 @typechecked
@@ -132,7 +136,7 @@ def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np
 
 
 @typechecked
-def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | None = None, width: float = 6.4) -> Path:
+def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | None = None, width: Width = 6.4) -> Path:
     """Write an animation.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import Literal
 
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
@@ -168,6 +169,7 @@ class Assessment:
         return tuple(sorted(found, key=lambda one: self.order.index(one.method)))
 
 
+@typechecked
 def assess(tree: xr.DataTree) -> Assessment:
     """Assess the result of a study: errors, agreement of methods, reliability of each output, recommendation.
 

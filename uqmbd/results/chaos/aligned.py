@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.sampling import spread_germs
 from uqmbd.results.chaos.segments import AlignedElement, Segmented
@@ -26,6 +27,7 @@ ROUNDING = 1e-12
 """Part of the times by which the last landmark of a sample may miss the last of them."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class AlignedChaos(Surrogate):
     """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.

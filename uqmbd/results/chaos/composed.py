@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.discontinuity import Discontinuity
@@ -76,6 +77,7 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
 """How the surrogate of a dataset is made, by the name of the dataset in a node."""
 
 
+@typechecked
 def stored_as(chaos: Part) -> str:
     """Return the name of the dataset that a surrogate is stored in.
 
@@ -103,6 +105,7 @@ def stored_as(chaos: Part) -> str:
     return chaos.readout.name
 
 
+@typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class ComposedChaos(Surrogate):
     """Outputs, each from a surrogate of its own kind.

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import (
     BOUNDS,
@@ -48,6 +49,7 @@ ROUNDING = 1e-6
 """By how much a germ may be outside its support, which rounding of inputs far from zero makes it."""
 
 
+@typechecked
 class SurrogateContainer:
     """Elements with coefficients, and a readout: what a surrogate evaluates, its moments, and how it is stored."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -20,6 +21,7 @@ _WORST_OF_NODES = 1e4
 """Condition number of the basis at the nodes that are left of a quadrature beyond which they do not determine it."""
 
 
+@typechecked
 def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
     """Project realisations at the nodes of a quadrature onto an orthonormal basis (pseudo-spectral projection).
 
@@ -95,6 +97,7 @@ class LeastSquares:
     condition: float
 
 
+@typechecked
 def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
     r"""Fit a basis to realisations by ordinary least squares.
 
@@ -190,6 +193,7 @@ class NodeRegression:
     multi_index: NDArray[np.int64]
 
 
+@typechecked
 def regress_on_nodes(
     response: ArrayLike, psi: ArrayLike, multi_index: ArrayLike, weights: ArrayLike | None = None
 ) -> NodeRegression | None:

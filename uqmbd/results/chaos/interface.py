@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, overload
+from typing import Annotated, Any, ClassVar, overload
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import Bounds, Count, Seed, typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.container import SurrogateContainer
@@ -28,7 +29,14 @@ from uqmbd.results.chaos.stated_error import (
     weighted_std,
 )
 from uqmbd.results.chaos.surrogate_moments import FEWER
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, output_index, reasons_where_missing, time_index, united
+from uqmbd.results.schema import (
+    DEFAULT_PROBABILITIES,
+    output_index,
+    real_numbers,
+    reasons_where_missing,
+    time_index,
+    united,
+)
 from uqmbd.results.statistics import circular_of_blocks
 from uqmbd.typing import Array
 
@@ -38,6 +46,7 @@ SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
 
 
+@typechecked
 class Surrogate(SurrogateContainer):
     """Outputs as functions of the inputs that are cheap to evaluate, with their statistics and stated errors.
 
@@ -170,10 +179,10 @@ class Surrogate(SurrogateContainer):
         """Evaluate a function of points (K, d) at inputs, with labels where they have some."""
         points = points_of(inputs, values, self.labels.inputs)
         if points is None:
-            return of(np.asarray(inputs, dtype=float))
+            return of(real_numbers("inputs", inputs))
         return labelled_array(of(points.values), points, self.labels, about)
 
-    def sample(self, count: int, seed: int) -> tuple[Array, Array]:
+    def sample(self, count: Annotated[int, Bounds(0, 10**9)], seed: Seed) -> tuple[Array, Array]:
         """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T).
 
         Parameters
@@ -207,7 +216,7 @@ class Surrogate(SurrogateContainer):
         return np.asarray(self.space.to_inputs(germs), dtype=float), self.evaluate_germs(germs)
 
     def quantiles(
-        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: Count = SAMPLES, seed: Seed = 0
     ) -> Array:
         """Return quantiles (N, O, T) of samples of the surrogate.
 
@@ -248,7 +257,7 @@ class Surrogate(SurrogateContainer):
         found = quantiles_of_rows(drawn, len(germs), columns, probabilities, along=single)
         return found.reshape(len(found), *self.labels.shape)
 
-    def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
+    def circular(self, *, samples: Count = SAMPLES, seed: Seed = 0) -> dict[str, Array]:
         """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples.
 
         NaN for other outputs; nothing where no output is an angle. The samples are those of :meth:`quantiles`.
@@ -289,7 +298,7 @@ class Surrogate(SurrogateContainer):
         return circular_of_blocks(self.labels.shape, len(germs), self.labels.turns, values)
 
     def density(
-        self, values: ArrayLike, output: str, time: float | None = None, *, samples: int = SAMPLES, seed: int = 0
+        self, values: ArrayLike, output: str, time: float | None = None, *, samples: Count = SAMPLES, seed: Seed = 0
     ) -> Array:
         """Estimate the probability density of an output at one time, by Gaussian kernels over surrogate samples.
 
@@ -333,7 +342,7 @@ class Surrogate(SurrogateContainer):
         return kernel_density(drawn.columns(slice(column, column + 1))[:, 0], values)
 
     def statistics(
-        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = FEWER, seed: int = 0
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: Count = FEWER, seed: Seed = 0
     ) -> xr.Dataset:
         """Build the dataset `statistics` of a propagator's node.
 
@@ -392,7 +401,11 @@ class Surrogate(SurrogateContainer):
         return {}
 
     def to_xarray(
-        self, *, samples: int = 0, seed: int = 0, probabilities: Sequence[float] = DEFAULT_PROBABILITIES
+        self,
+        *,
+        samples: Annotated[int, Bounds(0, 10**9)] = 0,
+        seed: Seed = 0,
+        probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
     ) -> xr.Dataset:
         """Return what is known of the outputs as labelled data.
 
@@ -433,7 +446,7 @@ class Surrogate(SurrogateContainer):
         }
         return united(found.assign(drawn).assign_coords(self.labels.input_coords()))
 
-    def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
+    def verdicts(self, tolerance: Annotated[float, Bounds(0)] = 0.01) -> tuple[str, ...]:
         """Say for each output, in a sentence, how far the surrogate can be trusted.
 
         By the stated error where there is verification data; what looks like a discontinuity is named. Else by the
@@ -573,7 +586,7 @@ class Surrogate(SurrogateContainer):
         _, response, weights = self._verified
         return weighted_std(response, weights)
 
-    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
+    def horizon(self, limit: Annotated[float, Bounds(0)] = 0.01) -> dict[str, float | None]:
         """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none.
 
         Raises

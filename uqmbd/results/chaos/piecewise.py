@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import (
     BOUNDS,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["PiecewiseChaos"]
 
 
+@typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class PiecewiseChaos(Surrogate):
     """Outputs as a polynomial chaos in each of the boxes (elements) that the germ space is split into.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import checked_weights, degrees, read_surrogate, verification_of
 from uqmbd.results.chaos.container import frozen
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["PolynomialChaos"]
 
 
+@typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialChaos(Surrogate):
     r"""Outputs as a sum of orthonormal polynomials of standard random variables (germs), one sum per output and time.

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.compiled import wave_values
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["QuasiPeriodicChaos", "QuasiPeriodicElement"]
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class QuasiPeriodicElement(Element):
     """Part of the germ space in which motions are sums of the same harmonics.
@@ -155,6 +157,7 @@ class Harmonic(OverTime):
         return cls(data["harmonics"].transpose("harmonic", "base").values, float(data["origin"])), tuple(elements)
 
 
+@typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class QuasiPeriodicChaos(Surrogate):
     """Outputs as sums of harmonics of one or two frequencies, whose frequencies and amplitudes are polynomials.

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.arguments import typechecked
 from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
@@ -36,6 +37,7 @@ Landmarks = Literal["events", "phase", "time"]
 """What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
 
 
+@typechecked
 @dataclass(frozen=True, eq=False)
 class AlignedElement(Element):
     """Where all realisations have the same sequence of landmarks.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 from uqmbd.results.chaos.stated_error import weighted_std
@@ -48,6 +49,7 @@ class StoredSurrogate(NamedTuple):
         return self.data.sizes.get("element", 0) > (0 if self.kind == "chaos" else 1)
 
 
+@typechecked
 def surrogate(
     node: xr.DataTree | xr.DataArray, output: str | None = None, times: Sequence[int] | None = None
 ) -> Part | ComposedChaos:
