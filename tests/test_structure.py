@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6250,
     "uqmbd.randomness": 5150,
     "uqmbd.report": 7270,
-    "uqmbd.results": 8498,
+    "uqmbd.results": 8509,
     "uqmbd.testing": 1860,
     "uqmbd.units": 290,
     "uqmbd_calibration": 3080,

@@ -82,14 +82,14 @@ class LowFidelity:
             raise uqmbd.StudyError(f"LowFidelity: study is {self.study!r}; expected a uqmbd.Study.")
         cost: Any = self.cost
         samples: Any = self.samples
-        if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < cost <= MOST:
+        if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < self.cost <= MOST:
             raise uqmbd.StudyError(f"LowFidelity: cost is {cost!r}; expected a number above 0, e.g. 0.1.")
         object.__setattr__(self, "cost", float(cost))
         if samples is None:
             return
         if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1:
             raise uqmbd.StudyError(f"LowFidelity: samples is {samples!r}; expected a whole number, 1 or more, or None.")
-        if samples > MOST:
+        if int(samples) > MOST:
             raise uqmbd.StudyError("LowFidelity: samples is more than 1e9; expected a whole number up to that.")
         object.__setattr__(self, "samples", int(samples))
 

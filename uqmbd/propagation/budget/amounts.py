@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 from numbers import Integral, Real
+from typing import Any
 
 from uqmbd.errors import StudyError
 from uqmbd.wording import format_duration
@@ -48,7 +49,7 @@ def budget_of(given: object, name: str = "budget") -> Amount | None:
     """
     if given is None:
         return None
-    if not isinstance(given, bool) and isinstance(given, Integral) and 0 < given <= MOST:
+    if not isinstance(given, bool) and isinstance(given, Integral) and 0 < int(given) <= MOST:
         return Amount(realisations=int(given))
     if isinstance(given, str) and (found := re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", given)):
         try:
@@ -106,7 +107,8 @@ def allowed_of(given: object, name: str = "allowed") -> float | None:
 def _share(given: object) -> float:
     """Return a number or a percentage as a share; NaN: it is neither."""
     if not isinstance(given, bool) and isinstance(given, Real):
-        return float(given) if abs(given) <= MOST else math.nan
+        number: Any = given  # of any kind: float() refuses large whole numbers
+        return float(given) if abs(number) <= MOST else math.nan
     if not isinstance(given, str):
         return math.nan
     text = given.strip()
