@@ -33,7 +33,9 @@ LEFT_OUT = {
     **dict.fromkeys(("Ensemble", "Projection", "PhaseMotion"), STEPS),
     **dict.fromkeys(("Planar", "Spatial", "Space", "_Turnless"), SPACE),
     **dict.fromkeys(("NamedFrame", "Local", "JointAngle"), MADE),
-    **dict.fromkeys(("ElementRefinement", "Margins", "MechanismTerms", "Problem", "Realisations", "Reduced"), MADE),
+    **dict.fromkeys(
+        ("ElementRefinement", "Margins", "MechanismTerms", "Problem", "ProblemData", "Realisations", "Reduced"), MADE
+    ),
     **dict.fromkeys(("Reductions", "Allocation", "Calibration"), MADE),
     **dict.fromkeys(("Propagator", "MonteCarlo", "Collocation", "Galerkin", "Reliability", "Calibrated"), HOOK),
     "SurrogateContainer": "methods of collocation join and select; values are held by the tests of the container",
