@@ -38,7 +38,6 @@ LEFT_OUT = {
     ),
     **dict.fromkeys(("Reductions", "Allocation", "Calibration"), MADE),
     **dict.fromkeys(("Propagator", "MonteCarlo", "Collocation", "Galerkin", "Reliability", "Calibrated"), HOOK),
-    "SurrogateContainer": "methods of collocation join and select; values are held by the tests of the container",
     "Accessor": "xarray makes it, of its own data",
     **dict.fromkeys(("Symbolic", "step"), SYMPY),
     "SampleStore": FILES,
