@@ -2,7 +2,7 @@
 
 Own code, because two libraries were measured and differ from these rules for 40 of 546 pairs of an annotation and a
 value each.  typeguard 4.6.1 takes True for an integer, NaN for a number, and texts for sequences and arrays;
-beartype 0.23.1 refuses 0 for a number and takes texts for sequences and arrays.  Both judge arrays by class or kind only
+beartype 0.23.1 refuses 0 for a number and takes texts for sequences and arrays.  Both judge arrays by kind only
 and miss masks.  Their hooks would need every rule on numbers, sequences and arrays that is below.
 """
 
