@@ -36,8 +36,6 @@ ALLOWED: dict[str, str] = {
 
 NOT_YET = (
     "docs/",
-    "uqmbd/report/",
-    "uqmbd/results/",
     "uqmbd/propagation/",
     "uqmbd/progress/",
 )

@@ -174,7 +174,7 @@ def _built_in(
 
 
 def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, str]:
-    """Make a section of a plugin; whatever goes wrong in it is told by its name, and costs nothing else."""
+    """Make a section of a plugin; if it fails, a warning names it, and the other sections are unaffected."""
     from markupsafe import Markup
 
     kind = type(section)

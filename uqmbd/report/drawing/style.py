@@ -48,7 +48,7 @@ __all__ = [
 
 @functools.cache
 def arranged_layout() -> Any:
-    """Return the class of the constrained layout of these figures, by which they are told from others."""
+    """Return the class of the constrained layout of these figures, which distinguishes them from other figures."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     class ArrangedLayout(ConstrainedLayoutEngine):

@@ -316,7 +316,7 @@ def verification(results: Results, *, limit: Annotated[float, Bounds(0)] = EXACT
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
     The error at realisations that did not enter the surrogate, relative to the standard deviation, for each output. A
-    dot marks its horizon, where the error passes the limit for the first time; the legend tells when.
+    dot marks its horizon, where the error passes the limit for the first time; the legend states when.
 
     Parameters
     ----------

@@ -165,7 +165,7 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     -------
     matplotlib.figure.Figure
         Axes: against realisations, and against wall time, both logarithmic. Grey lines are the errors that the
-        reference states of itself, where it does: below them nothing can be told.
+        reference states of itself, where it does: smaller errors cannot be measured.
 
     Raises
     ------

@@ -4,7 +4,7 @@ import { startCharts } from "./charts.js";
 import { followNotebook } from "./theme.js";
 import { ownTime } from "./time_bus.js";
 
-/** Make the output with this mark alive; one that is shown twice is told apart by what has begun already. */
+/** Make the output with this mark alive; of one that is shown twice, the part that has not begun. */
 export function startCell(mark, style) {
   const places = document.querySelectorAll(`.uqmbd-cell[data-mark="${mark}"]`);
   const place = Array.from(places).find((one) => one.shadowRoot === null);

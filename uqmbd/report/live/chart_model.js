@@ -30,7 +30,7 @@ const OVER_TIME = { name: "time", units: "s", told: "s", linked: true };
 
 /**
  * Unpack the data of a chart. `time` are the places along its horizontal axis, which is the time of the page unless the
- * data say what it is (`across`), and `whole` its ends; `at` is what is told of them: on a logarithmic axis places are
+ * data say what it is (`across`), and `whole` its ends; `at` are their labels: on a logarithmic axis places are
  * logarithms. In a chart in a plane (`plane`) the horizontal axis is another one, and `time` are the places of the cursor
  * along its lines.
  */
@@ -84,7 +84,7 @@ const namesOf = (names) => {
   return different.length < 3 ? different.join(" or ") : null;
 };
 
-/** Heads of the table of values: what the line is, what is told besides, and the outer band, where there is one. */
+/** Heads of the table of values: what the line is, the further values, and the outer band, where there is one. */
 export function headsOf(model) {
   if (model.plane) return planeHeads(model);
   const { methods } = model;
@@ -96,13 +96,13 @@ export function headsOf(model) {
   ];
 }
 
-/** What is told besides, each once: its name, and units and digits where they are its own. */
+/** The further values, each once: its name, and units and digits where they are its own. */
 const columnsOf = (methods) => {
   const every = methods.flatMap((method) => method.columns);
   return every.filter(({ name }, k) => every.findIndex((column) => column.name === name) === k);
 };
 
-/** For each of some sizes the smallest of those within three decades of it: they are told with the same digits. */
+/** For each of some sizes the smallest of those within three decades of it: they are written with the same digits. */
 const alikeSizes = (sizes) =>
   sizes.map((own) => Math.min(own, ...sizes.filter((size) => size > 1e-3 * own && size < 1e3 * own)));
 
@@ -110,7 +110,7 @@ const sizeOf = (values) => Math.max(0, ...values.map((v) => Math.abs(v ?? 0)).fi
 
 const fixed = (v, decimals) => (v === null ? "–" : v.toFixed(decimals).replace("-", "−"));
 
-/** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
+/** The cells beneath these heads for each method at an index: the value, the further values, and the outer band's ends. */
 export function rowsAt(model, index) {
   if (model.plane) return planeRows(model, index);
   const besides = columnsOf(model.methods);

@@ -56,7 +56,7 @@ function upRange(up, low, high) {
   return ends[0] < ends[1] ? ends : [from, to];
 }
 
-/** What is only told of the horizontal axis, and how it is divided. */
+/** The title of the horizontal axis, and how it is divided. */
 function acrossAxis(model, width, scale) {
   const across = model.plane ?? model.across;
   const power = (u) => (across.linked || across.log || across.whole ? 0 : axisPower(u.scales.x.min, u.scales.x.max));
@@ -277,7 +277,7 @@ function meanPoint(model, scale) {
   };
 }
 
-/** Rows of the label of a vertical axis, the first of them leftmost; the last one tells of the power of ten. */
+/** Rows of the label of a vertical axis, the first of them leftmost; the last one states the power of ten. */
 function upRows({ rows, log }, { scales: { y } }) {
   const power = log ? "" : powerLabel(axisPower(y.min, y.max));
   return rows.map((row, k) => (k === rows.length - 1 ? row + power : row));

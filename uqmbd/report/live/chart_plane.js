@@ -39,7 +39,7 @@ export function planeOf({ plane, up }, methods) {
 /** Indices of a method at which it has a mark. */
 const marked = ({ positions, lines: [{ values }] }) => positions.flatMap((x, k) => (isNumeric(x) && isNumeric(values[k]) ? [k] : []));
 
-/** The index of the mark that is nearest to a place on the screen; `at(x, y)` tells where a mark is, in pixels. */
+/** The index of the mark that is nearest to a place on the screen; `at(x, y)` returns the place of a mark, in pixels. */
 export function nearestMark({ methods }, [left, top], at, otherwise) {
   let [found, least] = [otherwise, Infinity];
   for (const method of methods.filter(({ shown, quiet }) => shown && !quiet)) {

@@ -4,7 +4,7 @@ const INPUTS = "uqmbd-inputs";
 
 let chosen = null;
 
-/** What has been chosen last, as `announceInputs` was told; null before anything is. */
+/** The choice of the last call of `announceInputs`; null before the first. */
 export const pageInputs = () => chosen;
 
 /**

@@ -127,7 +127,7 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
 
     Its coefficients are compressed.  At no output and time the compression changes it, as a root mean square over
     `PROBES` germ points, by more than a tenth of the stated error, or a millionth of the standard deviation where that
-    is more; `shipped` tells what is left.
+    is more; `shipped` returns the remaining difference.
 
     Parameters
     ----------

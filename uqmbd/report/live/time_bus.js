@@ -5,7 +5,7 @@ const TIME = "uqmbd-time";
 let latest = null;
 const remember = ({ detail }) => (latest = Number.isFinite(detail.time) ? detail.time : latest);
 
-// where times are told: the document, so that other scripts of a page hear them, too
+// times are events of the document, so that other scripts of a page receive them, too
 let told = document;
 told.addEventListener(TIME, remember);
 

@@ -123,7 +123,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     means = study.mechanism.inputs.means[None, :]
     known = {"method": method or "", "seed": seed, "rtol": study.rtol, "integrator": study.integrator}
     with warnings.catch_warnings():
-        # whoever runs or checks the study is told
+        # the run and the check of the study report it
         warnings.simplefilter("ignore", RedundantConstraintWarning)
         warnings.simplefilter("ignore", StudyWarning)
         if method is None or not len(study.mechanism.inputs):

@@ -138,7 +138,7 @@ def pose_still(data: xr.Dataset) -> Drawing:
     Parameters
     ----------
     data : xarray.Dataset
-        Of `drawn_pose`; a note in it, why the mechanism is not assembled, is told by a line above the drawing.
+        Of `drawn_pose`; a line above the drawing states its note on why the mechanism is not assembled.
     """
     sketch, points = Sketch(data), world(data)[0, 0]
     bounds = sketch.extent(points)

@@ -50,7 +50,7 @@ def asked(result: StudyResult) -> Content:
     allowed = result.tree.attrs.get("allowed_probability")
     if found := answers(result.nodes):
         rows = [_requirement(result, name) for name in found]
-        # that any is violated is said last; most probable ones first
+        # the most probable violations come first, and the probability of any comes last
         rows.sort(key=lambda row: (row["name"] == ANY, -row["probability"]))
         more = len(rows) - ROWS
         shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
@@ -80,7 +80,7 @@ def _probability(result: StudyResult, name: str) -> float:
 
 
 def answer_of(result: StudyResult, name: str) -> Answer:
-    """Return what is said of a requirement by the method whose numbers are shown."""
+    """Return the sentence on a requirement, by the method whose numbers are shown."""
     return answers(result.nodes)[name][result.assessment.of(name, "requirement")[0].method]
 
 
@@ -273,13 +273,16 @@ def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influen
 
 
 def _untold(result: StudyResult, shown: Content) -> str:
-    """Say why nothing is told of what matters, and what would tell."""
+    """State why the influence of inputs is unknown, and which method would compute it."""
     if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
                for method in result.methods.values()):  # fmt: skip
-        return "The results do not tell: there are no inputs in them."
+        return "The influence of the inputs is unknown: the results contain no inputs."
     if shown["kind"] == "requirements":
-        return "The results do not tell: collocation and Galerkin do, and so does the method reliability."
-    return "The results do not tell: collocation and Galerkin do, and so do 30 samples, four for each input."
+        return "The influence of the inputs is unknown: collocation, Galerkin and the method reliability compute it."
+    return (
+        "The influence of the inputs is unknown: collocation and Galerkin compute it, as do 30 samples, four for each "
+        "input."
+    )
 
 
 def _bars(found: Influences, of_what: str) -> Content:

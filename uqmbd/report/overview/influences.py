@@ -24,7 +24,7 @@ SAMPLES = 4
 """Samples for each input that effects of a regression need."""
 
 COMMON = 0.02
-"""Sum of total indices, less one, from which on inputs are said to act together."""
+"""Sum of total indices, less one, from which on inputs are reported to interact."""
 
 DEPENDENT = 0.3
 """Correlation of two inputs from which on a regression does not tell their effects apart."""
@@ -190,7 +190,7 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences |
 
 
 def _dependent(inputs: Array) -> bool:
-    """Tell whether effects of inputs (K, input) cannot be told apart: two of them are correlated, not by chance."""
+    """Test whether effects of inputs (K, input) cannot be separated: two of them are correlated, not by chance."""
     x = _standard(inputs)
     return bool((np.abs(np.triu(x.T @ x / len(x), 1)) > max(DEPENDENT, 4 / math.sqrt(len(x)))).any())
 

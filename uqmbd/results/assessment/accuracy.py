@@ -66,7 +66,7 @@ def stated_accuracy(
     node : xarray.DataTree
         Of a propagator.
     rtol : float
-        Tolerance of the integration, which tells what does not vary.
+        Tolerance of the integration, which decides which outputs do not vary.
     of : {"moments", "probabilities"}
         ``moments``: half-widths of the mean and of the standard deviation of each output at each time, each by itself,
         relative to the largest standard deviation of that output over time; of an output without a time relative to
@@ -110,7 +110,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     statistics = node.children["statistics"].to_dataset()
     own = own_error(node, rtol, dependence=False)
     names = [str(name) for name in statistics["output"].values]
-    # an output without any statistics (it may not happen) is told of as such
+    # an output without any statistics (its event may not occur) has a message of its own
     rows = np.flatnonzero(own.varies & np.isfinite(own.std).any(axis=1))
     if not len(rows):
         return StatedAccuracy(0.0, "nothing varies")

@@ -230,7 +230,7 @@ def assess(tree: xr.DataTree) -> Assessment:
     if rare:
         leads += (
             f"{', '.join(rare)}: ten times as many realisations without a violation would bound the probability by a "
-            "tenth of what is said; the method reliability looks for violations.",
+            "tenth of the stated value; the method reliability searches for violations.",
         )
     return Assessment(
         reference,
@@ -246,7 +246,7 @@ def assess(tree: xr.DataTree) -> Assessment:
 
 
 def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str, list[Judgement]]:
-    """Return what is said of each output of each method: what the comparison does not hold, methods say themselves."""
+    """Return the judgement of each output of each method: by the comparison, else by the method's own statement."""
     compared = {timeless: judgements_of(data, timeless=timeless) for timeless in (False, True)}
     found: dict[str, list[Judgement]] = {}
     for label, node in nodes.items():
@@ -375,7 +375,7 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
     if one.error <= WELL:
         verdict = "That is enough for most purposes"
     elif one.error <= COARSE:
-        verdict = "That tells how large the spread is, but not its second digit"
+        verdict = "That gives the size of the spread, but not its second digit"
     else:
         verdict = "That is a rough figure, and more samples are needed to rely on it"
     total = int(node.attrs.get("realisations", 0))

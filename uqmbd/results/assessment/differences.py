@@ -25,7 +25,7 @@ __all__ = ["choose_reference", "compare"]
 
 
 LEVEL = 0.05
-"""How often, at most, methods that agree may be said to differ, in all outputs and times of all methods together."""
+"""Largest probability that methods that agree are reported to differ, over all outputs, times and methods together."""
 
 TOLERANCE = 1e-3
 """Differences below this part of the largest standard deviation count for nothing."""
@@ -113,7 +113,7 @@ def compare(
     reference : str, optional
         Label of the reference; default :func:`choose_reference`.
     level : float
-        How often, at most, methods that agree may be said to differ, in any output at any time of any method.
+        Largest probability that methods that agree are reported to differ, in any output at any time of any method.
     tolerance : float
         Differences below this part of the largest standard deviation of an output count for nothing.
     rtol : float

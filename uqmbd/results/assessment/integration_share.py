@@ -26,8 +26,8 @@ class IntegrationShare:
     error : float
         Largest over time, in the units of the output; NaN: not known.
     varies : bool
-        Whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be told
-        from a constant.
+        Whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be
+        distinguished from a constant.
     share : float
         The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
     reason : str

@@ -27,7 +27,7 @@ _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is said of one output of one method.
+    """The judgement of one output of one method.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
 
 @dataclass(frozen=True)
 class MethodVerdict:
-    """What is said of a method that is compared: the kind of its worst verdict, a sign, and words."""
+    """The verdict on a compared method: the kind of its worst verdict, a sign, and words."""
 
     method: str
     kind: str

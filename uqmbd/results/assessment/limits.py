@@ -17,10 +17,10 @@ ROUGH = 0.15
 """With 95 % confidence samples must give the standard deviation to within this part of it to be compared."""
 
 LEAST_SAMPLES = 20
-"""With fewer samples nothing is said: their standard errors themselves are hardly known."""
+"""With fewer samples there is no verdict: their standard errors themselves are hardly known."""
 
 ENOUGH_SAMPLES = 40
-"""With fewer samples nothing is said to agree."""
+"""With fewer samples no agreement is stated."""
 
 WIDE = 0.5
 """Longer side of an interval, over the probability, up to which a probability is reliable."""

@@ -60,8 +60,8 @@ class OwnError:
     top_order : array, shape (O,)
         Part of the standard deviation in the terms of the highest order of a chaos; NaN without one.
     told : array, shape (O, T)
-        What the method tells of its error at each time, relative to the standard deviation: 1.96 standard errors, and
-        the stated error of a surrogate.  NaN where it tells nothing.
+        Error that the method states at each time, relative to the standard deviation: 1.96 standard errors, and
+        the stated error of a surrogate.  NaN where it states none.
     integration : array, shape (O, T)
         Error of the integration, or of rounding.
     varies : array of bool, shape (O,)
@@ -118,9 +118,9 @@ class OwnError:
         return np.where(counts, error / np.where(counts, scale, 1.0), 0.0)
 
     def largest(self, times: Array | None) -> tuple[Array, Array]:
-        """Return the largest error (O,) that the method tells of its standard deviation, and when (O,), in s.
+        """Return the largest error (O,) that the method states of its standard deviation, and when (O,), in s.
 
-        Relative to the standard deviation, infinite where nothing is told; at times (T,) of the statistics.
+        Relative to the standard deviation, infinite where none is stated; at times (T,) of the statistics.
         """
         told = np.where(np.isfinite(self.std).all(axis=0), self.told, -np.inf)
         if not told.shape[1]:

@@ -59,7 +59,7 @@ class _Method:
         return f"does not know its mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
 
     def equals(self, other: _Method) -> bool:
-        """Tell whether two methods that agree are as good and as dear as each other, but for chance."""
+        """Test whether two methods that agree have the same error and the same cost, but for chance."""
         if self.same and other.same:
             return True
         ratio = AS_DEAR_TO_RUN if self.realisations == other.realisations else AS_DEAR
@@ -90,7 +90,7 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     """Recommend a method, in sentences that can be read in a minute.
 
     The cheapest whose every output that varies is known at all times and agrees with the reference, and whose own error
-    is at most 1 % of the standard deviation, or at most 5 %, or the least; then what is to be said of the others.  Of
+    is at most 1 % of the standard deviation, or at most 5 %, or the least; then the state of the others.  Of
     methods that differ by chance only, in cost and error, none is preferred.
 
     Parameters

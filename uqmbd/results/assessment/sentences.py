@@ -18,7 +18,7 @@ NO_SPREAD = "no spread"
 """Kind of a verdict on an output that does not vary."""
 
 STILL = "does not vary beyond the integration error"
-"""What is said of it."""
+"""The sentence about it."""
 
 _REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or raise the order"}
 

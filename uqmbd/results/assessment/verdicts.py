@@ -26,7 +26,7 @@ UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of one output of a method.
+    """The verdict on one output of a method.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def verdicts(
     units : list of str
         Of the outputs.
     level : float
-        How often, at most, a method that agrees may be said to differ in any output at any time.  Half of it goes to
+        Largest probability that a method that agrees is reported to differ in any output at any time.  Half goes to
         the means, half to the standard deviations, in equal parts to the outputs; over time the largest deviation is
         tested, as :mod:`uqmbd.results.assessment.simultaneous` says.
     floor : array, shape (O,)

@@ -25,7 +25,7 @@ CLEAR = 0.14
 """The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.146."""
 
 FEWEST = 3
-"""Order from which a decay is told from so many coefficients that there is no doubt."""
+"""Order from which a decay is estimated from so many coefficients that it is certain."""
 
 STEEP = 0.3
 """Part of what is missing that two orders leave, below which the response is smooth and only the order too low."""

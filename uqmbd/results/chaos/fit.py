@@ -70,7 +70,7 @@ def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """Coefficients by regression, with what tells how good they are.
+    """Coefficients by regression, with measures of their quality.
 
     Attributes
     ----------

@@ -221,7 +221,7 @@ class PolynomialChaos(Surrogate):
         xarray.Dataset
             `energy` (order, output, time), the sum of squared coefficients of each total degree, and `energy_germ`
             (germ, degree, output, time), that of each degree in a germ, both in squared units; `rate` (output, time),
-            by how many decades the remaining standard deviation falls with each order (NaN: cannot be told).
+            by how many decades the remaining standard deviation falls with each order (NaN: unknown).
 
         Examples
         --------

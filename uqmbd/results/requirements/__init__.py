@@ -1,4 +1,4 @@
-"""Requirements: how probably limits are passed, by counts and by surrogates, and how sure that is."""
+"""Requirements: probabilities of violation, by counts and by surrogates, with their confidence intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many realisations violate requirements, and what that tells of the probabilities."""
+"""Numbers of realisations that violate requirements, and probabilities of violation estimated from them."""
 
 from __future__ import annotations
 

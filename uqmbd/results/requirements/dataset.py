@@ -1,4 +1,4 @@
-"""The dataset ``requirements`` of a propagator's node: how probably requirements are violated, and how sure that is."""
+"""The dataset ``requirements`` of a propagator's node: probabilities of violation, with confidence intervals."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ LEVEL = 0.95
 """Confidence of intervals."""
 
 FEWEST = 5
-"""Replicates in which something happens, and in which something does not, from which a spread is told."""
+"""Smallest number of replicates with and without the event from which a spread is estimated."""
 
 
 @typechecked

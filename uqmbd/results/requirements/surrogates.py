@@ -1,7 +1,7 @@
 """Probabilities of violation from a surrogate of margins, with what its error adds to their intervals.
 
-A surrogate that is sampled a million times is as sure of a wrong probability as of a right one.  What it does not know
-is told by realisations that did not enter it, its verification realisations.  Their residuals are taken over a growth
+A million samples of a surrogate give a wrong probability as precisely as a right one.  Its error is measured at
+realisations that did not enter it, its verification realisations.  Their residuals are taken over a growth
 function, since the error of polynomials grows where the margin is far from its median, and limits are there: with the
 normal score :math:`u` of the margin in its own distribution, the mean of :math:`He_i(u)^2 / i!` up to one above the
 degree of the surrogate, as of an error made of all polynomials up to that degree.  The root mean square of the

@@ -1,4 +1,4 @@
-"""Check a result against the schema, so that a propagator of anybody's is told what it got wrong, and where."""
+"""Check a result against the schema, so that the author of a propagator learns what is wrong, and where."""
 
 from __future__ import annotations
 

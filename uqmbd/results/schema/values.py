@@ -51,7 +51,7 @@ _FINITE_BEFORE = ("mean", "std", "variance", "std_error_mean", "std_error_std", 
                   "variance_reduction_std")  # fmt: skip
 """What had to be finite before schema version 2."""
 _MAY_BE_INFINITE = ("circular_std", "verification_factor")
-"""Where directions cancel; where nothing tells how far an error may be off."""
+"""Where directions cancel; where the uncertainty of an error is unknown."""
 
 
 def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:

@@ -26,7 +26,7 @@ _INT64 = np.iinfo(np.int64)
 
 
 def encode_tree(tree: xr.DataTree) -> xr.DataTree:
-    """Return a tree as it is stored, with the version of its schema and what tells that a digest follows."""
+    """Return a tree as it is stored, with the version of its schema and the mark that a digest follows."""
     datasets = {}
     for node in tree.subtree:
         dataset = _encode(node.to_dataset(inherit=False))

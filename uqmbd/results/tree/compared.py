@@ -98,7 +98,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
     for name in names.values():
         found[name].attrs = {"comment": "of outputs without a time"}
     if compared is None:
-        # no outputs, but all that is said of the methods
+        # no outputs, but all data on the methods
         compared = whole.isel(output=slice(0, 0))
     elif "recommendation" in compared.attrs:
         compared = compared.assign_attrs(recommendation=_with_doubts(compared, whole))

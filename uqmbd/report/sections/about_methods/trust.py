@@ -36,7 +36,7 @@ from uqmbd.wording import format_count, format_duration, format_factor, format_i
 __all__ = ["GROWTH", "TRUST"]
 
 
-_UNKNOWN = "cannot be told"
+_UNKNOWN = "unknown"
 _VERIFIED = 3
 
 
@@ -276,7 +276,7 @@ def _growth_of(data: xr.Dataset, o: int, name: str) -> Content:
         f"Errors of mean and standard deviation of {name} against realisations and wall time. {' '.join(words)}",
         f"Error of {name} against {reference}, over all times, for what it costs: the mean (full lines, filled points) "
         "relative to the mean, the standard deviation (dashed, hollow points) relative to the standard deviation. A "
-        "grey line is the error of the reference itself: beneath it nothing can be told.",
+        "grey line is the error of the reference itself: smaller errors cannot be measured.",
         f"{name}-error-against-cost",
     )
     return {"name": name, "words": words, "figure": figure, "rows": rows}
