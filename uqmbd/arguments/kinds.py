@@ -126,7 +126,9 @@ def _is_tuple(value: Any, arguments: tuple[Any, ...], *, nan: bool) -> bool:
 
 def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: bool) -> bool:
     """Tell whether a value is a row of what is declared; a text is no row of its letters."""
-    if isinstance(value, (str, bytes, type)) or not hasattr(value, "__iter__"):
+    # a matrix of SymPy has a length and places, and is no Collection
+    sized = isinstance(value, Collection) or (hasattr(value, "__len__") and hasattr(value, "__getitem__"))
+    if isinstance(value, (str, bytes, type)) or not (sized or hasattr(value, "__iter__")):
         return False
     if isinstance(value, np.ndarray):
         if value.ndim == 0 or value.ndim > 1 and (not arguments or members(arguments[0])[0] in (int, float, str)):
@@ -138,7 +140,7 @@ def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: boo
         return False
     elif issubclass(kind, Sequence) and not hasattr(value, "__getitem__"):
         return False
-    if not isinstance(value, (Collection, np.ndarray)) or not arguments:
+    if not sized or not arguments:
         return True  # an iterator is read once, by who uses it
     return all(fits(x, arguments[0], nan=nan) for _, x in zip(range(MANY), value, strict=False))
 

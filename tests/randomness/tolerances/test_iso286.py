@@ -173,7 +173,7 @@ def test_every_zone_is_as_wide_as_its_grade_or_refused_by_name(size, letter, gra
         ((20, "N2"), "below 3"),
         ((12, "ef7"), "no deviation of this class"),
         ((20, "j8"), "j5, j6, j7"),
-        ((True, "H7"), "finite number"),
+        ((True, "H7"), "nominal is True; expected a number"),
         ((30, "H7", 0), "cpk is 0"),
         ((30, "H7", 1.33, "inch"), "units is 'inch'"),
     ],

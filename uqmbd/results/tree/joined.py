@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import OrNaN, typechecked
 from uqmbd.results.schema import (
     EVERY,
     Labels,
@@ -80,8 +80,8 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
 def joined_outputs(
     nodes: Sequence[xr.DataTree],
     label: str,
-    shares: Sequence[float],
-    bounds: Sequence[float],
+    shares: Sequence[OrNaN],
+    bounds: Sequence[OrNaN],
     refused: Mapping[str, str],
     names: Sequence[str],
 ) -> xr.DataTree:
