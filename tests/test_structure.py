@@ -22,7 +22,7 @@ MOST_LINES = 420
 
 STATEMENTS = {
     "uqmbd": 766,
-    "uqmbd.arguments": 420,
+    "uqmbd.arguments": 421,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 260,
     "uqmbd.compiled": 2020,

@@ -67,6 +67,12 @@ class Problem(ProblemData):
         Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
     model : Model
         Equations and outputs, compiled.
+    method_label : str
+        Label of the method; parts of its work may have labels of their own.
+    watched : Model, optional
+        Equations with the outputs of the study and those that the method asks for (`Propagator.watches`).
+    existence : Existence
+        Which moments of the outputs exist.
     runner : Runner
         Executor, progress, checkpoint, ledger, clock and cache.
 

@@ -37,8 +37,8 @@ class ProblemData:
     over: Array | None = field(default=None, repr=False)
     chosen: tuple[str, ...] | None = None
     answers_requirements: bool = False
-    origin: str = field(default="", repr=False)
-    """Label of the method, whatever parts of its work have labels of their own."""
+    method_label: str = field(default="", repr=False)
+    """Label of the method; parts of its work may have labels of their own."""
     watched: Model | None = field(default=None, repr=False)
     """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
     existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)

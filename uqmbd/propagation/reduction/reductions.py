@@ -83,6 +83,8 @@ class Reductions:
         Whose runner computes them.
     values : array, shape (K, input)
     function, arguments : callable, tuple
+    runner : Runner
+        Executor, progress, checkpoint, ledger, clock and cache.
     keep : int
         Of how many realisations the responses are handed over.
 
@@ -117,7 +119,7 @@ class Reductions:
         keep: int,
     ) -> None:
         self._problem, self._runner, self._values, self._keep = problem, runner, values, keep
-        self._method, self._known_chunks = problem.origin or problem.label, runner.kept(problem)
+        self._method, self._known_chunks = problem.method_label or problem.label, runner.kept(problem)
         self._function, self._arguments = function, arguments
         text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
         text.update(pickle.dumps((arguments, problem.chosen)))

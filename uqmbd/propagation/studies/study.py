@@ -291,7 +291,7 @@ class Study:
             study=self.name,
             mechanism=self.mechanism.name,
             label=propagator.node_name,
-            origin=propagator.node_name,
+            method_label=propagator.node_name,
             inputs=self.mechanism.inputs,
             times=self.times,
             rtol=self.rtol,
