@@ -16,7 +16,6 @@ import sympy
 
 import uqmbd
 from uqmbd.propagation.budget import Amount, Terms
-from uqmbd.propagation.execution import Crew
 from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
@@ -75,9 +74,9 @@ class Counting(Executor):
 
 
 def within(study, executor, **terms):
-    with Crew(executor) as crew, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return run_methods(study, study.propagators, crew, terms=Terms(clock=executor.clock, **terms))
+        return run_methods(study, study.propagators, executor, terms=Terms(clock=executor.clock, **terms))
 
 
 def same(first, second):

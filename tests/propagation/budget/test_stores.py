@@ -17,7 +17,6 @@ import pytest
 import uqmbd
 from uqmbd.propagation.budget import Amount, Terms
 from uqmbd.propagation.budget.sized import Sized
-from uqmbd.propagation.execution import Crew
 from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import SampleStore
 from uqmbd_montecarlo import MonteCarlo
@@ -67,10 +66,10 @@ class Two(Executor):
 def within(folder: Path, executor: Two, *, resume: bool = False, **terms: Any) -> tuple[Any, dict[str, Any]]:
     """Return the node, and what is told of its size."""
     study = fall()
-    with executor.pool, Crew(executor) as crew, warnings.catch_warnings():
+    with executor.pool, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         asked = Terms(clock=executor.clock, **terms)
-        outcome = run_methods(study, study.propagators, crew, folder=folder, terms=asked, resume=resume)
+        outcome = run_methods(study, study.propagators, executor, folder=folder, terms=asked, resume=resume)
     (node,) = outcome.nodes
     return node, json.loads(outcome.attrs["budget"])["methods"]["monte-carlo"]
 

@@ -16,7 +16,7 @@ import pytest
 
 import uqmbd
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.execution import Crew, Packed, compute_chunk, in_order
+from uqmbd.propagation.execution import Packed, compute_chunk, in_order, pool
 from uqmbd.propagation.execution.transport import Answer, machine_type
 from uqmbd.results import STATUS_MEANINGS, load, save
 from uqmbd.status import Status
@@ -161,7 +161,7 @@ def kills(packed, piece):
 def test_processes_of_our_own_lose_nothing_but_what_kills():
     """Two killers among 200 pieces: those beside them are not told dead, and each kills two processes."""
     killers, lost = {3, 77}, {}
-    with Crew(2) as crew, crew.at_work() as staff:
+    with pool(2) as staff:
         found = through(
             staff.processes, 200, Packed.of(killers), kills, lost=lambda piece, reason: lost.setdefault(piece)
         )

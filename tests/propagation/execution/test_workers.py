@@ -13,7 +13,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import integrator_class
-from uqmbd.propagation.execution import Crew, WorkerPool, executor_for
+from uqmbd.propagation.execution import WorkerPool, executor_for, pool
 from uqmbd.results import load, save
 from uqmbd.testing.propagators.executors import Recorder
 from uqmbd_contact import PlaneImpact
@@ -136,7 +136,7 @@ def test_statistics_are_computed_in_threads_of_this_process():
         meeting.wait(10)
         return piece, os.getpid()
 
-    with Crew(2) as crew, crew.at_work() as staff:
+    with pool(2) as staff:
         many = problem.using(executor=staff)
         assert list(many.runner.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
         assert not staff.started
@@ -148,7 +148,7 @@ def test_statistics_are_computed_in_threads_of_this_process():
 
 def test_work_of_methods_is_given_to_processes():
     """A method that hands out functions of its own does not know whether they hold the lock."""
-    with Crew(2) as crew, crew.at_work() as staff:
+    with pool(2) as staff:
         assert isinstance(staff, WorkerPool)
         assert executor_for(staff, unlocked=False) is staff.processes
         assert executor_for(staff, unlocked=True) is staff.threads

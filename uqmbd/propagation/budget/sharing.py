@@ -8,6 +8,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
 from uqmbd.propagation.budget.reach import BudgetTooSmallError, out_of_reach
 from uqmbd.propagation.budget.sized import Left, Sized, Stage
 from uqmbd.propagation.budget.timing import first_problem
-from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger
+from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Ledger, explained
 from uqmbd.propagation.methods import Propagator, Studied, obstacle_of, run_method
 from uqmbd.wording import format_duration, format_percent
 
@@ -76,7 +77,7 @@ class Within:
 
     study: Studied
     terms: Terms
-    crew: Crew
+    executor: Executor | None
     progress: Progress
     folder: Path | None = None
     resume: bool = False  # whether the sizes that an interrupted run has chosen are used again
@@ -311,9 +312,9 @@ class Within:
 
     def _computed(self, method: Propagator, ledger: Ledger) -> xr.DataTree:
         """Run a method; what it warns of is told of the size that is taken."""
-        with warnings.catch_warnings(record=True) as said, self.crew.at_work() as executor:
+        with warnings.catch_warnings(record=True) as said, explained(self.executor):
             warnings.simplefilter("always")
-            problem = self.study.problem(method, executor, self.progress, self.folder)
+            problem = self.study.problem(method, self.executor, self.progress, self.folder)
             node = run_method(method, problem.using(ledger=ledger))
         self._said[method.node_name] = said
         return node

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.convergence.reference import reference_node
-from uqmbd.propagation.execution import Crew
+from uqmbd.propagation.execution import explained, opened
 from uqmbd.propagation.methods import Propagator, Studied, run_method
 from uqmbd.typing import Array
 
@@ -46,7 +46,7 @@ def converge(
     propagators: Method | Sequence[Method],
     *,
     reference: xr.DataTree | xr.Dataset | Propagator | None = None,
-    workers: int | Executor | Crew = 1,
+    workers: int | Executor = 1,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
     **levels: Any,
@@ -68,18 +68,18 @@ def converge(
     a method has none of the options, or no level succeeded.
     """
     series, shown = _series(study, propagators, levels), told(progress)
-    with nullcontext(workers) if isinstance(workers, Crew) else Crew(workers) as crew:
+    with opened(workers) as executor:
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}
         # first, because nothing is of use without it
-        with crew.at_work() as executor:
+        with explained(executor):
             base = reference_node(study, reference, executor, shown, folder)
         for m, one in enumerate(series):
             for k, value in enumerate(one.values):
                 with Isolated(*ERRORS_AND_EXITS) as work:
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
-                    with _coarse_on_purpose(), crew.at_work() as executor:
+                    with _coarse_on_purpose(), explained(executor):
                         nodes[m, k] = run_method(made, study.problem(made, executor, shown, folder), check=False)
                 if work.error is not None:
                     release(work.error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.converge import check_convergence, converge
-from uqmbd.propagation.execution import FOLDER, Crew
+from uqmbd.propagation.execution import FOLDER
 from uqmbd.propagation.methods import Studied
 from uqmbd.results.storage import WITHIN
 
@@ -54,7 +55,7 @@ def check_convergence_of(study: Studied, given: object) -> Mapping[str, Any] | N
 def with_convergence(
     study: Studied,
     tree: xr.DataTree,
-    crew: Crew,
+    executor: Executor | None,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
     *,
@@ -82,7 +83,7 @@ def with_convergence(
             study,
             arguments.pop("propagators"),
             reference=reference,
-            workers=crew,
+            workers=executor or 1,
             progress=progress,
             folder=folder / FOLDER / WITHIN if folder else None,
             **arguments,

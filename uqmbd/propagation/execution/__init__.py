@@ -30,7 +30,7 @@ from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
-from uqmbd.propagation.execution.workers import Crew, WorkerPool, executor_for, pool, threads_of
+from uqmbd.propagation.execution.workers import WorkerPool, executor_for, explained, opened, pool, threads_of
 
 __all__ = [
     "AGAIN",
@@ -41,7 +41,6 @@ __all__ = [
     "Checkpoint",
     "Chunk",
     "Clock",
-    "Crew",
     "History",
     "Kept",
     "Kind",
@@ -69,6 +68,8 @@ __all__ = [
     "needs_motion",
     "not_finite_output",
     "output_folder",
+    "explained",
+    "opened",
     "pool",
     "run_tasks",
     "set_aside",

@@ -12,7 +12,7 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from uqmbd.arguments import shown
 from uqmbd.errors import IntegrationError, StudyError
@@ -23,7 +23,7 @@ from uqmbd.propagation.execution.transport import Processes
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Crew", "WorkerPool", "executor_for", "pool", "threads_of"]
+__all__ = ["WorkerPool", "executor_for", "explained", "opened", "pool", "threads_of"]
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -47,16 +47,16 @@ class WorkerPool(Executor):
 
     @property
     def threads(self) -> Executor:
-        """Those who share this process."""
+        """Threads of this process."""
         if self._threads is None:
             self._threads = ThreadPoolExecutor(self._count, "uqmbd")
         return self._threads
 
     @property
     def processes(self) -> Executor:
-        """Those who have processes of their own."""
+        """Separate processes."""
         if self._processes is None:
-            self._processes = Processes(self._count, _hired)
+            self._processes = Processes(self._count, _start_process)
         return self._processes
 
     def submit(
@@ -88,72 +88,56 @@ def threads_of(given: Executor | None) -> Executor | None:
     return given.threads if isinstance(given, WorkerPool) else None
 
 
-class Crew:
-    """Worker pool for consecutive pieces of work: processes that died are replaced for the next one.
+@contextmanager
+def opened(workers: int | Executor) -> Iterator[Executor | None]:
+    """Yield the executor for consecutive pieces of work: None (this process), a `WorkerPool`, or the given one.
 
-    `workers` is their number, or an executor, which stays open. As a context it ends its threads and processes. Raise
-    StudyError for anything else.
+    The context ends the threads and processes of a `WorkerPool`; a given executor stays open. Raise StudyError for
+    anything else than a number of workers or an executor.
     """
+    if isinstance(workers, Executor):
+        yield workers
+        return
+    count = _count(workers)
+    if count == 1:
+        yield None
+        return
+    refuse_workers_of_workers()
+    made = WorkerPool(count)
+    try:
+        yield made
+    finally:
+        made.shutdown(wait=True, cancel_futures=True)
 
-    def __init__(self, workers: int | Executor) -> None:
-        self._given = workers if isinstance(workers, Executor) else None
-        self._count = 1 if self._given is not None else _count(workers)
-        if self._count > 1:
-            refuse_workers_of_workers()
-        self._staff: WorkerPool | None = None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._dismiss()
-
-    @contextmanager
-    def at_work(self) -> Iterator[Executor | None]:
-        """Yield the executor: None (this process), a `WorkerPool`, or the executor that was given.
-
-        Raise StudyError if the processes cannot start, IntegrationError if a process dies or the executor gives up.
-        """
-        if self._given is not None:
-            with _patient(self._given):
-                yield self._given
-            return
-        if self._count == 1:
-            yield None
-            return
-        if self._staff is None:
-            self._staff = WorkerPool(self._count)
-        try:
-            yield self._staff
-        except BrokenExecutor as error:
+@contextmanager
+def explained(executor: Executor | None) -> Iterator[None]:
+    """Raise IntegrationError, with what to try, if a process dies or the executor of a user gives up."""
+    try:
+        yield
+    except Exception as error:
+        if executor is None or not _gave_up(executor, error):
+            raise
+        if isinstance(executor, WorkerPool):
             raise IntegrationError(
                 "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
                 "Try fewer workers; with workers=1 an error shows where it happens."
             ) from error
-
-    def _dismiss(self) -> None:
-        if self._staff is not None:
-            self._staff.shutdown(wait=True, cancel_futures=True)
-            self._staff = None
-
-
-@contextmanager
-def _patient(executor: Executor) -> Iterator[None]:
-    """Say what it means that an executor of somebody else's gives up, as that of Dask does without its scheduler."""
-    try:
-        yield
-    except Exception as error:
-        # its own errors: Python's for executors, and those of the package that it comes from
-        package = type(executor).__module__.partition(".")[0]
-        own = type(error).__module__.partition(".")[0] == package and package not in ("uqmbd", "builtins", "__main__")
-        if not own and not isinstance(error, (BrokenExecutor, CancelledError)):
-            raise
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
         raise IntegrationError(
             f"The executor that does the work has given up ({reason}); perhaps its scheduler, or its workers, have "
             "ended. Finished work is kept where the run has a folder: start them again, and go on with --resume (in "
             "Python: resume=True)."
         ) from error
+
+
+def _gave_up(executor: Executor, error: Exception) -> bool:
+    """Whether an error says that an executor has ended: those of Python's executors, and of the executor's package."""
+    if isinstance(error, BrokenExecutor):
+        return True
+    package = type(executor).__module__.partition(".")[0]
+    own = type(error).__module__.partition(".")[0] == package and package not in ("uqmbd", "builtins", "__main__")
+    return own or (isinstance(error, CancelledError) and not isinstance(executor, WorkerPool))
 
 
 @contextmanager
@@ -183,11 +167,11 @@ def pool(workers: int | Executor) -> Iterator[Executor | None]:
     ...     print(executor)
     None
     """
-    with Crew(workers) as crew, crew.at_work() as executor:
+    with opened(workers) as executor, explained(executor):
         yield executor
 
 
-def _hired() -> tuple[ProcessPoolExecutor, Any]:
+def _start_process() -> tuple[ProcessPoolExecutor, Any]:
     """Make a pool of one process, and a shared integer: its number, when it has started."""
     from concurrent.futures import ProcessPoolExecutor
 

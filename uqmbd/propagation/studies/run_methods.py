@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
-from uqmbd.propagation.execution import Crew, study_digest, tell_resumed
+from uqmbd.propagation.execution import explained, study_digest, tell_resumed
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Outcome:
 def run_methods(
     study: Studied,
     propagators: Sequence[Propagator],
-    crew: Crew,
+    executor: Executor | None,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
     terms: Terms | None = None,
@@ -83,7 +84,7 @@ def run_methods(
         _tell_resumed(study, propagators, folder, resume=resume)
     if terms is not None:
         expected(shown, dict.fromkeys(p.node_name for p in propagators))
-        return _run_within(study, propagators, Within(study, terms, crew, shown, folder, resume))
+        return _run_within(study, propagators, Within(study, terms, executor, shown, folder, resume))
     errors: dict[str, BaseException] = {}
     for propagator in propagators:
         if (error := _obstacle(propagator, study)) is not None:
@@ -96,7 +97,7 @@ def run_methods(
     for propagator in propagators:
         if propagator.node_name in errors:
             continue
-        with Isolated(*ERRORS_AND_EXITS) as work, crew.at_work() as executor:
+        with Isolated(*ERRORS_AND_EXITS) as work, explained(executor):
             nodes.append(run_method(propagator, study.problem(propagator, executor, shown, folder)))
         if work.error is not None:
             release(work.error)

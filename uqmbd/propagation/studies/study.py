@@ -22,7 +22,7 @@ from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
-from uqmbd.propagation.execution import Crew, pool
+from uqmbd.propagation.execution import opened, pool
 from uqmbd.propagation.inputs import existence_of
 from uqmbd.propagation.methods import Propagator, check_propagators, labelled, run_method
 from uqmbd.propagation.observed_model import (
@@ -448,20 +448,20 @@ class Study:
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
         terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
-        with claimed(folder) if folder else nullcontext(), Crew(workers) as crew:
+        with claimed(folder) if folder else nullcontext(), opened(workers) as executor:
             if folder:
                 check_names(folder, [store_name(method.node_name) for method in chosen])
                 begin(folder, resume=resume)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
             found = self._warned(chosen)
-            outcome = run_methods(self, chosen, crew, progress, folder, terms, resume=resume)
+            outcome = run_methods(self, chosen, executor, progress, folder, terms, resume=resume)
             outcome.told(self.name, stacklevel=2)
             tree = joined(self, outcome, self._attributes(found))
             if finished is not None:
                 finished(tree)
             if only is None and self.convergence is not None:
-                tree = with_convergence(self, tree, crew, progress, folder, left_out=terms.bounds if terms else "")
+                tree = with_convergence(self, tree, executor, progress, folder, left_out=terms.bounds if terms else "")
             if folder:
                 computed(folder, tree.attrs)
         return tree
