@@ -51,22 +51,18 @@ UNITS = {
 
 
 INTERNALS = (
+    "plugins/uqmbd_calibration",
     "plugins/uqmbd_collocation",
     "plugins/uqmbd_contact",
     "plugins/uqmbd_drivers",
     "plugins/uqmbd_galerkin",
     "plugins/uqmbd_joints",
+    "plugins/uqmbd_models",
     "plugins/uqmbd_montecarlo",
+    "plugins/uqmbd_pytest",
     "plugins/uqmbd_reliability",
     "plugins/uqmbd_springs",
-    "uqmbd/compiled",
-    "uqmbd/dynamics",
-    "uqmbd/mechanism",
-    "uqmbd/progress",
-    "uqmbd/propagation",
-    "uqmbd/randomness",
-    "uqmbd/testing",
-    "uqmbd/units",
+    "uqmbd",
 )
 """Folders in which names that are not public have short docstrings, without sections."""
 

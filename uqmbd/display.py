@@ -19,12 +19,6 @@ GROUP = "uqmbd.display"
 def html_of(shown: object) -> str | None:
     """Return the HTML of an object, as its type or the nearest base of it is drawn; None: as plain text.
 
-    Parameters
-    ----------
-    shown : object
-
-    Examples
-    --------
     >>> import uqmbd
     >>> "fall" in html_of(uqmbd.Mechanism("fall", uqmbd.Planar())), html_of(1.0)
     (True, None)

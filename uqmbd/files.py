@@ -37,12 +37,7 @@ def no_link(path: str | os.PathLike[str], flags: int, mode: int = 0o666) -> int:
 def regular(path: Path) -> Iterator[BinaryIO]:
     """Open a regular file to read; a pipe or a device could keep the reader waiting for ever.
 
-    Raises
-    ------
-    StudyError
-        If it is something else.
-    OSError
-        If it cannot be opened.
+    Raise StudyError if it is something else. Raise OSError if it cannot be opened.
     """
 
     def at_once(name: str, flags: int) -> int:
@@ -60,20 +55,9 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
 
     A reader meets what was there before or what is there afterwards.  What is half written is removed.
 
-    Parameters
-    ----------
-    path : Path
-        In a folder that exists.
-    lasting : bool
-        Whether it must survive a loss of power: it is on the disk before it takes the name.
+    `path`: in a folder that exists; `lasting`: whether it must survive a loss of power: it is on the disk before it
+    takes the name. Yield nothing is there yet; in a folder that its owner alone can read.
 
-    Yields
-    ------
-    Path
-        Nothing is there yet; in a folder that its owner alone can read.
-
-    Examples
-    --------
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     with replacing(Path(folder) / "a.txt") as part:
     ...         _ = part.write_text("whole")
@@ -163,10 +147,7 @@ def _flush(path: Path) -> None:
 def check_script(path: str | os.PathLike[str]) -> Path:
     """Return the path of a study script if there is such a file, else raise; nothing heavy is imported for it.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no such file, or it is no Python file.
+    Raise StudyError if there is no such file, or it is no Python file.
     """
     file = Path(path)
     try:

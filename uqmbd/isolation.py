@@ -28,18 +28,9 @@ _LONGEST = 1000
 class Isolated:
     """A context that holds what is raised in it instead of passing it on.
 
-    Parameters
-    ----------
-    holding : tuple of type
-        What is held: by default everything.  An exception that a signal caused, as Ctrl-C does, is never held.
+    `holding`: what is held: by default everything.  An exception that a signal caused, as Ctrl-C does, is never held.
+    `error`: what was raised.
 
-    Attributes
-    ----------
-    error : BaseException or None
-        What was raised.
-
-    Examples
-    --------
     >>> with Isolated() as work:
     ...     raise SystemExit("no licence")
     >>> work.failed, type(work.error).__name__

@@ -50,15 +50,8 @@ derivation = logging.getLogger("uqmbd.derivation")
 def logged(label: str, parts: Sequence[T]) -> Iterator[T]:
     """Yield parts, and log after each how many are done.
 
-    Parameters
-    ----------
-    label : str
-        What is done with them.
-    parts : sequence
-        Of a mechanism.
+    `label`: what is done with them; `parts`: of a mechanism.
 
-    Examples
-    --------
     >>> list(logged("terms of components", ["crank", "rod"]))
     ['crank', 'rod']
     """

@@ -62,8 +62,6 @@ _DIGITS = re.compile(r"([0-9]+)")
 def natural_order(name: str) -> tuple[list[str | int], str]:
     """Return by what names are sorted, so that the second of numbered ones comes before the tenth.
 
-    Examples
-    --------
     >>> sorted(["road_10", "road_2", "road_1", "mass"], key=natural_order)
     ['mass', 'road_1', 'road_2', 'road_10']
     """
@@ -75,8 +73,6 @@ def unwritable(text: str) -> str:
 
     Tabs and ends of lines are allowed, and so is every printable character of any script.
 
-    Examples
-    --------
     >>> unwritable("Länge [m]"), unwritable("bell\a")
     ('', 'the control character U+0007')
     """
@@ -93,20 +89,9 @@ def unwritable(text: str) -> str:
 def check_name(name: object, what: str) -> str:
     """Return `name` if it can be one, else raise.
 
-    Parameters
-    ----------
-    name : object
-        What the user gave.
-    what : str
-        What it is to name, for the message.
+    `name`: what the user gave; `what`: what it is to name, for the message. Raise StudyError if it is not a text,
+    empty, contains ``/`` or a control character, or is ``time``, ``.`` or ``..``.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is not a text, empty, contains ``/`` or a control character, or is ``time``, ``.`` or ``..``.
-
-    Examples
-    --------
     >>> check_name("crank", "body")
     'crank'
     """
@@ -131,18 +116,8 @@ def check_name(name: object, what: str) -> str:
 def check_label(label: object) -> str:
     """Return the label of a method if it can name results and files, else raise.
 
-    Parameters
-    ----------
-    label : object
-        What the user gave.
+    `label`: what the user gave. Raise StudyError if it is no name, a name that results use themselves, or too long.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is no name, a name that results use themselves, or too long.
-
-    Examples
-    --------
     >>> check_label("order 4")
     'order 4'
     """
@@ -163,25 +138,10 @@ def check_label(label: object) -> str:
 def check_units(units: object, where: str) -> str:
     """Return units if they are a text, else raise; warn where they are spelt in another way than here.
 
-    Parameters
-    ----------
-    units : object
-        What the user gave; an empty text where there are none.
-    where : str
-        What they belong to, for the message.
+    `units`: what the user gave; an empty text where there are none; `where`: what they belong to, for the message.
+    Raise StudyError if they are no text, or contain a control character. Warn by UnitsWarning if they are no units,
+    or are to be written in another way.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If they are no text, or contain a control character.
-
-    Warns
-    -----
-    uqmbd.UnitsWarning
-        If they are no units, or are to be written in another way.
-
-    Examples
-    --------
     >>> check_units("kg m^2", "output 'inertia'")
     'kg m^2'
     """
@@ -201,15 +161,8 @@ def check_units(units: object, where: str) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the known name that is nearest to a misspelt one, as the end of a sentence; empty if none is near.
 
-    Parameters
-    ----------
-    name : str
-        What the user gave.
-    known : iterable of str
-        What there is.
+    `name`: what the user gave; `known`: what there is.
 
-    Examples
-    --------
     >>> did_you_mean("colocation", ["monte-carlo", "collocation"])
     "; did you mean 'collocation'?"
     >>> did_you_mean("x", ["monte-carlo", "collocation"])
@@ -224,8 +177,6 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     Python's own TypeError says neither which name was meant nor what there is.
 
-    Examples
-    --------
     >>> @checked
     ... def spring(stiffness, damping=0):
     ...     return stiffness
@@ -251,21 +202,9 @@ def check_arguments(
 ) -> None:
     """Raise unless a call fits a signature.
 
-    Parameters
-    ----------
-    what : str
-        What is called, for the message.
-    signature : inspect.Signature
-        What it takes.
-    arguments, keywords : sequence, mapping
-        What it is given.
-    bound : bool
-        Whether its first argument is the object or the class, which users do not see.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        Naming the argument that is unknown, missing, given twice or too many.
+    `what`: what is called, for the message; `signature`: what it takes; `arguments`, `keywords`: what it is given;
+    `bound`: whether its first argument is the object or the class, which users do not see. Raise StudyError naming
+    the argument that is unknown, missing, given twice or too many.
     """
     try:
         signature.bind(*arguments, **keywords)
@@ -302,8 +241,6 @@ def check_arguments(
 def lineage(kind: type) -> list[str]:
     """Name a type and its bases, the nearest first, each after its package.
 
-    Examples
-    --------
     >>> lineage(StudyError)[:2]
     ['uqmbd.StudyError', 'uqmbd.UqmbdError']
     """

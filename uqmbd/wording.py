@@ -43,18 +43,8 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def format_number(value: float, error: float | None = None) -> str:
     """Write a number for reading: four digits, or as many as its standard error allows.
 
-    Parameters
-    ----------
-    value : float
-    error : float, optional
-        Standard error, shown with two digits.
+    `error`: standard error, shown with two digits.
 
-    Returns
-    -------
-    str
-
-    Examples
-    --------
     >>> format_number(0.150123), format_number(-1.5e-7), format_number(0.0)
     ('0.1501', '−1.5 × 10⁻⁷', '0')
     >>> format_number(0.150123, 0.00134), format_number(151234.0, 120.0)
@@ -81,8 +71,6 @@ def format_number(value: float, error: float | None = None) -> str:
 def power_of_ten(size: float) -> int:
     """Tell by which power of ten numbers of a size are divided, for reading: 0 where they are short without.
 
-    Examples
-    --------
     >>> [power_of_ten(size) for size in (0.0, 0.0012, 0.00098, 99999.0, 123456.0)]
     [0, 0, -4, 0, 5]
     """
@@ -93,8 +81,6 @@ def power_of_ten(size: float) -> int:
 def format_power(power: int) -> str:
     """Write a power of ten; nothing for one.
 
-    Examples
-    --------
     >>> format_power(-4), format_power(12), format_power(0)
     ('10⁻⁴', '10¹²', '')
     """
@@ -104,8 +90,6 @@ def format_power(power: int) -> str:
 def format_quantity(value: float, units: str, error: float | None = None) -> str:
     """Write a number as :func:`format_number` does, with its units as :func:`typeset_units` does, if it has any.
 
-    Examples
-    --------
     >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, "1"), format_quantity(float("nan"), "m")
     ('0.1501 ± 0.0013 m', '2', 'unknown')
     >>> format_quantity(9.81, "m/s^2")
@@ -131,22 +115,9 @@ def format_cells(
 ) -> list[Cell]:
     """Write numbers of one quantity that stand below each other: all with the same digits behind the point.
 
-    Parameters
-    ----------
-    values : sequence of float
-    units : str
-    errors : sequence of float, optional
-        Standard errors; NaN where there is none.
-    scale : float
-        Size of the quantity, where that is more than the values.
+    `errors`: standard errors; NaN where there is none; `scale`: size of the quantity, where that is more than the
+    values. Return as many digits as the smallest error asks for, or four of the largest number, six at the most.
 
-    Returns
-    -------
-    list of Cell
-        As many digits as the smallest error asks for, or four of the largest number, six at the most.
-
-    Examples
-    --------
     >>> [str(cell) for cell in format_cells([0.46485, 0.4653], "m", [0.00048, float("nan")])]
     ['0.46485 ± 0.00048 m', '0.46530 m']
     >>> [cell.number for cell in format_cells([12.3456, -1.6e-9, float("nan")])]
@@ -184,8 +155,6 @@ def typeset_units(units: str) -> str:
 
     All that reports, figures and tables on the terminal show of units comes from here.
 
-    Examples
-    --------
     >>> [typeset_units(u) for u in ("m/s^2", "kg*m**2", "s^-1", "N m", "m^(1/2)", "1", "")]
     ['m/s²', 'kg·m²', 's⁻¹', 'N m', 'm^(1/2)', '', '']
     """
@@ -199,8 +168,6 @@ def typeset_units(units: str) -> str:
 def reciprocal_units(units: str) -> str:
     """Write the units of a density over a quantity: those of one over it, typeset.
 
-    Examples
-    --------
     >>> [reciprocal_units(u) for u in ("m", "m/s^2", "1/s", "N m", "kg*m^2/s", "1")]
     ['1/m', 's²/m', 's', '1/(N m)', '1/(kg·m²/s)', '']
     """
@@ -216,18 +183,8 @@ def reciprocal_units(units: str) -> str:
 def format_duration(seconds: float, rough: bool = False) -> str:
     """Write a duration for reading.
 
-    Parameters
-    ----------
-    seconds : float
-    rough : bool
-        Whether it passes while one reads: in tenths of a second at the most, and in whole ones from ten on.
+    `rough`: whether it passes while one reads: in tenths of a second at the most, and in whole ones from ten on.
 
-    Returns
-    -------
-    str
-
-    Examples
-    --------
     >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
     ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
     >>> [format_duration(s) for s in (0.00041, 4e-6, 0.0)]
@@ -250,9 +207,7 @@ def format_duration(seconds: float, rough: bool = False) -> str:
 def format_integer(number: float) -> str:
     """Write a whole number, from five digits on in groups of three.
 
-    Examples
-    --------
-    >>> format_integer(1234), format_integer(1234567).replace("\N{NARROW NO-BREAK SPACE}", "_")
+    >>> format_integer(1234), format_integer(1234567).replace(" ", "_")
     ('1234', '1_234_567')
     """
     text = f"{round(number):,}" if abs(number) >= 10000 else f"{round(number)}"
@@ -262,8 +217,6 @@ def format_integer(number: float) -> str:
 def format_count(number: int, one: str, many: str | None = None) -> str:
     """Write how many there are of something.
 
-    Examples
-    --------
     >>> format_count(1, "sample"), format_count(3, "body", "bodies")
     ('1 sample', '3 bodies')
     """
@@ -273,8 +226,6 @@ def format_count(number: int, one: str, many: str | None = None) -> str:
 def format_factor(factor: float) -> str:
     """Write by how much something is multiplied or divided, with two digits, or all of a whole number.
 
-    Examples
-    --------
     >>> [format_factor(x) for x in (1.0, 6.63, 9.97, 118.6)]
     ['1', '6.6', '10', '119']
     """
@@ -284,8 +235,6 @@ def format_factor(factor: float) -> str:
 def format_percent(share: float, unknown: str = "–") -> str:
     """Write a share that is an error in per cent, with two digits; one that is not finite is ``unknown``.
 
-    Examples
-    --------
     >>> [format_percent(x) for x in (0.0123, 0.08, 0.1204, 1.7, 2e-9, 0.0, float("nan"))]
     ['1.2 %', '8.0 %', '12 %', '170 %', 'below 0.0001 %', '0 %', '–']
     """
@@ -301,8 +250,6 @@ def format_percent(share: float, unknown: str = "–") -> str:
 def format_at_most(share: float) -> str:
     """Write a bound of an error in per cent, as a part of a sentence.
 
-    Examples
-    --------
     >>> [format_at_most(x) for x in (0.0123, 2e-9, 0.0, float("nan"))]
     ['at most 1.2 %', 'below 0.0001 %', 'at most 0 %', 'an unknown part']
     """
@@ -313,8 +260,6 @@ def format_at_most(share: float) -> str:
 def format_share(share: float) -> str:
     """Write the part that something has of a whole in per cent.
 
-    Examples
-    --------
     >>> [format_share(x) for x in (0.5, 0.0123, 1e-5, float("nan"))]
     ['50 %', '1.2 %', '0 %', '–']
     """
@@ -326,8 +271,6 @@ def format_share(share: float) -> str:
 def format_probability(value: float) -> str:
     """Write a probability, with two digits, or three where it is nearly one.
 
-    Examples
-    --------
     >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 1.0, float("nan"))]
     ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '100 %', 'not known']
     """
@@ -344,8 +287,6 @@ def format_probability(value: float) -> str:
 def format_interval(value: float, lower: float, upper: float) -> str:
     """Write a probability with the interval that it lies in.
 
-    Examples
-    --------
     >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
     ('2.0 % (1.2 % to 3.1 %)', '0 (at most 0.60 %)', '10 % (may be anything)')
     """
@@ -357,8 +298,6 @@ def format_interval(value: float, lower: float, upper: float) -> str:
 def format_interval_ends(lower: float, upper: float) -> str:
     """Write the interval that a probability lies in.
 
-    Examples
-    --------
     >>> format_interval_ends(0.012, 0.031), format_interval_ends(0.0, 0.00597), format_interval_ends(0.0, 1.0)
     ('1.2 % to 3.1 %', 'at most 0.60 %', 'may be anything')
     """

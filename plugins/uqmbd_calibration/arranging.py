@@ -23,20 +23,11 @@ SAME = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """What is unknown, and what says something of it.
-
-    Attributes
-    ----------
-    unknowns : Unknowns
-    points : tuple of OperatingPoint
-        Each with the times of its records.
-    cases : tuple of Case
-        Machines at operating points.
-    """
+    """What is unknown, and what says something of it."""
 
     unknowns: Unknowns
-    points: tuple[OperatingPoint, ...]
-    cases: tuple[Case, ...]
+    points: tuple[OperatingPoint, ...]  # each with the times of its records
+    cases: tuple[Case, ...]  # machines at operating points
 
     def physical(self, vectors: Array) -> Array:
         """Return the unknown inputs (K, D), in their units, of vectors of unknowns (K, N)."""
@@ -60,11 +51,8 @@ def arrange(
 ) -> Arrangement:
     """Arrange records.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If an input of a group of dependent ones is known or individual alone, an input cannot be found, or records do
-        not go with the study.
+    Raise StudyError if an input of a group of dependent ones is known or individual alone, an input cannot be found,
+    or records do not go with the study.
     """
     inputs = study.mechanism.inputs
     _check_groups(study, records, individual)

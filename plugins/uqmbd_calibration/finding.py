@@ -37,42 +37,21 @@ __all__ = ["Found", "find"]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What was found of some records.
-
-    Attributes
-    ----------
-    arrangement : Arrangement
-    inferred : Inferred
-    beforehand : tuple of Direction
-        What the records cannot say, by the surrogate over the prior.
-    prior : Posterior
-        By the surrogate over the prior, without data of its errors.
-    notes : tuple of str
-        What the method that made the surrogate warned of.
-    method : str
-        Which that was.
-    nodes : tuple of list of xarray.DataTree
-        What it made, of each operating point.
-    spent : tuple of int
-        Realisations that it took.
-    """
+    """What was found of some records."""
 
     arrangement: Arrangement
     inferred: Inferred
-    beforehand: tuple[Direction, ...]
-    prior: Posterior
-    notes: tuple[str, ...]
-    method: str
-    nodes: tuple[list[xr.DataTree], ...]
-    spent: tuple[int, ...]
+    beforehand: tuple[Direction, ...]  # what the records cannot say, by the surrogate over the prior
+    prior: Posterior  # by the surrogate over the prior, without data of its errors
+    notes: tuple[str, ...]  # what the method that made the surrogate warned of
+    method: str  # which that was
+    nodes: tuple[list[xr.DataTree], ...]  # what it made, of each operating point
+    spent: tuple[int, ...]  # realisations that it took
 
     def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
         """Return the surrogates of an operating point for another one that is the same, at which they count.
 
-        Raises
-        ------
-        uqmbd.StudyError
-            If it is another one.
+        Raise StudyError if it is another one.
         """
         points = self.arrangement.points
         if place >= len(points) or not point.same(points[place]):

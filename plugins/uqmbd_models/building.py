@@ -47,16 +47,9 @@ class Built:
 def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.extend.ImportedMechanism:
     """Make a mechanism of a model.
 
-    Parameters
-    ----------
-    tree : Tree
-        What the file says.
-    fuse_all : bool
-        Whether links that are fixed to others become one with them.
-    outputs : bool
-        Whether to record positions of joints and margins to their limits.
-    inertia : {"refuse", "as stated", "repair"}
-        What to do with inertia tensors that no body has.
+    `tree`: what the file says; `fuse_all`: whether links that are fixed to others become one with them; `outputs`:
+    whether to record positions of joints and margins to their limits; `inertia`: what to do with inertia tensors that
+    no body has.
     """
     count, before = len(tree.links) - 1, tree
     tree, fused = fuse(tree, every=fuse_all)

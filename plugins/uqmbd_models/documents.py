@@ -65,39 +65,19 @@ class Element:
 
 @dataclass(frozen=True)
 class Document:
-    """A parsed file.
-
-    Attributes
-    ----------
-    path : str
-    root : Element
-    slips : tuple of str
-        What XML does not allow, and was read nevertheless.
-    """
+    """A parsed file."""
 
     path: str
     root: Element
-    slips: tuple[str, ...]
+    slips: tuple[str, ...]  # what XML does not allow, and was read nevertheless
 
 
 def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()) -> Document:
     """Read a file as XML.
 
-    Parameters
-    ----------
-    where : str
-        Opening of messages.
-    path : str
-        The file.
-    form : str
-        Name of the format, for messages.
-    opaque : set of str
-        Tags of elements whose content is not looked at.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no such file, or it is not XML, with the line.
+    `where`: opening of messages; `path`: the file; `form`: name of the format, for messages; `opaque`: tags of
+    elements whose content is not looked at. Raise StudyError if there is no such file, or it is not XML, with the
+    line.
     """
     file = Path(path)
     try:
@@ -142,8 +122,6 @@ def parse(where: str, path: str, form: str, opaque: frozenset[str] = frozenset()
 def prefix(tag: str) -> str:
     """Return the prefix of a name, or nothing.
 
-    Examples
-    --------
     >>> prefix("drake:member"), prefix("link")
     ('drake', '')
     """

@@ -28,12 +28,7 @@ FIELDS = {
 def extract(loaded: Loaded, keyframe: str | int | None = None) -> Tree:
     """Compile a model and read it.
 
-    Parameters
-    ----------
-    loaded : Loaded
-        A parsed file.
-    keyframe : str or int, optional
-        Where to start from.
+    `loaded`: a parsed file; `keyframe`: where to start from.
     """
     try:
         with listening(loaded.mujoco) as told:

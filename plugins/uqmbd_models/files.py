@@ -30,17 +30,8 @@ def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float
 
     Inertia and damping are those of the actuator's side of the gear: a joint has the square of the gear ratio of it.
 
-    Parameters
-    ----------
-    mujoco : module
-    spec : mujoco.MjSpec
-        A parsed file; versions before the fourth have no such numbers.
-
-    Returns
-    -------
-    dict
-        Damping and inertia of each of the freedoms of joints, by the names of the joints.
-    list of uqmbd.extend.Omission
+    `spec`: a parsed file; versions before the fourth have no such numbers. Return damping and inertia of each of the
+    freedoms of joints, by the names of the joints.
     """
     transmissions, biases = mujoco.mjtTrn, mujoco.mjtBias
     joints = {joint.name for joint in spec.joints}
@@ -122,27 +113,14 @@ AUTO, NEVER = 2, 0
 
 @dataclass(frozen=True)
 class Loaded:
-    """A parsed file.
-
-    Attributes
-    ----------
-    path : str
-    mujoco : module
-    spec : mujoco.MjSpec
-        What is compiled.
-    omissions : list of uqmbd.extend.Omission
-        What was set aside.
-    advice : list of str
-        What MuJoCo warned of as it parsed the file.
-    rotors : dict of two numbers
-        Damping and inertia that actuators add to joints, by the names of these.
-    """
+    """A parsed file."""
 
     path: str
     mujoco: ModuleType
-    spec: Any
-    omissions: list[uqmbd.extend.Omission] = field(default_factory=list)
-    advice: list[str] = field(default_factory=list)
+    spec: Any  # what is compiled
+    omissions: list[uqmbd.extend.Omission] = field(default_factory=list)  # what was set aside
+    advice: list[str] = field(default_factory=list)  # what MuJoCo warned of as it parsed the file
+    # damping and inertia that actuators add to joints, by the names of these
     rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def error(self, reason: object) -> uqmbd.StudyError:
@@ -154,15 +132,8 @@ class Loaded:
 def load(path: str) -> Loaded:
     """Parse a file, and set aside what is not taken.
 
-    Parameters
-    ----------
-    path : str
-        The file.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If MuJoCo is not installed, or the file is not MJCF, or asks for more than MuJoCo can make.
+    `path`: the file. Raise StudyError if MuJoCo is not installed, or the file is not MJCF, or asks for more than
+    MuJoCo can make.
     """
     where = f"from_mjcf: {path}"
     root = parse(where, path, "mjcf").root

@@ -24,15 +24,8 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any, zero: float | None) -> None:
     """Add spring, friction and rotor of a joint, of each of its freedoms.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    names : Names
-    placed : PlacedJoint
-    parent, body : Ground or Body
-        Which the joint lets move.
-    zero : float or None
-        Position of a hinge or slide where that of the component is zero.
+    `parent`, `body`: which the joint lets move; `zero`: position of a hinge or slide where that of the component is
+    zero.
     """
     joint = placed.joint
     if joint.kind == "hinge":

@@ -26,12 +26,7 @@ class Fused:
 def fuse(tree: Tree, *, every: bool) -> tuple[Tree, tuple[Fused, ...]]:
     """Merge links that are fixed to another, or to the ground.
 
-    Parameters
-    ----------
-    tree : Tree
-        A model.
-    every : bool
-        False: only links without mass and inertia, and those that are fixed to the ground.
+    `tree`: a model; `every`: false: only links without mass and inertia, and those that are fixed to the ground.
     """
     moving = {joint.link for joint in tree.joints}
     home: dict[int, tuple[int, Array, Array]] = {0: (0, np.zeros(3), np.array([1.0, 0, 0, 0]))}

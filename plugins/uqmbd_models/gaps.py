@@ -20,12 +20,7 @@ NONE = 1e-6
 def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.extend.Omission]:
     """Tell the loops and couplings that do not hold at the start of the file, and by how much.
 
-    Parameters
-    ----------
-    tree : Tree
-        A model.
-    poses : dict of Pose
-        Of its links at the start.
+    `tree`: a model; `poses`: of its links at the start.
     """
     places = [link.position for link in tree.links] + [x for loop in tree.loops for x in (loop.point_i, loop.point_j)]
     size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}

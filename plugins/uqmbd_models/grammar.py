@@ -91,10 +91,7 @@ def _shown(text: str) -> str:
 def refuse(document: Document) -> None:
     """Raise where a file is no robot: templates that were not expanded, names that are missing or repeated.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        With what is wrong, and what to do.
+    Raise StudyError with what is wrong, and what to do.
     """
     path, root = document.path, document.root
     for element in (x for tag in (LINK, JOINT) for x in root.findall(tag)):

@@ -32,21 +32,13 @@ MODEL = 1e-14
 
 @dataclass(frozen=True)
 class Settled:
-    """A model whose bodies are possible.
-
-    Attributes
-    ----------
-    tree : Tree
-    rotors : dict
-        By the numbers of links: moment of inertia, kg m^2, about an axis of the link alone, and that axis.  A stated
-        tensor has that more than a body can have.
-    rows : list of uqmbd.extend.Omission
-        What was changed.
-    """
+    """A model whose bodies are possible."""
 
     tree: Tree
+    # by the numbers of links: moment of inertia, kg m^2, about an axis of the link alone, and that axis.  A stated
+    # tensor has that more than a body can have
     rotors: dict[int, tuple[float, Array]]
-    rows: list[uqmbd.extend.Omission]
+    rows: list[uqmbd.extend.Omission]  # what was changed
 
 
 def excess(inertia: Array) -> float:
@@ -54,8 +46,6 @@ def excess(inertia: Array) -> float:
 
     A negative moment is such an excess, too.
 
-    Examples
-    --------
     >>> [round(excess(np.diag(x)), 3) for x in ((1, 2, 4), (1, 2, 3), (1, 1, 1), (-1, 2, 2))]
     [1.0, 0.0, -1.0, 1.0]
     """
@@ -66,8 +56,6 @@ def excess(inertia: Array) -> float:
 def nearest(inertia: Array) -> Array:
     """Inertia tensor of a body that is nearest in the Frobenius norm of the second moments.
 
-    Examples
-    --------
     >>> nearest(np.diag([1.0, 2.0, 4.0])).round(3).tolist()
     [[1.5, 0.0, 0.0], [0.0, 2.5, 0.0], [0.0, 0.0, 4.0]]
     """
@@ -80,14 +68,8 @@ def nearest(inertia: Array) -> Array:
 def settle(tree: Tree, how: str, fused: tuple[Fused, ...], before: Tree) -> Settled:
     """Replace or divide the tensors that no body has.
 
-    Parameters
-    ----------
-    tree : Tree
-        A model.
-    how : {"refuse", "as stated", "repair"}
-        Refused are only those that `uqmbd.Mechanism.body` refuses, when the bodies are made.
-    fused, before : tuple of Fused, Tree
-        The links that were merged into those of the model, and the model before.
+    `tree`: a model; `how`: refused are only those that `uqmbd.Mechanism.body` refuses, when the bodies are made;
+    `fused`, `before`: the links that were merged into those of the model, and the model before.
     """
     tensors = {k: (link.inertial.inertia + link.inertial.inertia.T) / 2 for k, link in enumerate(tree.links) if k}
     scale = max((float(np.abs(np.linalg.eigvalsh(x)).max()) for x in tensors.values()), default=0.0)

@@ -30,29 +30,17 @@ class Pose:
 
 @dataclass(frozen=True)
 class PlacedJoint:
-    """A joint between two frames: the parent, or what comes before it in the same link, and what it moves.
+    """A joint between two frames: the parent, or what comes before it in the same link, and what it moves."""
 
-    Attributes
-    ----------
-    name : str
-        In the mechanism.
-    joint : Joint
-    point_i, axis_i, point_j, axis_j : tuple of three numbers
-        In the frames of the two.
-    turn : array
-        Quaternion of the second frame relative to the first, where the joint is at its reference.
-    pose : Pose
-        Of the frame that it moves, at the start.
-    """
-
-    name: str
+    name: str  # in the mechanism
     joint: Joint
+    # point_i, axis_i, point_j, axis_j: in the frames of the two
     point_i: tuple[float, ...]
     axis_i: tuple[float, ...]
     point_j: tuple[float, ...]
     axis_j: tuple[float, ...]
-    turn: Array
-    pose: Pose
+    turn: Array  # quaternion of the second frame relative to the first, where the joint is at its reference
+    pose: Pose  # of the frame that it moves, at the start
 
 
 @dataclass(frozen=True)
@@ -66,12 +54,7 @@ class Placed:
 def place(tree: Tree, names: dict[int, str]) -> Placed:
     """Find where links are at the start.
 
-    Parameters
-    ----------
-    tree : Tree
-        A model.
-    names : dict
-        Of its joints in the mechanism, by their numbers.
+    `tree`: a model; `names`: of its joints in the mechanism, by their numbers.
     """
     zero, one = np.zeros(3), np.array([1.0, 0, 0, 0])
     poses = {0: Pose(zero, one, zero, zero, False)}

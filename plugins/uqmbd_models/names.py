@@ -13,8 +13,6 @@ TAKEN = ("ground", "time", ".", "..")
 class Names:
     """Names that are given away.
 
-    Examples
-    --------
     >>> names = Names()
     >>> names.take("arm/elbow"), names.take("arm/elbow", "joint"), names.take("arm/elbow", "joint"), names.take("time")
     ('arm_elbow', 'arm_elbow_joint', 'arm_elbow_joint_2', 'time_')

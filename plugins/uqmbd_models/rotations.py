@@ -26,8 +26,6 @@ def inverse(a: Any) -> Array:
 def about(axis: Any, angle: float) -> Array:
     """Quaternion of a rotation about a unit axis.
 
-    Examples
-    --------
     >>> about((0, 0, 1), np.pi).round(3).tolist()
     [0.0, 0.0, 0.0, 1.0]
     """
@@ -49,8 +47,6 @@ def turned(quaternion: Any, vector: Any) -> Array:
 def from_rpy(angles: Any) -> Array:
     """Quaternion of rotations about the fixed axes x, y and z, one after the other.
 
-    Examples
-    --------
     >>> from_rpy((0, 0, np.pi / 2)).round(3).tolist()
     [0.707, 0.0, 0.0, 0.707]
     """
@@ -61,8 +57,6 @@ def from_rpy(angles: Any) -> Array:
 def across(axis: Any) -> tuple[Array, Array]:
     """Two directions across a unit axis: where the shortest turn from z to the axis takes x and y.
 
-    Examples
-    --------
     >>> [x.round(3).tolist() for x in across((1, 0, 0))]
     [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
     """

@@ -51,17 +51,7 @@ INCLUDES = {"include": "file", "model": "file"}
 def require_sizes(path: str, root: Element) -> None:
     """Raise where a file, or one that it includes, asks for more than can be made.
 
-    Parameters
-    ----------
-    path : str
-        The file.
-    root : Element
-        As parsed.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        With file, line and element.
+    `path`: the file; `root`: as parsed. Raise StudyError with file, line and element.
     """
     _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _Looked())
 

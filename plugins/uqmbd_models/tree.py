@@ -26,68 +26,36 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A body.
-
-    Attributes
-    ----------
-    name : str
-    parent : int
-        Among the links; the ground is 0.
-    position, quaternion : array
-        Of its frame in that of its parent, where all joints are at their reference.
-    inertial : Inertial
-        kg, m, kg m^2.
-    compensation : float
-        As much of its weight is compensated, 1: all.
-    line : int
-        Of the file, where it begins; 0: not known.
-    """
+    """A body."""
 
     name: str
-    parent: int
+    parent: int  # among the links; the ground is 0
+    # position, quaternion: of its frame in that of its parent, where all joints are at their reference
     position: Array
     quaternion: Array
-    inertial: Inertial
-    compensation: float = 0.0
-    line: int = 0
+    inertial: Inertial  # kg, m, kg m^2
+    compensation: float = 0.0  # as much of its weight is compensated, 1: all
+    line: int = 0  # of the file, where it begins; 0: not known
 
 
 @dataclass(frozen=True)
 class Joint:
-    """What lets a link move; several of one link follow each other.
-
-    Attributes
-    ----------
-    name : str
-    kind : {"hinge", "slide", "ball", "free"}
-    link : int
-        The link that moves.
-    point, axis : array, shape (3,)
-        In the frame of the link.
-    reference : array
-        Its position where the link is at its place in the parent: one number, a quaternion, or a pose.
-    start : array
-        Its position at the start, of the same form.
-    speed : array
-        Its speed at the start: 1, 3 or 6 numbers.
-    limits : tuple of two numbers, or None
-    stiffness, rest : float
-        Spring rate, and the position without force.
-    damping, friction, inertia : float
-        Viscous, of Coulomb, and of a rotor: of each of its freedoms.
-    """
+    """What lets a link move; several of one link follow each other."""
 
     name: str
     kind: str
-    link: int
+    link: int  # the link that moves
+    # point, axis: (3,), in the frame of the link
     point: Array
     axis: Array
-    reference: Array
-    start: Array
-    speed: Array
+    reference: Array  # its position where the link is at its place in the parent: one number, a quaternion, or a pose
+    start: Array  # its position at the start, of the same form
+    speed: Array  # its speed at the start: 1, 3 or 6 numbers
     limits: tuple[float, float] | None = None
+    # stiffness, rest: spring rate, and the position without force
     stiffness: float = 0.0
     rest: Array = field(default_factory=lambda: np.zeros(1))
+    # damping, friction, inertia: viscous, of Coulomb, and of a rotor: of each of its freedoms
     damping: float = 0.0
     friction: float = 0.0
     inertia: float = 0.0

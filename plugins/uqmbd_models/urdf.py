@@ -33,27 +33,15 @@ ELSEWHERE = "they concern another program"
 
 @dataclass(frozen=True)
 class Robot:
-    """A parsed file, with its links and joints by name.
-
-    Attributes
-    ----------
-    document : Document
-    links, joints : dict of Element
-        By name, in the order of the file.
-    above : dict of str
-        The joint that carries a link, by the name of the link.
-    parents : dict of str
-        The link that carries a link, by its name.
-    rows : list of uqmbd.extend.Omission
-        What is left out.
-    """
+    """A parsed file, with its links and joints by name."""
 
     document: Document
+    # links, joints: by name, in the order of the file
     links: dict[str, Element]
     joints: dict[str, Element]
-    above: dict[str, str] = field(default_factory=dict)
-    parents: dict[str, str] = field(default_factory=dict)
-    rows: list[uqmbd.extend.Omission] = field(default_factory=list)
+    above: dict[str, str] = field(default_factory=dict)  # the joint that carries a link, by the name of the link
+    parents: dict[str, str] = field(default_factory=dict)  # the link that carries a link, by its name
+    rows: list[uqmbd.extend.Omission] = field(default_factory=list)  # what is left out
 
     @property
     def roots(self) -> list[str]:
@@ -73,17 +61,8 @@ class Robot:
 def read_urdf(path: str, floating: bool = False) -> Tree:
     """Read a URDF file.
 
-    Parameters
-    ----------
-    path : str
-        The file.
-    floating : bool
-        Whether the first links move freely.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If it is no robot: one message with file, line and element.
+    `path`: the file; `floating`: whether the first links move freely. Raise StudyError if it is no robot: one message
+    with file, line and element.
     """
     where = f"from_urdf: {path}"
     document = parse(where, path, "urdf", OPAQUE)

@@ -119,8 +119,6 @@ _ARRAY_LIKE = typing.get_args(ArrayLike)
 def members(annotation: Any) -> tuple[Any, ...]:
     """Return the alternatives of an annotation.
 
-    Examples
-    --------
     >>> members(int | str | None)
     (<class 'int'>, <class 'str'>, <class 'NoneType'>)
     """
@@ -135,8 +133,6 @@ def members(annotation: Any) -> tuple[Any, ...]:
 def bounded(member: Any) -> tuple[Any, Bounds | None]:
     """Return an alternative without its bounds, and these.
 
-    Examples
-    --------
     >>> bounded(Annotated[int, Bounds(0)])
     (<class 'int'>, Bounds(least=0, most=inf, above=False))
     """
@@ -149,8 +145,6 @@ def bounded(member: Any) -> tuple[Any, Bounds | None]:
 def each(value: Any) -> list[Any]:
     """Return the numbers of a row, or the one that stands for a row.
 
-    Examples
-    --------
     >>> each((1, 2)), each(1)
     ([1, 2], [1])
     """
@@ -162,8 +156,6 @@ def each(value: Any) -> list[Any]:
 def several(base: Any) -> bool:
     """Tell whether an alternative is a row of words.
 
-    Examples
-    --------
     >>> several(tuple[Literal["a", "b"], ...]), several(tuple[int, ...])
     (True, False)
     """
@@ -173,8 +165,6 @@ def several(base: Any) -> bool:
 def is_array_type(annotation: Any) -> bool:
     """Tell whether an annotation is an array of NumPy, or None.
 
-    Examples
-    --------
     >>> is_array_type(np.ndarray | None), is_array_type(tuple[float, ...] | np.ndarray)
     (True, False)
     """

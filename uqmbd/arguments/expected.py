@@ -21,8 +21,6 @@ __all__ = ["refusal", "shown"]
 def refusal(name: str, value: Any, annotation: Any) -> str:
     """Say which value an argument is, and what is expected.
 
-    Examples
-    --------
     >>> from typing import Annotated
     >>> from uqmbd.arguments import Bounds
     >>> refusal("order", -1, Annotated[int, Bounds(0)])
@@ -123,8 +121,6 @@ def _entries(annotation: Any) -> str:
 def shown(value: object) -> str:
     """Return a value as a message shows it: short, and an array by its shape.
 
-    Examples
-    --------
     >>> shown(0.5), shown(np.zeros((2, 3)))
     ('0.5', 'an array of the shape (2, 3)')
     """

@@ -34,8 +34,6 @@ def typechecked(called: F) -> F:
     function, as are shapes.  Rows in place of an array of NumPy become one.  Numbers are not NaN, but for those that
     a class holds.
 
-    Examples
-    --------
     >>> @typechecked
     ... def share(part: float, of: float = 1.0) -> float:
     ...     return part / of

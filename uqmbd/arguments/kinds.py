@@ -25,8 +25,6 @@ __all__ = ["fits", "is_one"]
 def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
     """Tell whether a value is what an annotation declares.
 
-    Examples
-    --------
     >>> fits(True, int), fits([1, 2], Sequence[float]), fits(None, str | None)
     (False, True, True)
     """
@@ -44,8 +42,6 @@ def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
 def is_one(value: Any, member: Any, *, nan: bool = False) -> bool:
     """Tell whether a value may be of a type; any may where nothing is known of the type.
 
-    Examples
-    --------
     >>> is_one(float("nan"), float), is_one(float("nan"), float, nan=True), is_one("a", Sequence[str])
     (False, True, False)
     """

@@ -25,20 +25,10 @@ def animate_study(
 ) -> None:
     """Write an animation of a study.
 
-    Parameters
-    ----------
-    script : Path
-        The study script.
-    out : Path, optional
-        A ``.gif`` or ``.mp4``; by default a GIF named like the script, in the current folder.
-    samples : int
-        Realisations besides the one at the means of the inputs.
-    method : str, optional
-        Label of the propagator whose realisations are shown.
-    fps : float
-        Pictures per second.
-    seconds : float, optional
-        How long the animation takes; by default as long as the motion, but between 3 and 8 s.
+    `script`: the study script; `out`: a ``.gif`` or ``.mp4``; by default a GIF named like the script, in the current
+    folder; `samples`: realisations besides the one at the means of the inputs; `method`: label of the propagator
+    whose realisations are shown; `fps`: pictures per second; `seconds`: how long the animation takes; by default as
+    long as the motion, but between 3 and 8 s.
     """
     from uqmbd.report import animate, motion
     from uqmbd.report.mechanisms import SECONDS, check_target

@@ -31,8 +31,6 @@ ARRAYS = {"dask": ("dask.array", "Array"), "pint": ("pint", "Quantity")}
 def loading() -> Iterator[None]:
     """Search for garbage seldom while the context lasts, and never again among what it has made.
 
-    Examples
-    --------
     >>> before = gc.get_threshold()
     >>> with loading():
     ...     print(gc.get_threshold()[0])

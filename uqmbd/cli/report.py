@@ -29,14 +29,8 @@ They have a file of their own, since parts of one tree lose the coordinates that
 def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -> None:
     """Write ``report.html`` into a folder from the ``results.nc`` in it.
 
-    Parameters
-    ----------
-    folder : Path
-        That of a run.
-    figures : bool
-        Whether its figures are written as files, too.
-    show : bool
-        Whether it is opened in the browser.
+    `folder`: that of a run; `figures`: whether its figures are written as files, too; `show`: whether it is opened in
+    the browser.
     """
     from uqmbd.results import load
 

@@ -40,24 +40,9 @@ PATIENCE = 10
 def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Iterator[Executor]:
     """Yield the executor of a Dask cluster.
 
-    Parameters
-    ----------
-    asked : str
-        One of `STARTED_HERE`, an address, or a scheduler file.
-    count : int, optional
-        Worker processes of a cluster that is started.
-    files : sequence of Path
-        Scripts that workers may need.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If Dask is missing, nobody answers, or a cluster cannot be started.
-
-    Warns
-    -----
-    uqmbd.StudyWarning
-        If a cluster that runs has no workers yet.
+    `asked`: one of `STARTED_HERE`, an address, or a scheduler file; `count`: worker processes of a cluster that is
+    started; `files`: scripts that workers may need. Raise StudyError if Dask is missing, nobody answers, or a cluster
+    cannot be started. Warn by StudyWarning if a cluster that runs has no workers yet.
     """
     distributed = require_package("distributed", "--dask", "uqmbd[distributed]")
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:

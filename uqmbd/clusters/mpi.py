@@ -20,17 +20,9 @@ HOW = "mpiexec -n 3 uqmbd run STUDY.py --mpi"
 def mpi_executor(files: Iterable[Path]) -> Iterator[Executor]:
     """Yield the executor of all processes but the first; in these, serve until the first has done its work, and exit.
 
-    Parameters
-    ----------
-    files : iterable of Path
-        Scripts, whose functions may be a part of the work: they are imported from their folders.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If mpi4py or an MPI library is missing, or there is one process only.
-    SystemExit
-        In all processes but the first, when the work is done.
+    `files`: scripts, whose functions may be a part of the work: they are imported from their folders. Raise
+    StudyError if mpi4py or an MPI library is missing, or there is one process only. Raise SystemExit in all processes
+    but the first, when the work is done.
     """
     try:
         from mpi4py import MPI

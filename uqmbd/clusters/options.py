@@ -39,8 +39,6 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
 
     Of the processes of MPI the first alone calls the function.
 
-    Examples
-    --------
     >>> def run(script: str, *, workers: Workers) -> None:
     ...     print(script, workers.count)
     >>> asked = with_worker_options(run)

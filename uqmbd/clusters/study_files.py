@@ -19,12 +19,8 @@ class StudyFiles:
     Dask's own plugin imports a file on each worker, which runs a study where nothing of it is needed, and fails where
     it imports a module beside it.
 
-    Parameters
-    ----------
-    contents : dict
-        Text of the scripts by file name.
-    folders : sequence of str
-        Where they are: what they import from beside them is found by workers that see these folders.
+    `contents`: text of the scripts by file name; `folders`: where they are: what they import from beside them is
+    found by workers that see these folders.
     """
 
     def __init__(self, contents: dict[str, bytes], folders: Sequence[str]) -> None:

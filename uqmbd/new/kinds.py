@@ -13,36 +13,17 @@ __all__ = ["PLUGIN_KINDS", "PluginKind"]
 
 @dataclass(frozen=True)
 class PluginKind:
-    """One kind of plugin: what its package offers, and by which hook.
+    """One kind of plugin: what its package offers, and by which hook."""
 
-    Attributes
-    ----------
-    title : str
-        What the package is: "A component".
-    what : str
-        What is of this kind.
-    example : str
-        What the example does.
-    module : str
-        Of the package, where the example stands.
-    page : str
-        Of docs, which says all that may be written.
-    registry : str
-        Key of `uqmbd.plugins.KINDS`, which knows its hook; empty for what is given to a component as it is.
-    base : str
-        Type of what the hook returns.
-    offers : {"class", "function"}
-        What the package offers.
-    """
-
-    title: str
-    what: str
-    example: str
-    module: str
-    page: str
+    title: str  # what the package is: "A component"
+    what: str  # what is of this kind
+    example: str  # what the example does
+    module: str  # of the package, where the example stands
+    page: str  # of docs, which says all that may be written
+    # key of `uqmbd.plugins.KINDS`, which knows its hook; empty for what is given to a component as it is
     registry: str = ""
-    base: str = ""
-    offers: Literal["class", "function"] = "class"
+    base: str = ""  # type of what the hook returns
+    offers: Literal["class", "function"] = "class"  # what the package offers
 
     @property
     def registered(self) -> Kind | None:

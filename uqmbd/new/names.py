@@ -24,19 +24,9 @@ LONGEST = 40
 class PluginNames:
     """What a plugin is called where.
 
-    Attributes
-    ----------
-    name : str
-        Of the distribution, and of its folder.
-    package : str
-        By which it is imported.
-    short : str
-        By which studies choose it: the name without ``uqmbd-`` before it.
-    cls, function : str
-        Of its class, or its function.
+    `name`: of the distribution, and of its folder; `package`: by which it is imported; `short`: by which studies
+    choose it: the name without ``uqmbd-`` before it; `cls`, `function`: of its class, or its function.
 
-    Examples
-    --------
     >>> PluginNames("uqmbd-wire-rope").cls
     'WireRope'
     """
@@ -67,13 +57,8 @@ class PluginNames:
 def check_study_name(name: str) -> None:
     """Raise where a study script cannot be called so.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        With a name that would do, where one is near.
+    Raise StudyError with a name that would do, where one is near.
 
-    Examples
-    --------
     >>> check_study_name("crank")
     """
     if name.endswith(".py"):
@@ -92,13 +77,8 @@ def check_study_name(name: str) -> None:
 def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
     """Return what a plugin is called where; raise where it cannot be called so.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        With a name that would do, where one is near.
+    Raise StudyError with a name that would do, where one is near.
 
-    Examples
-    --------
     >>> from uqmbd.new.kinds import PLUGIN_KINDS
     >>> check_plugin_name("wire-rope", PLUGIN_KINDS["component"]).package
     'wire_rope'
@@ -132,10 +112,7 @@ def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
 def check_module(name: str, module: str, folder: Path) -> None:
     """Raise where a module of that name is there already, outside of a folder: one of them would hide the other.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        With where it is.
+    Raise StudyError with where it is.
     """
     where = "it is a part of Python" if module in sys.stdlib_module_names else _place(module, folder.resolve())
     if where:

@@ -17,26 +17,9 @@ __all__ = ["new_plugin"]
 def new_plugin(name: str, kind: str, folder: Path = Path(), *, force: bool = False) -> list[Path]:
     """Write the package of a plugin.
 
-    Parameters
-    ----------
-    name : str
-        Of the distribution, and of the folder that is made for it.
-    kind : str
-        Key of `PLUGIN_KINDS`.
-    folder : Path
-        Where that folder is made.
-    force : bool
-        Whether files that are there are overwritten.
-
-    Returns
-    -------
-    list of Path
-        What was written.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there can be no package of this name, or a file is there already.
+    `name`: of the distribution, and of the folder that is made for it; `kind`: key of `PLUGIN_KINDS`; `folder`: where
+    that folder is made; `force`: whether files that are there are overwritten. Return what was written. Raise
+    StudyError if there can be no package of this name, or a file is there already.
     """
     about = PLUGIN_KINDS[kind]
     names = check_plugin_name(name, about)

@@ -13,26 +13,10 @@ __all__ = ["new_study"]
 def new_study(name: str, folder: Path = Path(), *, typings: bool = False, force: bool = False) -> list[Path]:
     """Write a study script.
 
-    Parameters
-    ----------
-    name : str
-        Of the script, without ``.py``, and of its study.
-    folder : Path
-        Where it is written; made if it does not exist.
-    typings : bool
-        Whether a hint for checkers of types is written beside it, too, ``typings/chaospy/__init__.pyi``.
-    force : bool
-        Whether files that are there are overwritten.
-
-    Returns
-    -------
-    list of Path
-        What was written, the script first.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there can be no script of this name, or a file is there already.
+    `name`: of the script, without ``.py``, and of its study; `folder`: where it is written; made if it does not
+    exist; `typings`: whether a hint for checkers of types is written beside it, too,
+    ``typings/chaospy/__init__.pyi``; `force`: whether files that are there are overwritten. Return what was written,
+    the script first. Raise StudyError if there can be no script of this name, or a file is there already.
     """
     check_study_name(name)
     check_module(name, name, folder)

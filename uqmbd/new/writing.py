@@ -19,19 +19,8 @@ SUFFIX = ".jinja"
 def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, str] | None = None) -> dict[Path, str]:
     """Render all files of a folder of templates.
 
-    Parameters
-    ----------
-    folder : str
-        Below the folder of all templates.
-    names : mapping
-        What the templates know.
-    replaced : mapping, optional
-        Parts of paths that stand for others.
-
-    Returns
-    -------
-    dict of str
-        Texts by path, relative to where they are written.
+    `folder`: below the folder of all templates; `names`: what the templates know; `replaced`: parts of paths that
+    stand for others. Return texts by path, relative to where they are written.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -65,10 +54,7 @@ def rendered(folder: str, names: Mapping[str, Any], *, replaced: Mapping[str, st
 def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]:
     """Write texts into a folder, and return the paths.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If a file is there already and `force` is False: nothing is written then.
+    Raise StudyError if a file is there already and `force` is False: nothing is written then.
     """
     paths = [folder / path for path in texts]
     there = [str(path) for path in paths if path.exists() or path.is_symlink()]

@@ -58,10 +58,7 @@ class Command(Protocol):
 def command_line(command: type[Command]) -> Any:
     """Make what `typer` runs of a command.
 
-    Raises
-    ------
-    Exception
-        Whatever the class raises when it is made, or typer where it cannot take an annotation.
+    Raise Exception whatever the class raises when it is made, or typer where it cannot take an annotation.
     """
     import typer
 

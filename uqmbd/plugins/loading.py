@@ -20,29 +20,17 @@ __all__ = ["PluginInfo", "Registry", "load", "merged", "offered_by_core", "regis
 
 @dataclass(frozen=True)
 class PluginInfo:
-    """A plugin, which is what entry points of one name and package load, and what became of it.
+    """A plugin, which is what entry points of one name and package load, and what became of it."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the entry point.
-    distribution, version : str
-        The installed package that declares it; empty if the package does not say.
-    status : {"loaded", "incomplete", "failed", "disabled"}
-        ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
-    hooks : tuple of str
-        Hooks that the plugin implements.
-    components, propagators, integrators, designs, readers, report_sections, checks, commands : tuple of str
-        Names that the plugin registered.
-    errors : tuple of str
-        Why the plugin, or a part of it, cannot be used.
-    """
-
-    name: str
+    name: str  # name of the entry point
+    # distribution, version: the installed package that declares it; empty if the package does not say
     distribution: str
     version: str
+    # ``"incomplete"``: something that the plugin offers could not be used, the rest is there
     status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
-    hooks: tuple[str, ...] = ()
+    hooks: tuple[str, ...] = ()  # hooks that the plugin implements
+    # components, propagators, integrators, designs, readers, report_sections, checks, commands: names that the plugin
+    # registered
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
@@ -51,7 +39,7 @@ class PluginInfo:
     report_sections: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
-    errors: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()  # why the plugin, or a part of it, cannot be used
 
     @property
     def title(self) -> str:
@@ -73,15 +61,10 @@ def load(
 ) -> Registry:
     """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
 
-    Parameters
-    ----------
-    entry_points : iterable of importlib.metadata.EntryPoint
-        The plugins. Those of uqmbd itself are registered first, then the others by distribution and name, so that it
-        does not depend on the order of installation who keeps a name that two plugins want.
-    disabled : sequence of str
-        Names of entry points or distributions that are not loaded.
-    group : {"uqmbd", "uqmbd.commands"}
-        Group of the entry points, which says the hooks that they may implement.
+    `entry_points`: the plugins. Those of uqmbd itself are registered first, then the others by distribution and name,
+    so that it does not depend on the order of installation who keeps a name that two plugins want; `disabled`: names
+    of entry points or distributions that are not loaded; `group`: group of the entry points, which says the hooks
+    that they may implement.
     """
     manager = plugin_manager()
     classes: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
@@ -101,11 +84,7 @@ def load(
 def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
     """Return what the core offers by a hook, looked at as what a plugin offers.
 
-    Parameters
-    ----------
-    implementation : object
-        Implements the hook.
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "checks", "commands"}
+    `implementation`: implements the hook.
     """
     manager = plugin_manager()
     manager.register(implementation)

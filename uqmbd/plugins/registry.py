@@ -108,13 +108,7 @@ def integrator(name: str) -> type:
 
 
 def owner(kind: str, name: str) -> str:
-    """Return the plugin that registered a name, for messages; empty if none did.
-
-    Parameters
-    ----------
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "checks", "commands"}
-    name : str
-    """
+    """Return the plugin that registered a name, for messages; empty if none did."""
     found = registered_commands() if kind == "commands" else registered()
     return next((info.title for info in found.plugins if name in getattr(info, kind)), "")
 

@@ -23,17 +23,10 @@ __all__ = ["Method", "StudyResult"]
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """The result of one method.
-
-    Attributes
-    ----------
-    label : str
-    node : xarray.DataTree
-        What figures are drawn from.
-    """
+    """The result of one method."""
 
     label: str
-    node: xr.DataTree
+    node: xr.DataTree  # what figures are drawn from
 
     @cached_property
     def statistics(self) -> xr.Dataset:
@@ -164,17 +157,10 @@ class Method:
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """The result of a study.
-
-    Attributes
-    ----------
-    tree : xarray.DataTree
-    methods : dict of str to Method
-        By label; times at which none of them has a result are left out.
-    """
+    """The result of a study."""
 
     tree: xr.DataTree
-    methods: dict[str, Method]
+    methods: dict[str, Method]  # by label; times at which none of them has a result are left out
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> StudyResult:

@@ -26,13 +26,8 @@ __all__ = ["Options", "run"]
 def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
     """Return what options say, by name; a name may hold equals signs, its value none.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If one has no equals sign or no name, or a name is given twice.
+    Raise StudyError if one has no equals sign or no name, or a name is given twice.
 
-    Examples
-    --------
     >>> texts_of(["force=N", "a=b=m"], "--units")
     {'force': 'N', 'a=b': 'm'}
     """
@@ -50,13 +45,8 @@ def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
 def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
     """Return the numbers that options say, by name.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If one is no number, infinite, or as for `texts_of`.
+    Raise StudyError if one is no number, infinite, or as for `texts_of`.
 
-    Examples
-    --------
     >>> numbers_of(["force=2", "angle=1e-3"], "--noise")
     {'force': 2.0, 'angle': 0.001}
     """

@@ -26,46 +26,22 @@ class Block:
 
     The values are a prediction, a bias, and noise: ``values = prediction + modes @ b + e``.  The coefficients b are
     standard normal; they are integrated out where the noise is normal, and sampled where it is robust.
-
-    Attributes
-    ----------
-    record, output, units : str
-        Of what.
-    times : array, shape (n,)
-        s; empty for an output without a time.
-    values : array, shape (n,)
-        What was measured.
-    row : int
-        Which output of the study over time, or without a time.
-    columns : array of int, shape (n,)
-        Which of the times of the study; zeros for an output without a time.
-    noise : float or None
-        Standard deviation of e; None: it is one of the unknown levels.
-    level : int
-        Which one.
-    modes : array, shape (n, k)
-        Of the bias.
-    robust : bool
-        Whether e has the density of Student's t.
-    first : int
-        Where b begins in the vector of unknowns, of robust noise.
-    variance : array, shape (n,)
-        What predictions are uncertain by, besides.
     """
 
+    # record, output, units: of what
     record: str
     output: str
     units: str
-    times: Array
-    values: Array
-    row: int
-    columns: Index
-    noise: float | None
-    level: int
-    modes: Array
-    robust: bool
-    first: int
-    variance: Array
+    times: Array  # (n,): s; empty for an output without a time
+    values: Array  # (n,): what was measured
+    row: int  # which output of the study over time, or without a time
+    columns: Index  # (n,): which of the times of the study; zeros for an output without a time
+    noise: float | None  # standard deviation of e; None: it is one of the unknown levels
+    level: int  # which one
+    modes: Array  # (n, k): of the bias
+    robust: bool  # whether e has the density of Student's t
+    first: int  # where b begins in the vector of unknowns, of robust noise
+    variance: Array  # (n,): what predictions are uncertain by, besides
 
     @property
     def timeless(self) -> bool:
@@ -137,12 +113,7 @@ class Block:
     def normal_equations(self, misfit: Array, jacobian: Array, sigma: Array) -> NormalEquations:
         """Return gradient and Hessian of minus the log-likelihood.
 
-        Parameters
-        ----------
-        misfit : array, shape (K, n)
-        jacobian : array, shape (K, n, D)
-            Derivatives of predictions by the unknown inputs.
-        sigma : array, shape (K,)
+        `misfit` (K, n); `jacobian` (K, n, D): derivatives of predictions by the unknown inputs; `sigma` (K,).
         """
         variance = sigma[:, None] ** 2 + self.variance
         columns = np.arange(jacobian.shape[2])

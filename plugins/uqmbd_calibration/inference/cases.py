@@ -15,21 +15,11 @@ __all__ = ["Case"]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Records of one machine at one operating point.
+    """Records of one machine at one operating point."""
 
-    Attributes
-    ----------
-    point : OperatingPoint
-        The mechanism.
-    columns : array of int, shape (d,)
-        For each input of the study where it stands in the vector of unknowns; -1: it is known.
-    blocks : tuple of Block
-        What was measured.
-    """
-
-    point: OperatingPoint
-    columns: Index
-    blocks: tuple[Block, ...]
+    point: OperatingPoint  # the mechanism
+    columns: Index  # (d,): for each input of the study where it stands in the vector of unknowns; -1: it is known
+    blocks: tuple[Block, ...]  # what was measured
 
     @property
     def free(self) -> Index:

@@ -22,19 +22,11 @@ REACH = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Where climbs ended.
+    """Where climbs ended."""
 
-    Attributes
-    ----------
-    vectors : array, shape (K, N)
-    cost : array, shape (K,)
-        Minus the log-density.
-    hessian : array, shape (K, N, N)
-    """
-
-    vectors: Array
-    cost: Array
-    hessian: Array
+    vectors: Array  # (K, N)
+    cost: Array  # (K,): minus the log-density
+    hessian: Array  # (K, N, N)
 
     def __getitem__(self, rows: Array | slice | list[int]) -> Peaks:
         return Peaks(self.vectors[rows], self.cost[rows], self.hessian[rows])
@@ -50,19 +42,9 @@ def climb(
 ) -> Peaks:
     """Climb from starts (K, N) to maxima of the posterior density.
 
-    Parameters
-    ----------
-    target : Posterior
-        Whose density.
-    starts : array, shape (K, N)
-    steps : int
-        At most.
-    difference : float or array, shape (D,)
-        Steps of central differences.
-    reach : float
-        Standard deviations of the prior beyond which nothing is looked for.
-    within : float
-        Standard deviations of the prior by which an input may move from its start: a trust region.
+    `target`: whose density; `starts` (K, N); `steps`: at most; `difference` (D,): steps of central differences;
+    `reach`: standard deviations of the prior beyond which nothing is looked for; `within`: standard deviations of the
+    prior by which an input may move from its start: a trust region.
     """
     at = target.with_levels(starts).copy()
     # a start beyond the reach stays admissible
@@ -99,15 +81,8 @@ def climb(
 def distinct(peaks: Peaks, dimension: int, most: int, within: float = np.inf) -> Peaks:
     """Return the best of those that are apart by more than one deviation of either, in the order of their cost.
 
-    Parameters
-    ----------
-    peaks : Peaks
-    dimension : int
-        Of the unknown inputs; levels and coefficients do not count.
-    most : int
-        How many.
-    within : float
-        Cost above the best one up to which they are kept.
+    `dimension`: of the unknown inputs; levels and coefficients do not count; `most`: how many; `within`: cost above
+    the best one up to which they are kept.
     """
     kept: list[int] = []
     for k in np.argsort(peaks.cost, kind="stable").tolist():

@@ -27,33 +27,17 @@ EXACT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """Predictions of a case: a base, and a polynomial about a centre.
+    """Predictions of a case: a base, and a polynomial about a centre."""
 
-    Attributes
-    ----------
-    base : callable or None
-        The surrogate over the prior.
-    free : array of int
-        Which inputs are unknown.
-    centre, scale : array, shape (f,) and (f, f)
-        Local coordinates are ``scale @ (normals - centre)``.
-    terms : array of int, shape (P, f)
-        Degrees.
-    coefficients : array, shape (P, N)
-        Of all blocks, one after another.
-    splits : array of int
-        Where blocks begin, but the first.
-    errors : array, shape (K, N)
-        Of realisations where they are left out, weighted so that their products sum to a covariance.
-    """
-
-    base: Predictor | None
-    free: Index
+    base: Predictor | None  # the surrogate over the prior
+    free: Index  # which inputs are unknown
+    # centre, scale: (f,) and (f, f), local coordinates are ``scale @ (normals - centre)``
     centre: Array
     scale: Array
-    terms: Index
-    coefficients: Array
-    splits: Index
+    terms: Index  # (P, f): degrees
+    coefficients: Array  # (P, N): of all blocks, one after another
+    splits: Index  # where blocks begin, but the first
+    # (K, N): of realisations where they are left out, weighted so that their products sum to a covariance
     errors: Array
 
     @property
@@ -81,20 +65,10 @@ def corrected(
 ) -> Corrected:
     """Fit a correction.
 
-    Parameters
-    ----------
-    base : callable
-        Predictions over the prior.
-    points : array, shape (K, d)
-        Standard normal variables of realisations.
-    values : sequence of array, shape (K, n)
-        What they gave, for each block; NaN where one failed.
-    free : array of int
-        Which inputs are unknown.
-    centre, scale : array, shape (f,) and (f, f)
-        Of the posterior: ``scale @ (normals - centre)`` is about standard normal.
-    measure : callable
-        From errors (K, N) of all blocks to how much each matters (K,).
+    `base`: predictions over the prior; `points` (K, d): standard normal variables of realisations; `values` (K, n):
+    what they gave, for each block; NaN where one failed; `free`: which inputs are unknown; `centre`, `scale` (f,) and
+    (f, f): of the posterior: ``scale @ (normals - centre)`` is about standard normal; `measure`: from errors (K, N)
+    of all blocks to how much each matters (K,).
     """
     real = np.concatenate(list(values), axis=1)
     local = (points[:, free] - centre) @ scale.T
@@ -134,18 +108,9 @@ def tangent(
 ) -> Corrected:
     """Correct a base so that it has given values at a point, and given differences along each free input.
 
-    Parameters
-    ----------
-    base : callable
-        Predictions over the prior.
-    point : array, shape (d,)
-        Standard normal variables.
-    values : sequence of array, shape (1 + f, n)
-        Of each block: at the point, and with each free input moved by one local coordinate.
-    free : array of int, shape (f,)
-        Which inputs are unknown.
-    centre, scale : array, shape (f,) and (f, f)
-        The point's free inputs, and the diagonal scale of local coordinates.
+    `base`: predictions over the prior; `point` (d,): standard normal variables; `values` (1 + f, n): of each block:
+    at the point, and with each free input moved by one local coordinate; `free` (f,): which inputs are unknown;
+    `centre`, `scale` (f,) and (f, f): the point's free inputs, and the diagonal scale of local coordinates.
     """
     points = np.repeat(point[None], len(free) + 1, axis=0)
     points[np.arange(1, len(free) + 1), free] += 1.0 / np.diag(scale)

@@ -26,33 +26,17 @@ SMALL = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A combination of inputs.
+    """A combination of inputs."""
 
-    Attributes
-    ----------
-    name : str
-        ``stiffness_1 - stiffness_2``, each over its standard deviation.
-    weights : array, shape (D,)
-        Of the standard normal variables of the inputs, of norm one.
-    variance : float
-        That is left of it, over that of the prior.
-    """
-
-    name: str
-    weights: Array
-    variance: float
+    name: str  # ``stiffness_1 - stiffness_2``, each over its standard deviation
+    weights: Array  # (D,): of the standard normal variables of the inputs, of norm one
+    variance: float  # that is left of it, over that of the prior
 
 
 def expected_covariance(target: Posterior, levels: Array, seed: int) -> Array:
     """Return the covariance (D, D) that is expected of the inputs, over the prior, in its standard deviations.
 
-    Parameters
-    ----------
-    target : Posterior
-        By the surrogate over the prior.
-    levels : array, shape (M,)
-        Normal variables of the noise levels.
-    seed : int
+    `target`: by the surrogate over the prior; `levels` (M,): normal variables of the noise levels.
     """
     inputs, unknowns = len(target.unknowns.inputs), target.unknowns
     points = np.zeros((POINTS, unknowns.dimension))
@@ -81,8 +65,6 @@ def directions(covariance: Array, names: Sequence[str]) -> tuple[Direction, ...]
 def combination(weights: Array, names: Sequence[str]) -> str:
     """Name a combination of inputs.
 
-    Examples
-    --------
     >>> combination(np.array([0.70710678, -0.70710678, 0.001]), ["k1", "k2", "m"])
     '0.71 k1 - 0.71 k2'
     >>> combination(np.array([0.01, 1.0, 0.0]), ["k1", "k2", "m"])

@@ -30,30 +30,14 @@ WITHIN = 4.0
 
 @dataclass(frozen=True)
 class Check:
-    """Real realisations at draws of the posterior.
+    """Real realisations at draws of the posterior."""
 
-    Attributes
-    ----------
-    draws : int
-        How many.
-    share : float
-        Effective share of their weights, 1 where all are even.
-    shift : float
-        Largest shift of a mean by the weights, over its standard deviation.
-    spread : float
-        Largest of the standard deviations by the weights over that without, or its inverse.
-    failures : int
-        Realisations that failed.
-    degree : int or None
-        Of the correction of the surrogate; None: none.
-    """
-
-    draws: int
-    share: float
-    shift: float
-    spread: float
-    failures: int
-    degree: int | None
+    draws: int  # how many
+    share: float  # effective share of their weights, 1 where all are even
+    shift: float  # largest shift of a mean by the weights, over its standard deviation
+    spread: float  # largest of the standard deviations by the weights over that without, or its inverse
+    failures: int  # realisations that failed
+    degree: int | None  # of the correction of the surrogate; None: none
 
     @property
     def chance(self) -> float:
@@ -69,33 +53,15 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Inferred:
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    target : Posterior
-        By the last surrogate.
-    peak : array, shape (N,)
-        Its maximum.
-    draws : Draws
-        Of the posterior.
-    checks : tuple of Check
-        One after another.
-    modes : tuple of Mode
-        The best first.
-    widened : bool
-        Whether the errors of the surrogate are in the likelihood, as they were not small enough in the end.
-    unseen : int
-        Maxima of the surrogate, about as likely as the best one, that were not followed on the mechanism.
-    """
-
-    target: Posterior
-    peak: Array
-    draws: Draws
-    checks: tuple[Check, ...]
-    modes: tuple[Mode, ...]
-    widened: bool
-    unseen: int
+    target: Posterior  # by the last surrogate
+    peak: Array  # (N,): its maximum
+    draws: Draws  # of the posterior
+    checks: tuple[Check, ...]  # one after another
+    modes: tuple[Mode, ...]  # the best first
+    widened: bool  # whether the errors of the surrogate are in the likelihood, as they were not small enough in the end
+    unseen: int  # maxima of the surrogate, about as likely as the best one, that were not followed on the mechanism
 
 
 def infer(
@@ -112,21 +78,10 @@ def infer(
 ) -> Inferred:
     """Find the posterior.
 
-    Parameters
-    ----------
-    unknowns : Unknowns
-    cases : tuple of Case
-        With all values, without the variance of the surrogate.
-    base : tuple of callable
-        Predictions over the prior, of each case.
-    variances : tuple of list of array
-        Mean square errors that they state, of each case and block.
-    peaks : Peaks
-        Where the surrogate over the prior has maxima, the best first.
-    draws, chains, seed : int
-        Of the sampler.
-    mechanism : bool
-        Whether draws are those of the mechanism itself, not of a surrogate.
+    `cases`: with all values, without the variance of the surrogate; `base`: predictions over the prior, of each case;
+    `variances`: mean square errors that they state, of each case and block; `peaks`: where the surrogate over the
+    prior has maxima, the best first; `draws`, `chains`, `seed`: of the sampler; `mechanism`: whether draws are those
+    of the mechanism itself, not of a surrogate.
     """
     work = Work(unknowns, cases, base, variances)
     modes, start, unseen = settle(work, peaks)

@@ -65,18 +65,9 @@ class _Asking(uqmbd.extend.Propagator):
 class OperatingPoint:
     """A mechanism, some of whose inputs are known.
 
-    Parameters
-    ----------
-    study : uqmbd.Study
-        With the times of the records.
-    known : mapping of str to float
-        Values of inputs.
-    moving, still : bool
-        Whether outputs over time, and outputs without a time, are wanted.
-    most : int
-        Realisations that may be computed.
-    executor, progress
-        Who computes, and whom to tell.
+    `study`: with the times of the records; `known`: values of inputs; `moving`, `still`: whether outputs over time,
+    and outputs without a time, are wanted; `most`: realisations that may be computed; `executor`, `progress`: who
+    computes, and whom to tell.
     """
 
     def __init__(
@@ -117,10 +108,7 @@ class OperatingPoint:
     def run(self, normals: Array) -> Index:
         """Compute realisations at standard normal variables (K, d); return their numbers (K,).
 
-        Raises
-        ------
-        Exhausted
-            Where more than what is left is asked for: nothing is computed then.
+        Raise Exhausted where more than what is left is asked for: nothing is computed then.
         """
         over, without = self._realised(normals)
         self._over.append(over)
@@ -132,10 +120,7 @@ class OperatingPoint:
     def passing(self, normals: Array, blocks: Sequence[Block]) -> list[Array]:
         """Compute realisations that are counted but not kept; return values (K, n) of each block.
 
-        Raises
-        ------
-        Exhausted
-            As of `run`.
+        Raise Exhausted as of `run`.
         """
         over, without = self._realised(normals)
         return [picked(without if block.timeless else over, block) for block in blocks]
@@ -165,18 +150,9 @@ class OperatingPoint:
     def surrogates(self, methods: Sequence[uqmbd.extend.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
         """Run methods on the outputs over time, and the first one on those without; known inputs are as good as fixed.
 
-        Parameters
-        ----------
-        methods : sequence of uqmbd.extend.Propagator
-            For outputs over time: the next one is tried where those before leave an error that is too large, and the
-            one with the least error is taken.
-        outputs : sequence of str
-            Those over time that are recorded.
-
-        Returns
-        -------
-        list of xarray.DataTree
-            Of outputs over time, if there are some, and of those without.
+        `methods`: for outputs over time: the next one is tried where those before leave an error that is too large,
+        and the one with the least error is taken; `outputs`: those over time that are recorded. Return of outputs
+        over time, if there are some, and of those without.
         """
         found: list[xr.DataTree] = []
         if self._moving is not None:

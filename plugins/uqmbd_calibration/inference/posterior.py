@@ -23,39 +23,20 @@ STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The misfit about some points: minus log-density, and its normal equations.
+    """The misfit about some points: minus log-density, and its normal equations."""
 
-    Attributes
-    ----------
-    cost : array, shape (K,)
-        Minus the log-density.
-    gradient : array, shape (K, N)
-    hessian : array, shape (K, N, N)
-        By Gauss and Newton, the prior included.
-    """
-
-    cost: Array
-    gradient: Array
-    hessian: Array
+    cost: Array  # (K,): minus the log-density
+    gradient: Array  # (K, N)
+    hessian: Array  # (K, N, N): by Gauss and Newton, the prior included
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Prior times likelihood, in the standard normal space of the unknowns.
+    """Prior times likelihood, in the standard normal space of the unknowns."""
 
-    Attributes
-    ----------
-    unknowns : Unknowns
-        What the columns of a vector are.
-    cases : tuple of Case
-        With their records.
-    predictors : tuple of callable
-        One for each.
-    """
-
-    unknowns: Unknowns
-    cases: tuple[Case, ...]
-    predictors: tuple[Predictor, ...]
+    unknowns: Unknowns  # what the columns of a vector are
+    cases: tuple[Case, ...]  # with their records
+    predictors: tuple[Predictor, ...]  # one for each
 
     def predictions(self, vectors: Array) -> list[list[Array]]:
         """Return predictions (K, n) of each block of each case."""
@@ -107,13 +88,8 @@ class Posterior:
     def linearised(self, vectors: Array, steps: Array | float = STEP, *, expected: bool = False) -> Linearised:
         """Return cost, gradient and Hessian at some vectors.
 
-        Parameters
-        ----------
-        vectors : array, shape (K, N)
-        steps : array, shape (D,), or float
-            Of central differences by the unknown inputs.
-        expected : bool
-            Whether the Hessian is that of values which are as predicted, as before there is a record.
+        `vectors` (K, N); `steps` (D,): of central differences by the unknown inputs; `expected`: whether the Hessian
+        is that of values which are as predicted, as before there is a record.
         """
         count, wide = vectors.shape
         inputs = len(self.unknowns.inputs)

@@ -31,17 +31,10 @@ SHARE = 0.62
 
 @dataclass(frozen=True, eq=False)
 class PriorSurrogate:
-    """Predictions from standard normal variables over the whole prior.
+    """Predictions from standard normal variables over the whole prior."""
 
-    Attributes
-    ----------
-    point : OperatingPoint
-        Of which mechanism.
-    parts : tuple
-        For each block its surrogate, the rows of its times in that, and the mean square error that it states.
-    """
-
-    point: OperatingPoint
+    point: OperatingPoint  # of which mechanism
+    # for each block its surrogate, the rows of its times in that, and the mean square error that it states
     parts: tuple[tuple[Any, Index, Array], ...]
     germs: bool
 
@@ -65,19 +58,8 @@ class PriorSurrogate:
 def prior_surrogate(nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks: Sequence[Block]) -> PriorSurrogate:
     """Read the surrogates of some values of records.
 
-    Parameters
-    ----------
-    nodes : sequence of xarray.DataTree
-        Of `OperatingPoint.surrogates`: of outputs over time, then of those without.
-    point : OperatingPoint
-        Of which.
-    blocks : sequence of Block
-        What is to be predicted.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the method gives no surrogate.
+    `nodes`: of `OperatingPoint.surrogates`: of outputs over time, then of those without; `point`: of which; `blocks`:
+    what is to be predicted. Raise StudyError if the method gives no surrogate.
     """
     parts: list[tuple[Any, Index, Array]] = []
     independent = point.space.independent

@@ -37,31 +37,18 @@ FREEDOM = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Draws of the posterior.
+    """Draws of the posterior."""
 
-    Attributes
-    ----------
-    vectors : array, shape (chain, draw, N)
-        Of independent ensembles.
-    log_density : array, shape (chain, draw)
-    rhat, ess : array, shape (N,)
-        Of all steps, not only of the draws that are kept.
-    acceptance, correlation : float
-        Share of proposals that were taken; largest autocorrelation time, in steps.
-    steps : int
-        Of each walker, those left out not counted.
-    converged : bool
-        Whether R-hat and effective draws are as they should be.
-    """
-
-    vectors: Array
-    log_density: Array
+    vectors: Array  # (chain, draw, N): of independent ensembles
+    log_density: Array  # (chain, draw)
+    # rhat, ess: (N,), of all steps, not only of the draws that are kept
     rhat: Array
     ess: Array
+    # acceptance, correlation: share of proposals that were taken; largest autocorrelation time, in steps
     acceptance: float
     correlation: float
-    steps: int
-    converged: bool
+    steps: int  # of each walker, those left out not counted
+    converged: bool  # whether R-hat and effective draws are as they should be
 
     @property
     def flat(self) -> Array:
@@ -95,24 +82,12 @@ def sample(
 ) -> Draws:
     """Sample a density that is about normal, with a centre and a factor of its covariance.
 
-    Parameters
-    ----------
-    log_density : callable
-        From vectors (K, N) to (K,).
-    centre, factor : array, shape (N,) and (N, N)
-        The maximum, and a lower triangular factor of the covariance there.
-    draws, chains : int
-        How many draws are kept in all, and how many independent ensembles there are.
-    seed : int
-        The same seed gives the same bits.
-    walkers : int
-        Of each ensemble, at least.
-    burn, block : int
-        Steps that are left out, and after which convergence is looked at.
-    within : float
-        Deviations from the centre beyond which the density is taken as zero: a surrogate knows nothing there.
-    affordable : callable
-        Whether the density can be evaluated at so many more vectors: else it ends.
+    `log_density`: from vectors (K, N) to (K,); `centre`, `factor` (N,) and (N, N): the maximum, and a lower
+    triangular factor of the covariance there; `draws`, `chains`: how many draws are kept in all, and how many
+    independent ensembles there are; `seed`: the same seed gives the same bits; `walkers`: of each ensemble, at least;
+    `burn`, `block`: steps that are left out, and after which convergence is looked at; `within`: deviations from the
+    centre beyond which the density is taken as zero: a surrogate knows nothing there; `affordable`: whether the
+    density can be evaluated at so many more vectors: else it ends.
     """
     import emcee
 

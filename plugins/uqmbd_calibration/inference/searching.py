@@ -46,16 +46,8 @@ def spread_over_prior(dimension: int, count: int, seed: int) -> Array:
 def search(build: Builder, cases: tuple[Case, ...], dimension: int, width: int, seed: int) -> Peaks:
     """Return maxima over all the time, the best one first.
 
-    Parameters
-    ----------
-    build : callable
-        Makes the posterior density of some of the values.
-    cases : tuple of Case
-    dimension : int
-        Of the unknown inputs.
-    width : int
-        Of the vector of unknowns.
-    seed : int
+    `build`: makes the posterior density of some of the values; `dimension`: of the unknown inputs; `width`: of the
+    vector of unknowns.
     """
     generator = np.random.default_rng(seed)
     pool = np.zeros((POOL, width))

@@ -45,21 +45,11 @@ DIFFERENCE = 0.1, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """A maximum of the posterior density, on the mechanism.
+    """A maximum of the posterior density, on the mechanism."""
 
-    Attributes
-    ----------
-    vector : array, shape (N,)
-        Of unknowns.
-    log_density : float
-        There.
-    log_mass : float
-        Logarithm of the mass that a normal distribution there has, up to a constant that all share.
-    """
-
-    vector: Array
-    log_density: float
-    log_mass: float
+    vector: Array  # (N,): of unknowns
+    log_density: float  # there
+    log_mass: float  # logarithm of the mass that a normal distribution there has, up to a constant that all share
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,38 +17,21 @@ LEVEL_SPREAD = 3.0
 
 @dataclass(frozen=True)
 class Unknown:
-    """An input whose value is to be found, of all machines or of one.
+    """An input whose value is to be found, of all machines or of one."""
 
-    Attributes
-    ----------
-    name : str
-        ``stiffness``, or ``stiffness[rig 2]`` of one machine.
-    input : int
-        Which of the inputs of the study.
-    machine : str
-        Empty: of all.
-    """
-
-    name: str
-    input: int
-    machine: str = ""
+    name: str  # ``stiffness``, or ``stiffness[rig 2]`` of one machine
+    input: int  # which of the inputs of the study
+    machine: str = ""  # empty: of all
 
 
 @dataclass(frozen=True)
 class Level:
-    """A noise level that is to be found: lognormal a priori.
+    """A noise level that is to be found: lognormal a priori."""
 
-    Attributes
-    ----------
-    output, units : str
-        Whose noise.
-    median : float
-        A tenth of the spread of the recorded values.
-    """
-
+    # output, units: whose noise
     output: str
     units: str
-    median: float
+    median: float  # a tenth of the spread of the recorded values
 
     @property
     def name(self) -> str:

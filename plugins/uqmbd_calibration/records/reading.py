@@ -142,10 +142,7 @@ NETCDF = (".nc", ".nc4")
 def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[Column], dict[str, Any]]:
     """Read the columns of a file, and what it says of the record as a whole.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it cannot be read.
+    Raise StudyError if it cannot be read.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise uqmbd.StudyError(f"Record.read: the path is {short(path)}; expected that of a file.")
@@ -168,9 +165,6 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[Column], dict
 def outputs_in(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Name the outputs that a file holds.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If it cannot be read.
+    Raise StudyError if it cannot be read.
     """
     return tuple(column.output for column in read_columns(path)[1])

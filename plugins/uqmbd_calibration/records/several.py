@@ -13,10 +13,7 @@ __all__ = ["checked_records"]
 def checked_records(records: Record | Sequence[Record], study: uqmbd.Study) -> tuple[Record, ...]:
     """Return one record or several as a tuple, all checked against a study.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is none, one is no record, two have one name, or one is not of the study.
+    Raise StudyError if there is none, one is no record, two have one name, or one is not of the study.
     """
     if isinstance(records, Record):
         records = (records,)

@@ -40,12 +40,7 @@ def inputs_of(tree: xr.DataTree) -> list[str]:
 def record_charts(tree: xr.DataTree, name: str) -> list[Chart]:
     """Return what was measured of an output, with bands of predictions before and after, and the residuals.
 
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        Of a calibration.
-    name : str
-        Of a variable of the observed data.
+    `tree`: of a calibration; `name`: of a variable of the observed data.
     """
     values = tree["observed_data"].to_dataset()[name]
     (along,) = values.dims

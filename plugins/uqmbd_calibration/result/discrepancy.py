@@ -32,27 +32,14 @@ FEW, SHOWN = 0.05, 10
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Residuals of one output of a record.
+    """Residuals of one output of a record."""
 
-    Attributes
-    ----------
-    block : Block
-        Of which values.
-    raw : array, shape (n,)
-        Values minus predictions and bias, over the standard deviation of the noise.
-    predicted : array, shape (n,)
-        Prediction and bias.
-    normal : array, shape (n,)
-        `raw` as quantiles of a standard normal distribution, where the noise is robust; else the same.
-    taken : float
-        How many values a bias that is integrated out is fitted to.
-    """
-
-    block: Block
-    raw: Array
-    predicted: Array
+    block: Block  # of which values
+    raw: Array  # (n,): values minus predictions and bias, over the standard deviation of the noise
+    predicted: Array  # (n,): prediction and bias
+    # (n,): `raw` as quantiles of a standard normal distribution, where the noise is robust; else the same
     normal: Array
-    taken: float
+    taken: float  # how many values a bias that is integrated out is fitted to
 
 
 def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
@@ -76,20 +63,12 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
 def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     """Return what residuals say against the model.
 
-    Parameters
-    ----------
-    found : Residuals
-    parameters : float
-        How many unknowns were fitted to these values.
-
-    Returns
-    -------
-    dict
-        ``record``, ``output``, ``values``; ``chi_square``, the probability of residuals that are at least as large,
-        where the noise is known; ``correlation`` of neighbours with the probability ``correlation_p``; ``segments``,
-        each with its ends in s and its probability; ``p``, that of all, corrected for their number; ``where``, the
-        times that are strange; ``outliers``, how many values are far away, and ``strays``, the farthest of them if
-        they are few, each with its time in s or number, its value and its deviations; ``doubted``.
+    `parameters`: how many unknowns were fitted to these values. Return ``record``, ``output``, ``values``;
+    ``chi_square``, the probability of residuals that are at least as large, where the noise is known; ``correlation``
+    of neighbours with the probability ``correlation_p``; ``segments``, each with its ends in s and its probability;
+    ``p``, that of all, corrected for their number; ``where``, the times that are strange; ``outliers``, how many
+    values are far away, and ``strays``, the farthest of them if they are few, each with its time in s or number, its
+    value and its deviations; ``doubted``.
     """
     block, z = found.block, found.normal
     count = len(z)

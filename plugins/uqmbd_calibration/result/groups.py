@@ -33,15 +33,7 @@ MOST = 2_000_000
 def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any]) -> xr.DataTree:
     """Make the tree of a calibration.
 
-    Parameters
-    ----------
-    study : uqmbd.Study
-    found : Found
-        Posterior and predictions.
-    seed : int
-        Of draws of the noise.
-    about : mapping
-        Further attributes of its root.
+    `found`: posterior and predictions; `seed`: of draws of the noise; `about`: further attributes of its root.
     """
     target, draws, unknowns = found.inferred.target, found.inferred.draws, found.arrangement.unknowns
     generator = np.random.default_rng(seed)

@@ -38,11 +38,7 @@ MOMENTS, AWAY = 0.03, 0.1
 def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
     """Return tables of the marginals of the inputs, and the correlation of their normal variables.
 
-    Parameters
-    ----------
-    found : Found
-    vectors : array, shape (K, N)
-        Draws of the posterior.
+    `vectors` (K, N): draws of the posterior.
     """
     arranged = found.arrangement
     unknown = arranged.unknowns.inputs
@@ -77,8 +73,6 @@ def curvature(normal: Array) -> Array:
     The largest of the mean of the square of one times the other, which is zero of a copula, and of what the mean of
     the product of both squares lacks, where they hardly correlate.
 
-    Examples
-    --------
     >>> x, y = np.random.default_rng(0).standard_normal((2, 4000))
     >>> round(float(curvature(np.stack([x, y], axis=1))[0, 1]), 1)
     0.0
@@ -110,8 +104,6 @@ def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upp
 def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.inf) -> Array:
     """Return an increasing curve through quantiles of values, at `GRID`, which stays within bounds.
 
-    Examples
-    --------
     >>> table = through_quantiles(np.linspace(0, 1, 10001), 0.0, 1.0)
     >>> [round(float(np.interp(z, GRID, table)), 2) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]
     [0.0, 0.16, 0.5, 0.84, 1.0]

@@ -47,12 +47,7 @@ FREQUENCIES = 8  # as many natural frequencies are shown
 def show_check(script: Path, figure: Path | None = None) -> None:
     """Print bodies, equations, rank, redundancy, mobility, inputs and propagators of a study.
 
-    Parameters
-    ----------
-    script : Path
-        The study script.
-    figure : Path, optional
-        Where to draw the mechanism, too; also one that cannot be assembled.
+    `script`: the study script; `figure`: where to draw the mechanism, too; also one that cannot be assembled.
     """
     if figure is not None:
         require_format(figure)
@@ -113,8 +108,6 @@ def _require_integrator(study: Study) -> None:
 def _mobility(found: Any) -> str:
     """Count the degrees of freedom, those of velocities where equations that bind velocities alone leave fewer.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> _mobility(SimpleNamespace(mobility=3, velocity_mobility=2))
     '3 degrees of freedom of the positions, 2 of the velocities'
@@ -127,8 +120,6 @@ def _mobility(found: Any) -> str:
 def _equations(found: Any) -> str:
     """Count the constraint equations, those of joints and those that keep half-angle pairs and quaternions at length 1.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> _equations(SimpleNamespace(equations=1, rank=1, unit_lengths=1, coordinates=4, bodies=("ball",)))
     "1 constraint equation, independent; it is the unit length of the body's half-angle pair, not of a joint"
@@ -269,8 +260,6 @@ def _show_propagators(screen: Console, study: Study) -> None:
 def _options(propagator: Any) -> str:
     """List the options that are not as by default.
 
-    Examples
-    --------
     >>> from uqmbd_montecarlo import MonteCarlo
     >>> _options(MonteCarlo(samples=200, seed=1, label="reference"))
     'samples=200, seed=1'

@@ -19,8 +19,6 @@ FORMATS = (".png", ".svg", ".pdf")
 def require_format(path: Path) -> None:
     """Raise unless a picture of this name can be written.
 
-    Examples
-    --------
     >>> require_format(Path("crank.docx"))
     Traceback (most recent call last):
         ...

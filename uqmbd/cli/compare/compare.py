@@ -27,14 +27,9 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
     Methods with the same label are compared with that of the first file that has it; without any, or with `reference`,
     all methods of all files are compared with one.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Result files or folders that hold a ``results.nc``; two or more, or one with several methods.
-    reference : str, optional
-        Such as ``"A collocation"``, the method of that label in the first file, or a label that is there once.
-    out : Path, optional
-        Folder for ``comparison.nc`` and ``report.html`` of all methods together.
+    `paths`: result files or folders that hold a ``results.nc``; two or more, or one with several methods;
+    `reference`: such as ``"A collocation"``, the method of that label in the first file, or a label that is there
+    once; `out`: folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
     from uqmbd.results import load
     from uqmbd.results.storage import errors_of_files

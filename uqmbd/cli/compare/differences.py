@@ -21,10 +21,7 @@ _PASSED_OVER = frozenset(
 def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
     """Return what differs between results: a name, and what each of them says.
 
-    Parameters
-    ----------
-    trees : mapping of str to xarray.DataTree
-        Results of studies, by letter.
+    `trees`: results of studies, by letter.
     """
     facts = {letter: _facts(tree) for letter, tree in trees.items()}
     # results of earlier versions do not say what their mechanisms consist of

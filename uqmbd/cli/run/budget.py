@@ -21,8 +21,6 @@ __all__ = ["check_sizes", "choices", "missed", "too_small_for"]
 def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
     """Return the arguments of `Study.run`, after a look at them; none where nothing is asked for.
 
-    Examples
-    --------
     >>> choices(None, None)
     {}
     """

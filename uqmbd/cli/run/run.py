@@ -63,36 +63,15 @@ def run_study(
 ) -> None:
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
-    Parameters
-    ----------
-    script : Path
-        The study script.
-    only : sequence of str
-        Labels of the propagators to run; all if there is none.
-    settings : sequence of str
-        Changed options, ``LABEL.option=value``.
-    out : Path
-        Folder for the results; made if it does not exist.
-    workers : Workers, optional
-        Who computes; None: this process.
-    resume : bool
-        Continue an unfinished run in the folder.
-    require : float or str, optional
-        Probability with which each requirement may be violated, as 0.01 or ``"1%"``.  Where all methods succeeded, and
-        one of them does not tell with 95 % confidence that it is less, the exit status is 3.
-    budget, accuracy : str, optional
-        As of `Study.run`.  Where all methods succeeded, and one of them does not reach the accuracy, the exit status is
-        3.
-    report : bool
-        Whether the report is written.
-    figures : bool
-        Whether its figures are written as files, too.
-    show : bool
-        Whether it is opened in the browser.
-    begin : float, optional
-        When the command began, as of `time.monotonic`.
-    progress : Staged, optional
-        What shows progress already, and the first stage in it.
+    `script`: the study script; `only`: labels of the propagators to run; all if there is none; `settings`: changed
+    options, ``LABEL.option=value``; `out`: folder for the results; made if it does not exist; `workers`: who
+    computes; None: this process; `resume`: continue an unfinished run in the folder; `require`: probability with
+    which each requirement may be violated, as 0.01 or ``"1%"``.  Where all methods succeeded, and one of them does
+    not tell with 95 % confidence that it is less, the exit status is 3; `budget`, `accuracy`: as of `Study.run`.
+    Where all methods succeeded, and one of them does not reach the accuracy, the exit status is 3; `report`: whether
+    the report is written; `figures`: whether its figures are written as files, too; `show`: whether it is opened in
+    the browser; `begin`: when the command began, as of `time.monotonic`; `progress`: what shows progress already, and
+    the first stage in it.
     """
     begin = time.monotonic() if begin is None else begin
     chosen, allowed = choices(budget, accuracy), allowed_of(require, "--require")

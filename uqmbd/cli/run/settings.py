@@ -34,18 +34,9 @@ def check_labels(labels: Sequence[str], propagators: Sequence[Propagator]) -> No
 def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -> tuple[Propagator, ...]:
     """Return the propagators with their options changed as ``LABEL.option=value`` says.
 
-    Parameters
-    ----------
-    settings : sequence of str
-        As on the command line; of several for one option the last holds.
-    propagators : sequence of Propagator
-        Those of the study; they are not changed.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a setting is not of that form, or the label, the option or the value cannot be used: the message lists what
-        can.
+    `settings`: as on the command line; of several for one option the last holds; `propagators`: those of the study;
+    they are not changed. Raise StudyError if a setting is not of that form, or the label, the option or the value
+    cannot be used: the message lists what can.
     """
     changes: dict[str, dict[str, Any]] = {}
     known = {propagator.node_name: propagator for propagator in propagators}

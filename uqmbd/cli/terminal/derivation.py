@@ -25,12 +25,7 @@ COUNTED = re.compile(r"(.+): (\d+) of (\d+)")
 def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
     """Show what is derived, by the logger of derivations, while the context lasts.
 
-    Parameters
-    ----------
-    progress : Staged
-        Who shows it.
-    clock : callable
-        Time, s.
+    `progress`: who shows it; `clock`: time, s.
     """
     if derivation.isEnabledFor(logging.DEBUG):  # a program listens already, and shows it as it likes
         yield

@@ -23,10 +23,7 @@ def checked(
 
     Bars are for categories: they are as wide as these are apart.
 
-    Raises
-    ------
-    StudyError
-        If they do not fit together; the message says which.
+    Raise StudyError if they do not fit together; the message says which.
     """
     where = f"chart {name!r}"
     if not isinstance(name, str):
@@ -110,10 +107,7 @@ def _numbers(what: str, values: ArrayLike) -> Array:
 def checked_chart(chart: Chart) -> Chart:
     """Return a chart with arrays, and with its horizontal axis in full.
 
-    Raises
-    ------
-    StudyError
-        If its parts do not fit together.
+    Raise StudyError if its parts do not fit together.
     """
     where = f"chart {chart.name!r}"
     texts = {key: getattr(chart, key) for key in ("title", "units", "across", "across_units")}

@@ -36,10 +36,7 @@ _ESCAPES = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"})
 def packed(values: ArrayLike, kind: Kind = "float64") -> dict[str, Any]:
     """Pack an array as data for JSON; NaN and infinities are kept.
 
-    Raises
-    ------
-    ValueError
-        If numbers do not fit in the kind: they are too large for it, or not whole.
+    Raise ValueError if numbers do not fit in the kind: they are too large for it, or not whole.
     """
     given = np.asarray(values)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -61,13 +58,8 @@ def json_script(data: Any) -> str:
 
     Lone surrogates stay escaped, as all that is not ASCII.
 
-    Raises
-    ------
-    ValueError
-        If a number is not finite, which JSON does not hold: use None, or `packed` arrays.
+    Raise ValueError if a number is not finite, which JSON does not hold: use None, or `packed` arrays.
 
-    Examples
-    --------
     >>> json_script({"name": "</script>"})
     '{"name":"\\u003c/script\\u003e"}'
     """
@@ -80,20 +72,9 @@ MOST_POINTS = 600
 def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.intp]:
     """Choose at most ``most`` of many times, such that no peak between a lower and an upper curve is lost.
 
-    Parameters
-    ----------
-    low, high : array, shape (T,)
-        Lower and upper edge of what is drawn.
-    most : int
-        Four or more.
+    `low`, `high` (T,): lower and upper edge of what is drawn; `most`: four or more. Return increasing, with the first
+    and the last.
 
-    Returns
-    -------
-    array of int
-        Increasing, with the first and the last.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> curve = np.zeros(5000)
     >>> curve[1234] = 1.0

@@ -67,16 +67,8 @@ def still_image(
 ) -> dict[str, Any]:
     """Return a drawing that stands in the page; one that cannot be drawn is a note in its place.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the drawing.
-    alt, caption : str
-        What stands for it, and beneath it.
-    name : str
-        Of the file, if it is written to one.
-    draw : callable
-        Makes the figure that is written to a file, if that is asked for.
+    `make`: makes the drawing; `alt`, `caption`: what stands for it, and beneath it; `name`: of the file, if it is
+    written to one; `draw`: makes the figure that is written to a file, if that is asked for.
     """
     found = {"drawing": "", "alt": alt, "caption": caption, "problem": "", "name": name}
     try:
@@ -140,17 +132,8 @@ def write_images(content: object, folder: Path) -> list[Path]:
 
     One that cannot be drawn is a warning; the others are written.
 
-    Parameters
-    ----------
-    content : object
-        What `charted` or `still_image` returned, within any lists and dictionaries.
-    folder : Path
-        Made if it does not exist.  Files of the same names are replaced, others left.
-
-    Returns
-    -------
-    list of Path
-        In the order of the content.
+    `content`: what `charted` or `still_image` returned, within any lists and dictionaries; `folder`: made if it does
+    not exist.  Files of the same names are replaced, others left. Return in the order of the content.
     """
     written: dict[Path, None] = {}
     for name, make in _named(content):

@@ -34,17 +34,8 @@ def plain_formatter() -> Any:
 def with_powers(offset: str) -> str:
     """Write the factor and offset of an axis with powers of ten.
 
-    Parameters
-    ----------
-    offset : str
-        As Matplotlib writes it.
+    `offset`: as Matplotlib writes it.
 
-    Returns
-    -------
-    str
-
-    Examples
-    --------
     >>> with_powers("1e5"), with_powers("1e-7+1.5e3"), with_powers("+2.5"), with_powers("")
     ('× 10⁵', '× 10⁻⁷ +1.5 × 10³', '+2.5', '')
     """
@@ -62,8 +53,6 @@ def with_powers(offset: str) -> str:
 def decades(low: float, high: float) -> tuple[int, int]:
     """Return between which powers of ten, one apart or more, a logarithmic axis lies that shows two values.
 
-    Examples
-    --------
     >>> decades(3e-4, 0.2), decades(1.0, 1.0)
     ((-4, 0), (0, 1))
     """
@@ -74,15 +63,8 @@ def decades(low: float, high: float) -> tuple[int, int]:
 def log_axis(axes: Axes, direction: str, low: float, high: float) -> None:
     """Let an axis be logarithmic, with its ends at full decades and a tick at every, every second, ... decade.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    direction : {"x", "y"}
-    low, high : float
-        Smallest and largest value that must be seen; both above zero.
+    `low`, `high`: smallest and largest value that must be seen; both above zero.
 
-    Examples
-    --------
     >>> from matplotlib.figure import Figure
     >>> axes = Figure().add_subplot()
     >>> log_axis(axes, "y", 3e-4, 20)

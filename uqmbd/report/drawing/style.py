@@ -319,8 +319,6 @@ def histogram(values: NDArray[np.float64], *, density: bool) -> tuple[NDArray[np
 def line_width(k: int, count: int) -> float:
     """Return the width of the k-th of several methods' lines: where they coincide, those beneath look out.
 
-    Examples
-    --------
     >>> line_width(0, 1), line_width(0, 3) > line_width(1, 3) > line_width(2, 3)
     (1.6, True)
     """

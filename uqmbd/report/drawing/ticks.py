@@ -19,12 +19,6 @@ def freeze_ticks(figure: Figure) -> None:
     Matplotlib makes and measures five objects for every tick, which takes most of the time of a small figure. The
     limits of the axes must not change afterwards. Major ticks only, at the bottom or the top, left or right.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-
-    Examples
-    --------
     >>> from matplotlib.figure import Figure
     >>> figure = Figure()
     >>> axes = figure.add_subplot()

@@ -40,8 +40,6 @@ _INK = ("#1b1f24", "#e6e9ed")
 def mixed(colour: str, other: str, share: float) -> str:
     """Mix a colour ``#rrggbb`` with another one, of which there is a share.
 
-    Examples
-    --------
     >>> mixed("#000000", "#ffffff", 0.2)
     '#333333'
     """
@@ -80,13 +78,8 @@ DARK_STYLE = "".join(
 class Drawing:
     """Collects what is drawn; places are in points from the upper left corner, colours names of `ROLES` or ``#rrggbb``.
 
-    Attributes
-    ----------
-    width, height : float
-        Points.
+    `width`, `height`: points.
 
-    Examples
-    --------
     >>> drawing = Drawing(100, 50)
     >>> drawing.line([[0, 0], [10, 5.04]], "c0")
     >>> drawing.inline("A line.").endswith('<path fill="none" stroke="#0072B2" class="s-c0" d="M0 0 10 5"/></svg>')
@@ -135,8 +128,6 @@ class Drawing:
 def path_data(points: Array, *, closed: bool = False) -> str:
     """Return the data of a path, to a tenth of a point; what is a single point between unknown ones is left out.
 
-    Examples
-    --------
     >>> path_data(np.array([[0, 0], [1, 2.04], [np.nan, 1], [3, 3], [4, 3]]))
     'M0 0 1 2M3 3 4 3'
     >>> path_data(np.array([[0, 0], [1, 0], [0, 1]]), closed=True)

@@ -39,30 +39,16 @@ _OTHERS = Look("quiet", (), 1.0)
 
 
 class CoefficientParts(NamedTuple):
-    """Parts of the largest standard deviation that polynomials carry: NaN where they are zero but for rounding.
+    """Parts of the largest standard deviation that polynomials carry: NaN where they are zero but for rounding."""
 
-    Attributes
-    ----------
-    at_times : dict of str to array, shape (N,)
-        By total order from 1, at some times.
-    largest : array, shape (N,)
-        Its maximum over time.
-    inputs : list of str
-    of_inputs : array, shape (d, D)
-        By degree from 1 in each input, the maximum over time.
-    named, others : list of int
-        Inputs with a line of their own, and those that share one look.
-    ends : tuple of float
-        Between which values an axis shows them and the limit.
-    """
-
-    at_times: dict[str, Array]
-    largest: Array
+    at_times: dict[str, Array]  # (N,): by total order from 1, at some times
+    largest: Array  # (N,): its maximum over time
     inputs: list[str]
-    of_inputs: Array
+    of_inputs: Array  # (d, D): by degree from 1 in each input, the maximum over time
+    # named, others: inputs with a line of their own, and those that share one look
     named: list[int]
     others: list[int]
-    ends: tuple[float, float]
+    ends: tuple[float, float]  # between which values an axis shows them and the limit
 
 
 def coefficient_parts(
@@ -70,10 +56,7 @@ def coefficient_parts(
 ) -> CoefficientParts | None:
     """Return what `coefficient_decay` draws; None if the output has no spread.
 
-    Raises
-    ------
-    StudyError
-        If there is no chaos, or no such output exists.
+    Raise StudyError if there is no chaos, or no such output exists.
     """
     chaos = chaos_of(one_node(results), output)
     decay = chaos.decay().isel(output=0)
@@ -113,10 +96,7 @@ def decay_chart(results: Results, output: str, *, times: Sequence[float] | None 
     By the total order, at some times and at most, and by the degree in each input. Of many inputs those have a line of
     their own that fall least; the largest of the others is one more. None if the output has no spread.
 
-    Raises
-    ------
-    StudyError
-        If there is no chaos.
+    Raise StudyError if there is no chaos.
     """
     found = coefficient_parts(results, output, times=times)
     if found is None:
@@ -204,8 +184,6 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
 def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
     """Return the first time at which an error (T,) exceeds a limit; None if it never does.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> horizon(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.02, 0.001])), horizon(np.zeros(1), np.zeros(1))
     (1.0, None)
@@ -215,39 +193,22 @@ def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
 
 
 class StatedErrors(NamedTuple):
-    """What a surrogate states of its own error, as it is drawn.
+    """What a surrogate states of its own error, as it is drawn."""
 
-    Attributes
-    ----------
-    times : array, shape (T,)
-    names : list of str
-        Of the outputs.
-    errors : array, shape (N, T)
-        Relative to the standard deviation; NaN where they are zero but for rounding.
-    horizons : list of float or None
-        When each exceeds the limit for the first time.
-    named, others : list of int
-        Outputs with a line of their own, in their order, and those that share one look, the worst first.
-    ends : tuple of float
-        Between which values an axis shows them and the limit.
-    """
-
-    times: Array
-    names: list[str]
-    errors: Array
-    horizons: list[float | None]
+    times: Array  # (T,)
+    names: list[str]  # of the outputs
+    errors: Array  # (N, T): relative to the standard deviation; NaN where they are zero but for rounding
+    horizons: list[float | None]  # when each exceeds the limit for the first time
+    # named, others: outputs with a line of their own, in their order, and those that share one look, the worst first
     named: list[int]
     others: list[int]
-    ends: tuple[float, float]
+    ends: tuple[float, float]  # between which values an axis shows them and the limit
 
 
 def stated_errors(results: Results, limit: float = EXACT) -> StatedErrors:
     """Return what `verification` draws.
 
-    Raises
-    ------
-    StudyError
-        If the propagator states no error.
+    Raise StudyError if the propagator states no error.
     """
     node = one_node(results)
     stated = stated_error_of(node)
@@ -281,10 +242,7 @@ def errors_chart(results: Results, limit: float = EXACT) -> Chart:
     Of many outputs the worst have a line of their own, and the largest error of the others is one more. Dots mark where
     the limit is passed for the first time.
 
-    Raises
-    ------
-    StudyError
-        If the propagator states no error.
+    Raise StudyError if the propagator states no error.
     """
     found = stated_errors(results, limit)
     level = f"{100 * limit:g} %"

@@ -53,22 +53,12 @@ _PILED, _ENOUGH = 0.25, 100
 
 
 class DensityCurve(NamedTuple):
-    """One method in axes of a density.
+    """One method in axes of a density."""
 
-    Attributes
-    ----------
-    values : array, shape (S,)
-    style : int
-        Which colour and line.
-    trusted : bool
-        Whether it decides how high the axes reach: a curve that is known to be wrong does not.
-    known : tuple of array, optional
-        Points and density, where this need not be estimated.
-    """
-
-    values: NDArray[np.float64]
-    style: int = 0
-    trusted: bool = True
+    values: NDArray[np.float64]  # (S,)
+    style: int = 0  # which colour and line
+    trusted: bool = True  # whether it decides how high the axes reach: a curve that is known to be wrong does not
+    # points and density, where this need not be estimated
     known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
@@ -82,26 +72,12 @@ def density(
     as long as a dip between two peaks is less than two and a half standard errors of the estimate deep. At ends, what
     the kernels would put beyond is reflected.
 
-    Parameters
-    ----------
-    values : array, shape (S,)
-    points : int
-        Where to evaluate: as many points, from three widths below the smallest value to three above the largest, and
-        not beyond the ends.
-    ends : tuple of float
-        Bounds of the quantity, where it has some; see :func:`ends_of`.
+    `values` (S,); `points`: where to evaluate: as many points, from three widths below the smallest value to three
+    above the largest, and not beyond the ends; `ends`: bounds of the quantity, where it has some; see
+    :func:`ends_of`. Return or None if the values do not vary.
 
-    Returns
-    -------
-    points, densities : array
-        Or None if the values do not vary.
-
-    References
-    ----------
     B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, sections 2.10, 3.4.2.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> x, f = density(np.random.default_rng(0).normal(size=500))
     >>> round(float(np.trapezoid(f, x)), 2)
@@ -139,18 +115,9 @@ def density(
 def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return the densities of inputs, from the map that a surrogate stores of them.
 
-    Parameters
-    ----------
-    space : GermSpace
+    Return points and densities of each input; inputs that take single values, and those of a general joint
+    distribution, have none.
 
-    Returns
-    -------
-    dict of str to tuple of array
-        Points and densities of each input; inputs that take single values, and those of a general joint distribution,
-        have none.
-
-    Examples
-    --------
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
     >>> given = JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(0, 4))])
@@ -228,17 +195,8 @@ def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
     there has a probability of 3 / S at the most (with 95 % confidence), which no density shows. Where many
     samples pile up at the smallest or largest of them, as those of a uniform distribution do, that is a bound, too.
 
-    Parameters
-    ----------
-    values : array, shape (S,)
+    `values` (S,). Return lower and upper bound; infinite where there is none.
 
-    Returns
-    -------
-    tuple of float
-        Lower and upper bound; infinite where there is none.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> rng = np.random.default_rng(0)
     >>> ends_of(abs(rng.normal(size=100))), ends_of(rng.normal(size=100))
@@ -261,31 +219,18 @@ def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 class Densities(NamedTuple):
-    """What axes of densities show.
+    """What axes of densities show."""
 
-    Attributes
-    ----------
-    bars : tuple of array, optional
-        Edges and heights of a histogram, as a density.
-    curves : list of tuple
-        Which colour and line, points and densities of each curve; at its ends it goes down to zero.
-    top : float
-        Up to where they have to be seen.
-    """
-
-    bars: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+    bars: tuple[NDArray[np.float64], NDArray[np.float64]] | None  # edges and heights of a histogram, as a density
+    # which colour and line, points and densities of each curve; at its ends it goes down to zero
     curves: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]
-    top: float
+    top: float  # up to where they have to be seen
 
 
 def densities(bars: NDArray[np.float64] | None, curves: Sequence[DensityCurve]) -> Densities:
     """Return the histogram of values, and smooth estimates of the density of others.
 
-    Parameters
-    ----------
-    bars : array, shape (S,), optional
-        Of which the histogram is.
-    curves : sequence of DensityCurve
+    `bars` (S,): of which the histogram is.
     """
     counted = None if bars is None else histogram(bars, density=True)
     tops = {True: 0.0 if counted is None else float(counted[1].max()), False: 0.0}

@@ -46,24 +46,12 @@ SURROGATE_SAMPLES = 4096
 
 
 class DensityPanel(NamedTuple):
-    """Densities of one quantity, by one or several methods.
+    """Densities of one quantity, by one or several methods."""
 
-    Attributes
-    ----------
-    time : float
-        In seconds.
-    bars : array, shape (S,), optional
-        Values of which there is a histogram.
-    curves : list of DensityCurve
-        Of each method.
-    span : tuple of float, optional
-        Where its axis ends, if it does not end with what is drawn.
-    """
-
-    time: float
-    bars: NDArray[np.float64] | None
-    curves: list[DensityCurve]
-    span: tuple[float, float] | None
+    time: float  # in seconds
+    bars: NDArray[np.float64] | None  # (S,): values of which there is a histogram
+    curves: list[DensityCurve]  # of each method
+    span: tuple[float, float] | None  # where its axis ends, if it does not end with what is drawn
 
 
 class OutputDensities(NamedTuple):
@@ -77,10 +65,7 @@ class OutputDensities(NamedTuple):
 def output_densities(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> OutputDensities:
     """Return what `histograms` draws.
 
-    Raises
-    ------
-    StudyError
-        If no method has samples or a chaos, none of the samples succeeded, or no such output exists.
+    Raise StudyError if no method has samples or a chaos, none of the samples succeeded, or no such output exists.
     """
     import xarray as xr
 
@@ -110,10 +95,7 @@ def output_densities(results: Results | Samples, output: str, times: Sequence[fl
 def densities_chart(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Views:
     """Chart the densities of an output by each method, for each of some times, as of `histograms`.
 
-    Raises
-    ------
-    StudyError
-        If there is nothing to draw.
+    Raise StudyError if there is nothing to draw.
     """
     labels, units, panels = output_densities(results, output, times)
     spreads = [float(np.std(panel.curves[0].values)) for panel in panels]
@@ -226,32 +208,19 @@ def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | No
 
 
 class InputPanel(NamedTuple):
-    """The sampled values of an input.
-
-    Attributes
-    ----------
-    name, units : str
-    values : array, shape (S,)
-    curve : DensityCurve
-        Its density: that of its distribution, where this is known.
-    failed : array
-        Values of samples that failed, 2000 at most.
-    """
+    """The sampled values of an input."""
 
     name: str
     units: str
-    values: NDArray[np.float64]
-    curve: DensityCurve
-    failed: NDArray[np.float64]
+    values: NDArray[np.float64]  # (S,)
+    curve: DensityCurve  # its density: that of its distribution, where this is known
+    failed: NDArray[np.float64]  # values of samples that failed, 2000 at most
 
 
 def input_densities(node: Samples, space: GermSpace | None = None) -> list[InputPanel]:
     """Return what `inputs` draws.
 
-    Raises
-    ------
-    StudyError
-        If the node has no samples or no inputs.
+    Raise StudyError if the node has no samples or no inputs.
     """
     samples = samples_of(node)
     names = [str(name) for name in samples["input"].values]
@@ -272,10 +241,7 @@ def input_densities(node: Samples, space: GermSpace | None = None) -> list[Input
 def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
     """Chart histograms of sampled inputs with their densities; dots are where samples failed.
 
-    Raises
-    ------
-    StudyError
-        If the node has no samples or no inputs.
+    Raise StudyError if the node has no samples or no inputs.
     """
     charts = []
     for one in input_densities(node, space):

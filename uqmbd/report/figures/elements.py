@@ -83,39 +83,22 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
 def elements_chart(node: xr.DataTree, output: str | None = None) -> Chart:
     """Chart the elements of a method: boxes in the plane of two inputs, steps along the only one that was split.
 
-    Raises
-    ------
-    StudyError
-        If no such output exists.
+    Raise StudyError if no such output exists.
     """
     found = split_elements(node, output)
     return _steps(found) if found.up is None else _boxes(found, found.up)
 
 
 class SplitElements(NamedTuple):
-    """The elements of a method in the plane of the inputs that were split most, or along the only one.
+    """The elements of a method in the plane of the inputs that were split most, or along the only one."""
 
-    Attributes
-    ----------
-    names : list of tuple of str
-        Name and units of the inputs: first that along the axis.
-    across : tuple of array, shape (E,)
-        Lower and upper ends of the elements.
-    up : tuple of array, shape (E,), optional
-        The same in the other input; None where one alone was split.
-    value : array, shape (E,)
-        The stated error of each element, over the standard deviation, at its largest; or its probability.
-    what : str
-        Which of the two it is.
-    probability : array, shape (E,)
-    """
-
-    names: list[tuple[str, str]]
-    across: tuple[Array, Array]
-    up: tuple[Array, Array] | None
+    names: list[tuple[str, str]]  # name and units of the inputs: first that along the axis
+    across: tuple[Array, Array]  # (E,): lower and upper ends of the elements
+    up: tuple[Array, Array] | None  # (E,): the same in the other input; None where one alone was split
+    # (E,): the stated error of each element, over the standard deviation, at its largest; or its probability
     value: Array
-    what: str
-    probability: Array
+    what: str  # which of the two it is
+    probability: Array  # (E,)
 
     @property
     def stated(self) -> bool:
@@ -126,10 +109,7 @@ class SplitElements(NamedTuple):
 def split_elements(node: xr.DataTree, output: str | None = None) -> SplitElements:
     """Return what `split_pattern` draws.
 
-    Raises
-    ------
-    StudyError
-        If no such output exists.
+    Raise StudyError if no such output exists.
     """
     data = node.children["chaos"].to_dataset()
     if output is not None:

@@ -25,26 +25,15 @@ SMALLEST = 1e-16
 
 @dataclass(frozen=True, eq=False)
 class Spent:
-    """Errors of a method at its levels, and what these cost.
-
-    Attributes
-    ----------
-    method : str
-    quantity : {"mean", "std"}
-    errors : array, shape (L,)
-        Relative; NaN: not known, or too small to be drawn.
-    realisations, wall_time : array, shape (L,)
-        NaN where they are not known, or zero.
-    levels : tuple of str
-        What the levels are called.
-    """
+    """Errors of a method at its levels, and what these cost."""
 
     method: str
     quantity: str
-    errors: Array
+    errors: Array  # (L,): relative; NaN: not known, or too small to be drawn
+    # realisations, wall_time: (L,), naN where they are not known, or zero
     realisations: Array
     wall_time: Array
-    levels: tuple[str, ...]
+    levels: tuple[str, ...]  # what the levels are called
 
     def along(self, cost: str) -> tuple[Array, Array, tuple[str, ...]]:
         """Return costs that are known, increasing, with their errors and levels; ``cost``: the name of an attribute."""
@@ -57,10 +46,7 @@ class Spent:
 def errors_of(convergence: xr.Dataset, output: str) -> list[Spent]:
     """Return the errors of mean and standard deviation of each method, and what they cost.
 
-    Raises
-    ------
-    StudyError
-        If there is no such output, or no error above zero.
+    Raise StudyError if there is no such output, or no error above zero.
     """
     names = [str(name) for name in convergence["output"].values]
     if output not in names:
@@ -93,10 +79,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
     Full marks and lines are those of the mean, hollow ones and dashed lines those of the standard deviation; each
     method has a shape of its own. Pale lines are what the reference states of its own error.
 
-    Raises
-    ------
-    StudyError
-        If there is no such output, or no error above zero.
+    Raise StudyError if there is no such output, or no error above zero.
     """
     found = errors_of(convergence, output)
     shapes = [name for name in MARKS if name != "cross"]

@@ -53,21 +53,12 @@ class Reason:
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """How well an input tells failed samples from fine ones.
+    """How well an input tells failed samples from fine ones."""
 
-    Attributes
-    ----------
-    index : int
-        Of the input.
-    distance : float
-        Largest difference between the two empirical distribution functions (Kolmogorov and Smirnov), 0 to 1.
-    clear : bool
-        Whether chance gives such a distance in fewer than one of a hundred cases.
-    """
-
-    index: int
+    index: int  # of the input
+    # largest difference between the two empirical distribution functions (Kolmogorov and Smirnov), 0 to 1
     distance: float
-    clear: bool
+    clear: bool  # whether chance gives such a distance in fewer than one of a hundred cases
 
 
 def failure_reasons(node: Samples) -> list[Reason]:
@@ -76,17 +67,8 @@ def failure_reasons(node: Samples) -> list[Reason]:
     Messages that differ only in their numbers, or in remarks in brackets, are one reason; differing numbers are shown
     as a range.
 
-    Parameters
-    ----------
-    node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples.
+    `node`: the node of a propagator that has ``samples``, or its samples.
 
-    Returns
-    -------
-    list of Reason
-
-    Examples
-    --------
     >>> from uqmbd.extend import labels, sample_dataset
     >>> messages = ["", "no step at t = 0.25 s (joint 'a')", "no step at t = 0.5 s (joint 'b')"]
     >>> axes = labels(["x"], ["k"], [0.0])
@@ -139,19 +121,8 @@ def _joined(messages: list[str]) -> str:
 def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
     """Order the inputs by how well they tell the samples that failed for a reason from those that succeeded.
 
-    Parameters
-    ----------
-    node : xarray.DataTree or xarray.Dataset
-        The node of a propagator that has ``samples``, or its samples.
-    reason : Reason
+    `node`: the node of a propagator that has ``samples``, or its samples. Return the best first.
 
-    Returns
-    -------
-    list of Separation
-        The best first.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from uqmbd.extend import labels, sample_dataset
     >>> drawn = np.random.default_rng(0).random((200, 2))
@@ -233,25 +204,16 @@ def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
 
 @dataclass(frozen=True, eq=False)
 class FailedInputs:
-    """The one or two inputs that tell best which samples failed for one reason.
+    """The one or two inputs that tell best which samples failed for one reason."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        Of these inputs: one, or two.
-    drawn : array, shape (S, 1) or (S, 2)
-        Of all samples.
-    fine, failed : array of int
-        Samples that are shown, of many every second, or third, ...
-    count_fine, count_failed : int
-        How many there are.
-    """
-
+    # names, units: of these inputs: one, or two
     names: tuple[str, ...]
     units: tuple[str, ...]
-    drawn: NDArray[np.float64]
+    drawn: NDArray[np.float64]  # (S, 1): of all samples
+    # fine, failed: samples that are shown, of many every second, or third,
     fine: NDArray[np.intp]
     failed: NDArray[np.intp]
+    # count_fine, count_failed: how many there are
     count_fine: int
     count_failed: int
 
@@ -266,10 +228,7 @@ class FailedInputs:
 def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
     """Return what `failure_inputs` draws.
 
-    Raises
-    ------
-    StudyError
-        If there are no such failures, or no inputs.
+    Raise StudyError if there are no such failures, or no inputs.
     """
     samples = _runs(node)
     names, units = _input_labels(samples)
@@ -291,10 +250,7 @@ def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
 def failures_chart(node: Samples, reason: int | Reason) -> Chart:
     """Chart samples that failed for one reason among those that succeeded, by the inputs that tell them apart best.
 
-    Raises
-    ------
-    StudyError
-        If there are no such failures, or no inputs.
+    Raise StudyError if there are no such failures, or no inputs.
     """
     found = failed_inputs(node, reason)
     single = len(found.names) == 1

@@ -29,37 +29,20 @@ SMALLEST = 1e-16
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """Largest differences over time of one series of a chaos to a reference, over its largest standard deviation.
+    """Largest differences over time of one series of a chaos to a reference, over its largest standard deviation."""
 
-    Attributes
-    ----------
-    name : str
-        Of the series.
-    orders, realisations : array of int, shape (N,)
-    mean, std : array, shape (N,)
-    """
-
-    name: str
-    orders: NDArray[np.int64]
-    realisations: NDArray[np.int64]
-    mean: Array
-    std: Array
+    name: str  # of the series
+    orders: NDArray[np.int64]  # (N,)
+    realisations: NDArray[np.int64]  # (N,)
+    mean: Array  # (N,)
+    std: Array  # (N,)
 
 
 def orders_of(results: Results, output: str, reference: str | None = None) -> tuple[str, list[Convergence]]:
     """Return the reference, and for each series of chaoses with several orders how far they are from it.
 
-    Parameters
-    ----------
-    results : xarray.DataTree, mapping or iterable of nodes
-    output : str
-    reference : str, optional
-        Default: the finest chaos. (A Monte Carlo reference would end the fall at its own standard error.)
-
-    Raises
-    ------
-    StudyError
-        If the reference is unknown, or no chaos is left to compare with it.
+    `reference`: default: the finest chaos. (A Monte Carlo reference would end the fall at its own standard error.).
+    Raise StudyError if the reference is unknown, or no chaos is left to compare with it.
     """
     nodes = {label: node for label, node in nodes_of(results).items() if _has(node, output)}
     chosen = finest(nodes) if reference is None else reference
@@ -100,10 +83,7 @@ def orders_chart(results: Results, output: str, reference: str | None = None) ->
 
     By the order, and by the realisations, where these are known, with the standard errors of samplings, too.
 
-    Raises
-    ------
-    StudyError
-        If no surrogate is left to compare with the finest, or times differ.
+    Raise StudyError if no surrogate is left to compare with the finest, or times differ.
     """
     nodes = nodes_of(results)
     reference, found = orders_of(nodes, output, reference)

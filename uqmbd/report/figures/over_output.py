@@ -82,10 +82,7 @@ class Over:
 def paths_over(results: Results, output: str, over: str) -> Over:
     """Return what `over_output` draws.
 
-    Raises
-    ------
-    StudyError
-        If no such output exists, or both are the same.
+    Raise StudyError if no such output exists, or both are the same.
     """
     if output == over:
         raise StudyError(f"Output {output!r} is to be drawn over itself; give another output as over=.")
@@ -116,10 +113,7 @@ def over_chart(results: Results, output: str, over: str) -> Chart:
     Where bands are drawn, a chart of curves along the other output. Else one in the plane of both, with the time of the
     page: the means at each time, and single realisations of the first method.
 
-    Raises
-    ------
-    StudyError
-        If no such output exists, or both are the same.
+    Raise StudyError if no such output exists, or both are the same.
     """
     found = paths_over(results, output, over)
     plane = Axis(over, typeset_units(found.over_units))

@@ -292,25 +292,11 @@ def occurrences(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[float, float]]:
     """Count how many samples lie in which of a bounded number of bins at which time.
 
-    Parameters
-    ----------
-    response : array, shape (S, T)
-        Of samples that succeeded.
-    times : array, shape (T,)
-        Increasing.
+    `response` (S, T): of samples that succeeded; `times` (T,): increasing. Return (V, C): at most 100 equal bins of
+    the value, rows upwards, and at most 200 columns of time; each column counts every sample once, at the time
+    nearest to the column's middle. Return (C + 1,): equally spaced edges of the columns. Return ends of the bins of
+    the value.
 
-    Returns
-    -------
-    counts : array, shape (V, C)
-        At most 100 equal bins of the value, rows upwards, and at most 200 columns of time; each column counts every
-        sample once, at the time nearest to the column's middle.
-    columns : array, shape (C + 1,)
-        Equally spaced edges of the columns.
-    span : tuple of float
-        Ends of the bins of the value.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> counts, columns, span = occurrences(np.array([[0.0, 1.0], [0.0, 3.0]]), np.array([0.0, 0.1]))
     >>> counts.shape[1], counts.sum(axis=0).tolist(), span

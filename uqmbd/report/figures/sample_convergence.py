@@ -46,8 +46,6 @@ class Design:
 def design_of(attrs: Mapping[Any, Any]) -> Design:
     """Return the design from the attributes of a propagator's node; without any, samples are independent.
 
-    Examples
-    --------
     >>> design_of({"options": '{"sampling": "sobol", "replicates": 8}'})
     Design(name='sobol', replicates=8)
     >>> design_of({}).independent
@@ -63,29 +61,14 @@ def design_of(attrs: Mapping[Any, Any]) -> Design:
 
 
 class Settling(NamedTuple):
-    """Estimates of an output at one time, from more and more samples or replicates.
+    """Estimates of an output at one time, from more and more samples or replicates."""
 
-    Attributes
-    ----------
-    counts : array, shape (C,)
-        How many.
-    estimates : mapping of str to array, shape (C,)
-        By the names of statistics, with their standard errors.
-    time : float
-    units : str
-        Of the output.
-    counted : str
-        What is counted, in words.
-    independent : bool
-        Whether samples are counted, each of which is independent of all others.
-    """
-
-    counts: NDArray[np.float64]
-    estimates: dict[str, NDArray[np.float64]]
+    counts: NDArray[np.float64]  # (C,): how many
+    estimates: dict[str, NDArray[np.float64]]  # (C,): by the names of statistics, with their standard errors
     time: float
-    units: str
-    counted: str
-    independent: bool
+    units: str  # of the output
+    counted: str  # what is counted, in words
+    independent: bool  # whether samples are counted, each of which is independent of all others
 
     def band(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return an estimate and the ends of the band that holds the true value in 95 % of cases."""
@@ -111,10 +94,7 @@ class Settling(NamedTuple):
 def settling(node: Samples, output: str, time: float | None = None) -> Settling:
     """Return what `convergence` draws.
 
-    Raises
-    ------
-    StudyError
-        If the node has no samples, fewer than two succeeded, or no such output exists.
+    Raise StudyError if the node has no samples, fewer than two succeeded, or no such output exists.
     """
     samples = samples_of(node)
     response = of_output(samples, output)["response"]
@@ -152,10 +132,7 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
 
     The horizontal axis is the number of samples, or of replicates of a design.
 
-    Raises
-    ------
-    StudyError
-        If there are fewer than two samples to estimate from.
+    Raise StudyError if there are fewer than two samples to estimate from.
     """
     found = settling(node, output, time)
     told = "samples" if found.independent else "replicates"

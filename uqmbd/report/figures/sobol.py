@@ -45,17 +45,8 @@ INTERACTING = 0.002
 class Indices:
     """Sobol' indices of one output.
 
-    Attributes
-    ----------
-    names : tuple of str, length G
-        Of the inputs, or of the germs where inputs depend on one another.
-    of_germs : bool
-    first, total : array, shape (G, T)
-    times, std, mean : array, shape (T,)
-    meaningful : array of bool, shape (T,)
-        Where there is a spread to share.
-    units : str
-        Of the standard deviation.
+    `names`: of the inputs, or of the germs where inputs depend on one another; `first`, `total` (G, T); `times`,
+    `std`, `mean` (T,); `meaningful` (T,): where there is a spread to share; `units`: of the standard deviation.
     """
 
     names: tuple[str, ...]

@@ -139,8 +139,6 @@ def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDA
 
     Shares of a spread that hardly exists say nothing; the same 1 % bounds the errors that a chaos states.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> varies_over_time(np.array([0.0, 1e-4, 0.5]), np.ones(3)).tolist()
     [False, False, True]
@@ -156,10 +154,7 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
 
     Methods belong together if their propagator and all options that are texts agree: a rule, a kind of fit.
 
-    Returns
-    -------
-    dict of str to list of str
-        Labels by the name of the group: what its labels begin with, or its propagator.
+    Return labels by the name of the group: what its labels begin with, or its propagator.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
     found = surrogate_nodes(nodes)

@@ -51,22 +51,12 @@ METHODS = 6
 
 
 class ScalarPanel(NamedTuple):
-    """How an output without a time is distributed.
-
-    Attributes
-    ----------
-    name, units : str
-    bars : array, shape (S,), optional
-        Samples whose histogram is drawn: of the first method with any.
-    barred : str
-        The label of that method; empty without one.
-    curves : list of DensityCurve
-    """
+    """How an output without a time is distributed."""
 
     name: str
     units: str
-    bars: NDArray[np.float64] | None
-    barred: str
+    bars: NDArray[np.float64] | None  # (S,): samples whose histogram is drawn: of the first method with any
+    barred: str  # the label of that method; empty without one
     curves: list[DensityCurve]
 
 
@@ -178,24 +168,13 @@ MOST = 8
 
 @dataclass(frozen=True, eq=False)
 class EventTime:
-    """One event: the n-th of its kind.
+    """One event: the n-th of its kind."""
 
-    Attributes
-    ----------
-    name : str
-        What happens, as ``floor: impact``.
-    number : int
-        1 for the first of this name.
-    times : array, shape (K,)
-        Its times in those of the sampled realisations that reach it until the end of the study, s.
-    share : float
-        Share of realisations in which it happens until the end of the study.
-    """
-
-    name: str
-    number: int
+    name: str  # what happens, as ``floor: impact``
+    number: int  # 1 for the first of this name
+    # (K,): its times in those of the sampled realisations that reach it until the end of the study, s
     times: NDArray[np.float64]
-    share: float
+    share: float  # share of realisations in which it happens until the end of the study
 
     @property
     def title(self) -> str:

@@ -27,18 +27,11 @@ ROUNDING = 1e-15
 def compressed(coefficients: Array, allowed: Array) -> dict[str, Any]:
     """Compress coefficients of several elements.
 
-    Parameters
-    ----------
-    coefficients : array, shape (E, P, O, C)
-        Of E elements, P terms, the first of which is the mean, O outputs, and C columns, mostly times.
-    allowed : array, shape (O, C)
-        What may be lost in each element, as a root mean square over the inputs, in the units of the coefficients.
-
-    Returns
-    -------
-    dict
-        ``base`` (O, C), to be added to the mean; for each output ``left`` (E, P, R) and ``right`` (R, C), whose product
-        is the rest; or the rest as a whole, ``left`` (E, P, C), and ``right`` None, where that is shorter.
+    `coefficients` (E, P, O, C): of E elements, P terms, the first of which is the mean, O outputs, and C columns,
+    mostly times; `allowed` (O, C): what may be lost in each element, as a root mean square over the inputs, in the
+    units of the coefficients. Return ``base`` (O, C), to be added to the mean; for each output ``left`` (E, P, R) and
+    ``right`` (R, C), whose product is the rest; or the rest as a whole, ``left`` (E, P, C), and ``right`` None, where
+    that is shorter.
     """
     base = coefficients[:, 0].mean(axis=0)
     rest = coefficients.copy()

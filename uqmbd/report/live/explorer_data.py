@@ -22,23 +22,13 @@ __all__ = ["explorer_data"]
 def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()) -> dict[str, Any]:
     """Return the surrogate of a page's method, or ``{"reason": ...}``, which says why there is none.
 
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study.
-    limits : sequence of mapping
-        Requirements that are limits of outputs: ``requirement``, ``output``, ``limit`` and ``end``, "highest" or
-        "lowest"; others are left out.
-
-    Returns
-    -------
-    dict
-        ``method``, its label; ``histories`` and ``scalars``, outputs with and without a time: None where there are
-        none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of
-        these outputs; ``margins``, of other requirements: None, or the ``surrogate`` of margins of the whole motion and
-        ``requirements``, the ``name`` and ``meaning`` of each that is not among the limits; ``missing``, why outputs
-        are not there; ``still``, the names of requirements that are not; ``order``, the numbers of the inputs, that
-        which matters most first.
+    `tree`: the result of a study; `limits`: requirements that are limits of outputs: ``requirement``, ``output``,
+    ``limit`` and ``end``, "highest" or "lowest"; others are left out. Return ``method``, its label; ``histories`` and
+    ``scalars``, outputs with and without a time: None where there are none, else ``surrogate`` as of
+    `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of these outputs; ``margins``, of other
+    requirements: None, or the ``surrogate`` of margins of the whole motion and ``requirements``, the ``name`` and
+    ``meaning`` of each that is not among the limits; ``missing``, why outputs are not there; ``still``, the names of
+    requirements that are not; ``order``, the numbers of the inputs, that which matters most first.
     """
     label = live_method(tree)
     if not label:

@@ -23,10 +23,8 @@ def joined_modules(*names: str) -> str:
 
     Their names share one scope; the text is for `<script type="module">`.
 
-    Raises
-    ------
-    ValueError
-        If two files declare the same name, one has an import or export of another form, or one holds `</script`.
+    Raise ValueError if two files declare the same name, one has an import or export of another form, or one holds
+    `</script`.
     """
     texts: dict[str, str] = {}
     owner: dict[str, str] = {}
@@ -59,21 +57,11 @@ START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\n"
 
 @dataclass(frozen=True)
 class PageScripts:
-    """Texts for elements of a page.
+    """Texts for elements of a page."""
 
-    Attributes
-    ----------
-    style : str
-        For ``<style>``: that of the library.
-    uplot : str
-        For ``<script>``: uPlot, with its licence as a comment.
-    module : str
-        For ``<script type="module">``: makes charts, players and sliders of what has data.
-    """
-
-    style: str
-    uplot: str
-    module: str
+    style: str  # for ``<style>``: that of the library
+    uplot: str  # for ``<script>``: uPlot, with its licence as a comment
+    module: str  # for ``<script type="module">``: makes charts, players and sliders of what has data
 
 
 @functools.cache
@@ -92,12 +80,8 @@ def page_scripts() -> PageScripts:
 def cell_html(fragment: str, style: str) -> str:
     """Return an output of a notebook with what makes its charts alive.
 
-    Parameters
-    ----------
-    fragment : str
-        HTML with figures that have data; where scripts do not run it stays as it is.
-    style : str
-        CSS of what the scripts show; it does not reach the rest of the page.
+    `fragment`: HTML with figures that have data; where scripts do not run it stays as it is; `style`: CSS of what the
+    scripts show; it does not reach the rest of the page.
     """
     scripts = page_scripts()
     # no id: one fragment may be shown several times, and names of its elements are in a tree of their own

@@ -27,21 +27,12 @@ MOST_NUMBERS = 250_000
 def player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
     """Return poses of a mechanism, and how they are drawn.
 
-    Parameters
-    ----------
-    motion : xarray.Dataset
-        Of `uqmbd.report.motion`, or the node ``motion`` of results.
-    most : int
-        Numbers of poses that there is room for.
-
-    Returns
-    -------
-    dict
-        ``poses`` (realisation, time, body, width), the first of which is at the means; ``local`` (realisation, point,
-        axis) in the frames of the bodies; ``owners``, numbers of bodies, -1 is the ground; ``symbols``, strokes whose
-        points are numbers of ``lists``; ``roles``, colours on a light and on a dark page;
-        ``corners``, the points that outline each body; ``bounds`` of all that is drawn; ``start``, the frame at which
-        realisations are farthest apart.
+    `motion`: of `uqmbd.report.motion`, or the node ``motion`` of results; `most`: numbers of poses that there is room
+    for. Return ``poses`` (realisation, time, body, width), the first of which is at the means; ``local``
+    (realisation, point, axis) in the frames of the bodies; ``owners``, numbers of bodies, -1 is the ground;
+    ``symbols``, strokes whose points are numbers of ``lists``; ``roles``, colours on a light and on a dark page;
+    ``corners``, the points that outline each body; ``bounds`` of all that is drawn; ``start``, the frame at which
+    realisations are farthest apart.
     """
     count = int(np.clip(most // max(motion["pose"][0].size, 1), 1, motion.sizes["realisation"]))
     data = motion.isel(realisation=slice(0, count))

@@ -60,26 +60,11 @@ CHECKS = 32
 def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surrogate | None = None) -> xr.DataTree:
     """Make surrogates of the poses of a study's bodies.
 
-    Parameters
-    ----------
-    study : Study
-    method : str
-        Label of one of its methods, which makes a surrogate.
-    frames : int
-        Times, evenly over those of the study.
-    known : surrogate, optional
-        That of its outputs.  Where it is a `PolynomialChaos`, poses have its terms, and the method does not run again.
-
-    Returns
-    -------
-    xarray.DataTree
-        With the children ``coordinates`` and ``points``, each of which `uqmbd.results.surrogate` reads; what
-        `packed_poses` takes.
-
-    Raises
-    ------
-    StudyError
-        If the method makes no surrogate, or not of all coordinates at all frames, or realisations fail.
+    `method`: label of one of its methods, which makes a surrogate; `frames`: times, evenly over those of the study;
+    `known`: that of its outputs.  Where it is a `PolynomialChaos`, poses have its terms, and the method does not run
+    again. Return with the children ``coordinates`` and ``points``, each of which `uqmbd.results.surrogate` reads;
+    what `packed_poses` takes. Raise StudyError if the method makes no surrogate, or not of all coordinates at all
+    frames, or realisations fail.
     """
     if isinstance(known, PolynomialChaos):
         chaos = _fitted(study, known, frames)
@@ -215,21 +200,8 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
 def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dict[str, Any] | None, str]:
     """Return surrogates of poses as data for the player of a page whose sliders are those of a method.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        Of `pose_surrogate`.
-    method : str
-        Label.
-    most : int
-        Characters of data that the page has room for.
-
-    Returns
-    -------
-    data : dict or None
-        As of `packed_poses`.
-    reason : str
-        Why there is none, or empty.
+    `node`: of `pose_surrogate`; `method`: label; `most`: characters of data that the page has room for. Return as of
+    `packed_poses`. Return why there is none, or empty.
     """
     if node.attrs.get("method") != method:
         return None, f"The poses have surrogates of {node.attrs.get('method')}, the page that of {method}."
@@ -246,17 +218,10 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
 def packed_poses(node: xr.DataTree) -> dict[str, Any]:
     """Return surrogates of poses as data of a page, which `poses.js` evaluates.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        Of `pose_surrogate`.
-
-    Returns
-    -------
-    dict
-        ``bodies``, their names; ``size``, numbers of a body's pose, the first ``dimension`` of which are its position,
-        the others a quaternion (in the plane the cosine and sine of an angle); ``upright``; ``coordinates`` and
-        ``points``, each as of `packed_surrogate`, the latter None where nothing is drawn but bodies.
+    `node`: of `pose_surrogate`. Return ``bodies``, their names; ``size``, numbers of a body's pose, the first
+    ``dimension`` of which are its position, the others a quaternion (in the plane the cosine and sine of an angle);
+    ``upright``; ``coordinates`` and ``points``, each as of `packed_surrogate`, the latter None where nothing is drawn
+    but bodies.
     """
     return {
         "bodies": [str(name) for name in np.atleast_1d(node.attrs["bodies"])],

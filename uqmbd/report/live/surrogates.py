@@ -96,14 +96,8 @@ def with_surrogate(node: xr.DataTree) -> xr.DataTree:
 def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool = False) -> dict[str, Any]:
     """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        The node of a method, or its child ``scalars`` or ``requirements``.
-    most : int
-        Characters of data that a page has room for.
-    at_the_end : bool
-        Whether only the last time is wanted: that of running margins is of the whole motion.
+    `node`: the node of a method, or its child ``scalars`` or ``requirements``; `most`: characters of data that a page
+    has room for; `at_the_end`: whether only the last time is wanted: that of running margins is of the whole motion.
     """
     if not surrogate_parts(node):
         return {"reason": NO_SURROGATE}
@@ -129,23 +123,11 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
     `PROBES` germ points, by more than a tenth of the stated error, or a millionth of the standard deviation where that
     is more; `shipped` returns the remaining difference.
 
-    Parameters
-    ----------
-    chaos : PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
-    stated : array, shape (O, T), optional
-        Its stated error, where that is known: of some kinds it takes seconds, for the standard deviation.
-
-    Returns
-    -------
-    dict
-        What `json_script` takes: ``outputs``, ``times``, ``inputs``, ``germs``, ``parts``; ``stated_error`` over the
-        standard deviation and ``stated_rms`` in the units of the outputs, (O, T), None without verification; ``loss``,
-        the largest part of what may be lost that is lost.
-
-    Raises
-    ------
-    StudyError
-        If it is a surrogate of another kind, or its compression fails.
+    `stated` (O, T): its stated error, where that is known: of some kinds it takes seconds, for the standard
+    deviation. Return what `json_script` takes: ``outputs``, ``times``, ``inputs``, ``germs``, ``parts``;
+    ``stated_error`` over the standard deviation and ``stated_rms`` in the units of the outputs, (O, T), None without
+    verification; ``loss``, the largest part of what may be lost that is lost. Raise StudyError if it is a surrogate
+    of another kind, or its compression fails.
     """
     germs = spread_germs(chaos.space, PROBES, 0)
     values = chaos.evaluate_germs(germs).reshape(len(germs), len(chaos.labels.outputs), -1)

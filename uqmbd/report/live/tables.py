@@ -57,18 +57,10 @@ FARTHEST = 6.0
 def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
     """Describe the germs.
 
-    Parameters
-    ----------
-    space : GermSpace
-    verified : array, shape (V, d), optional
-        Germ points of verification realisations.
-
-    Returns
-    -------
-    list of dict
-        For each germ ``name``; ``support``, ends of which are None where there is none; ``range``, that of its slider;
-        ``start``, the median; ``verified``, the range in which its error is known, or None; ``values`` and
-        ``levels`` of a germ that takes few values; else ``table``, the distribution function over the range.
+    `verified` (V, d): germ points of verification realisations. Return for each germ ``name``; ``support``, ends of
+    which are None where there is none; ``range``, that of its slider; ``start``, the median; ``verified``, the range
+    in which its error is known, or None; ``values`` and ``levels`` of a germ that takes few values; else ``table``,
+    the distribution function over the range.
     """
     return [_germ(germ, None if verified is None else verified[:, k]) for k, germ in enumerate(space.germs)]
 
@@ -76,11 +68,8 @@ def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
 def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
     """Describe the inputs.
 
-    Returns
-    -------
-    list of dict
-        For each input ``name``, ``units``, ``description``; ``sum``, the germs and weights of its standard variable;
-        ``map`` of that to its value, and its ``mean``; or ``reason``, why there is no map.
+    Return for each input ``name``, ``units``, ``description``; ``sum``, the germs and weights of its standard
+    variable; ``map`` of that to its value, and its ``mean``; or ``reason``, why there is no map.
     """
     found: list[dict[str, Any]] = [
         {

@@ -198,15 +198,8 @@ def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | Non
 def check_target(path: str | os.PathLike[str]) -> Path:
     """Return where an animation is to be written, if it can be.
 
-    Parameters
-    ----------
-    path : path-like
-        Ends in ``.gif`` or ``.mp4``.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If the ending is another one, or that of a film, and ffmpeg is missing.
+    `path`: ends in ``.gif`` or ``.mp4``. Raise StudyError if the ending is another one, or that of a film, and ffmpeg
+    is missing.
     """
     target = Path(path)
     ending = target.suffix.lower()
@@ -222,14 +215,7 @@ def check_target(path: str | os.PathLike[str]) -> Path:
 def gif(data: xr.Dataset, width: float = 5.6, resolution: int = 84) -> bytes:
     """Return a small animation, for a page.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `motion`.
-    width : float
-        Inches.
-    resolution : int
-        Pixels per inch.
+    `data`: of `motion`; `width`: inches; `resolution`: pixels per inch.
     """
     # pictures are thousands of objects in cycles: looking for garbage all the while would take a third of the time
     collecting = gc.isenabled()

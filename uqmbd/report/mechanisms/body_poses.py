@@ -38,27 +38,10 @@ __all__ = ["coordinate_names", "drawn_pose", "integrated", "marked_points", "mot
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
     """Assemble a mechanism and return its pose; where it cannot be assembled, the pose as drawn, with the reason.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With at least one body.
-    values : mapping, optional
-        Values of random variables by name; the others are at their means.
-    time : float
-        Initial time, s.
+    `mechanism`: with at least one body; `values`: values of random variables by name; the others are at their means;
+    `time`: initial time, s. Return see the module; one realisation, one time.  The attribute ``note`` says why it is
+    not assembled, if so. Raise StudyError if there is no body, or a value cannot be used.
 
-    Returns
-    -------
-    xarray.Dataset
-        See the module; one realisation, one time.  The attribute ``note`` says why it is not assembled, if so.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If there is no body, or a value cannot be used.
-
-    Examples
-    --------
     >>> import uqmbd
     >>> from uqmbd_joints import Revolute
     >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar())
@@ -88,31 +71,13 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
 def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
     """Compute how the bodies of a study move: at the means of the inputs, and for some realisations beside it.
 
-    Parameters
-    ----------
-    study : Study
-        With at least one output.
-    samples : int
-        Realisations besides the one at the means; none for mechanisms without random inputs.
-    frames : int
-        Times, evenly over those of the study.
-    seed : int
-        Of the realisations.
-    method : str, optional
-        Label of a propagator of the study, whose own realisations are taken: the first ones of those that it samples,
-        or samples of its polynomial chaos of all coordinates.  By default realisations are integrated.
-
-    Returns
-    -------
-    xarray.Dataset
-        See the module.  Realisations that fail are left out, and counted in the attribute ``failures``.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If a number cannot be used, or the study has no such method, or that keeps neither samples nor chaos.
-    uqmbd.AssemblyError, uqmbd.IntegrationError
-        If no realisation moves at all.
+    `study`: with at least one output; `samples`: realisations besides the one at the means; none for mechanisms
+    without random inputs; `frames`: times, evenly over those of the study; `seed`: of the realisations; `method`:
+    label of a propagator of the study, whose own realisations are taken: the first ones of those that it samples, or
+    samples of its polynomial chaos of all coordinates.  By default realisations are integrated. Return see the
+    module.  Realisations that fail are left out, and counted in the attribute ``failures``. Raise StudyError if a
+    number cannot be used, or the study has no such method, or that keeps neither samples nor chaos. Raise
+    AssemblyError, uqmbd.IntegrationError if no realisation moves at all.
     """
     for name, value, least in (("samples", samples, 0), ("frames", frames, 2)):
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -180,12 +145,7 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
 def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTree, list[str]]:
     """Run a method of a study with every coordinate of its bodies as an output, too.
 
-    Returns
-    -------
-    node : xarray.DataTree
-        The method's result.
-    names : list of str
-        Names of the outputs that are coordinates, body by body.
+    Return the method's result. Return names of the outputs that are coordinates, body by body.
     """
     from uqmbd.propagation import Study
 

@@ -36,27 +36,16 @@ def painted(role: str | None) -> str:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Axes and page.
-
-    Attributes
-    ----------
-    figure, axes : matplotlib objects
-    sheet : Sheet
-        Where points are on the page.
-    """
+    """Axes and page."""
 
     figure: Figure
     axes: Axes
-    sheet: Sheet
+    sheet: Sheet  # where points are on the page
 
     def artists(self, shapes: Iterable[Shape], kept: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
         """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure.
 
-        Parameters
-        ----------
-        shapes : iterable of Shape
-        kept : dict, optional
-            Artists by their looks, to be moved instead of made again; those that are made are added.
+        `kept`: artists by their looks, to be moved instead of made again; those that are made are added.
         """
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
@@ -103,17 +92,9 @@ class Canvas:
 def canvas_for(points: Array, *, width: float = 6.4, labels: str = "") -> Canvas:
     """Make axes that hold all points.
 
-    Parameters
-    ----------
-    points : array, shape (N, 2 or 3)
-        m; those that are not finite do not count.
-    width : float
-        Of the figure, inches.
-    labels : str
-        What the axes say after their letter.
+    `points` (N, 2 or 3): m; those that are not finite do not count; `width`: of the figure, inches; `labels`: what
+    the axes say after their letter.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> made = canvas_for(np.array([[0.0, 0.0], [2.0, 0.5]]))
     >>> a, b, c = made.sheet.project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))

@@ -29,21 +29,11 @@ THICK = 4.2
 
 @dataclass(frozen=True)
 class Film:
-    """Draws one time of a motion after the other.
+    """Draws one time of a motion after the other."""
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `motion`.
-    width : float
-        Inches.
-    resolution : int
-        Pixels per inch.
-    """
-
-    data: xr.Dataset
-    width: float
-    resolution: int
+    data: xr.Dataset  # of `motion`
+    width: float  # inches
+    resolution: int  # pixels per inch
 
     @cached_property
     def sketch(self) -> Sketch:

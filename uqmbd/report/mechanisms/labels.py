@@ -50,21 +50,9 @@ class Placed:
 def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[Placed]:
     """Put names beside what they name, one after the other, where they cover least.
 
-    Parameters
-    ----------
-    labels : sequence of Label
-        The most important first.
-    obstacles : array, shape (N, 2)
-        Points that names should not cover, inches.
-    box : (left, bottom, right, top)
-        Where they have room, inches.
+    `labels`: the most important first; `obstacles` (N, 2): points that names should not cover, inches; `box`: where
+    they have room, inches.
 
-    Returns
-    -------
-    list of Placed
-
-    Examples
-    --------
     >>> import numpy as np
     >>> both = [Label("one", np.array([1.0, 1.0]), 9), Label("two", np.array([1.0, 1.0]), 9)]
     >>> one, two = place(both, np.zeros((0, 2)), (0, 0, 2, 2))
@@ -103,19 +91,9 @@ def placed_names(
 ) -> tuple[list[Placed], list[Shape]]:
     """Put names beside what they name, clear of shapes.
 
-    Parameters
-    ----------
-    labels : sequence of Label
-        The most important first; those beyond `MOST_NAMES` are left out.
-    shapes : sequence of Shape
-        What names should not cover.
-    box : (left, bottom, right, top)
-        Where they have room, inches.
-
-    Returns
-    -------
-    (list of Placed, list of Shape)
-        The names, and thin lines from those that are not at hand to what they name.
+    `labels`: the most important first; those beyond `MOST_NAMES` are left out; `shapes`: what names should not cover;
+    `box`: where they have room, inches. Return the names, and thin lines from those that are not at hand to what they
+    name.
     """
     placed = place(labels[:MOST_NAMES], _obstacles(shapes), box)
     lines = []

@@ -30,8 +30,6 @@ __all__ = [
 def hull(points: Array) -> Array:
     """Return the corners of the convex hull of points, shape (N, 2), anticlockwise; of points on a line its two ends.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> hull(np.array([[0, 0], [2, 0], [1, 0.5], [2, 2], [0, 2.0]])).tolist()
     [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
@@ -66,8 +64,6 @@ def normals(axis: Array) -> tuple[Array, Array]:
 def axes_of(axis: Array) -> Array:
     """Return unit vectors as rows, shape (axes, axes): along an axis, and across it; in the plane on its left.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> axes_of(np.array([0.0, 2.0])).tolist()
     [[0.0, 1.0], [-1.0, 0.0]]
@@ -86,8 +82,6 @@ def across(normal: Array) -> list[Array]:
 def foot(origin: Array, normal: Array, point: Array) -> Array:
     """Return the points of a plane that are nearest to others; all of shape (..., axis), m.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> foot(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array([3.0, 5.0])).tolist()
     [3.0, 1.0]
@@ -110,59 +104,28 @@ MARGIN = 0.5  # inches between the ends of the page and the points: joints, name
 
 @dataclass(frozen=True)
 class Shape:
-    """A line or area on the page.
+    """A line or area on the page."""
 
-    Attributes
-    ----------
-    vertices : array, shape (N, 2)
-        Inches; a line is broken where they are NaN.
-    edge, face : str
-        Roles, which have colours on a page and on paper (`ROLES`); no face: a line, the edge "none": an area.
-    width : float
-        Of the line, points.
-    closed : bool
-        Whether the last vertex joins the first.
-    style : object
-        Line style of Matplotlib.
-    order : float
-        What is higher lies above.
-    alpha : float
-        Opacity.
-    """
-
-    vertices: Array
+    vertices: Array  # (N, 2): inches; a line is broken where they are NaN
+    # edge, face: roles, which have colours on a page and on paper (`ROLES`); no face: a line, the edge "none": an area
     edge: str = "ink"
     face: str | None = None
-    width: float = 1.0
-    closed: bool = False
-    style: Any = "-"
-    order: float = 3.0
-    alpha: float = 1.0
+    width: float = 1.0  # of the line, points
+    closed: bool = False  # whether the last vertex joins the first
+    style: Any = "-"  # line style of Matplotlib
+    order: float = 3.0  # what is higher lies above
+    alpha: float = 1.0  # opacity
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Where points are on the page.
+    """Where points are on the page."""
 
-    Attributes
-    ----------
-    project : callable
-        From points (..., 2 or 3), m, to the page (..., 2), inches.
-    depth : callable
-        From points to their distance behind the page, for drawing those behind first.
-    unit : float
-        Metres to an inch.
-    box : (left, bottom, right, top)
-        Where there is room for names, inches.
-    spatial : bool
-        Whether the view is one of space.
-    """
-
-    project: Callable[[Array], Array]
-    depth: Callable[[Array], Array]
-    unit: float
-    box: tuple[float, float, float, float]
-    spatial: bool
+    project: Callable[[Array], Array]  # from points (..., 2 or 3), m, to the page (..., 2), inches
+    depth: Callable[[Array], Array]  # from points to their distance behind the page, for drawing those behind first
+    unit: float  # metres to an inch
+    box: tuple[float, float, float, float]  # where there is room for names, inches
+    spatial: bool  # whether the view is one of space
 
 
 def sheet_for(points: Array, width: float, height: float) -> Sheet:
@@ -170,15 +133,8 @@ def sheet_for(points: Array, width: float, height: float) -> Sheet:
 
     It is laid out as the player of a report does (`view.js`).
 
-    Parameters
-    ----------
-    points : array, shape (N, 2 or 3)
-        m, finite.
-    width, height : float
-        Inches.
+    `points` (N, 2 or 3): m, finite; `width`, `height`: inches.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> sheet = sheet_for(np.array([[0.0, 0.0], [2.0, 0.5]]), 6.0, 3.0)
     >>> sheet.project(np.array([[1.0, 0.25], [2.0, 0.25]])).tolist()

@@ -31,15 +31,8 @@ CLOSED = ("hinge", "ball", "universal", "weld")
 def world(data: xr.Dataset) -> Array:
     """Return all points and directions in world axes.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `uqmbd.report.motion`.
-
-    Returns
-    -------
-    array, shape (realisation, time, point, axis)
-        m; directions are turned with their bodies, but not moved.
+    `data`: of `uqmbd.report.motion`. Return (realisation, time, point, axis): m; directions are turned with their
+    bodies, but not moved.
     """
     pose, local = data["pose"].values.astype(float), data["local"].values
     d = local.shape[-1]
@@ -83,15 +76,9 @@ class Part:
 
 @dataclass(frozen=True)
 class Sketch:
-    """How a mechanism is drawn, for any of its poses.
+    """How a mechanism is drawn, for any of its poses."""
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `uqmbd.report.motion`.
-    """
-
-    data: xr.Dataset
+    data: xr.Dataset  # of `uqmbd.report.motion`
 
     @cached_property
     def bodies(self) -> tuple[str, ...]:
@@ -208,12 +195,8 @@ class Sketch:
     def strokes(self, points: Array, unit: float) -> list[Stroke]:
         """Return the symbols of all components and marks.
 
-        Parameters
-        ----------
-        points : array, shape (time, point, axis)
-            In the world, one realisation of `world`: guides reach as far as something slides in it.
-        unit : float
-            Metres to an inch, by which springs have turns.
+        `points` (time, point, axis): in the world, one realisation of `world`: guides reach as far as something
+        slides in it; `unit`: metres to an inch, by which springs have turns.
         """
         reaches, make = self.reaches(points), Symbols(points.shape[-1])
         found: list[Stroke] = []
@@ -228,16 +211,8 @@ class Sketch:
     ) -> list[Shape]:
         """Draw one pose.
 
-        Parameters
-        ----------
-        sheet : Sheet
-            What it is drawn on.
-        points : array, shape (point, axis)
-            In the world, one realisation and time of `world`.
-        strokes : sequence of Stroke, optional
-            Of `strokes`, for a whole motion; by default those of this pose.
-        thick : float
-            Width of links, points.
+        `sheet`: what it is drawn on; `points` (point, axis): in the world, one realisation and time of `world`;
+        `strokes`: of `strokes`, for a whole motion; by default those of this pose; `thick`: width of links, points.
         """
         shapes: list[Shape] = []
         if not np.isfinite(points).all():

@@ -114,10 +114,7 @@ WIDTH, LOWEST, HIGHEST = 6.4, 2.6, 4.6  # inches, as the player of a wide page
 def still(data: xr.Dataset) -> Drawing:
     """Draw a mechanism at the means of its inputs, and the cloud of other realisations, where these are farthest apart.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `uqmbd.report.motion`, or the node ``motion`` of results.
+    `data`: of `uqmbd.report.motion`, or the node ``motion`` of results.
     """
     film = Film(data, WIDTH, INCH)
     bounds, frame = film.bounds, film.widest
@@ -135,10 +132,7 @@ def still(data: xr.Dataset) -> Drawing:
 def pose_still(data: xr.Dataset) -> Drawing:
     """Draw a mechanism in one pose, with the names of its bodies and components.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Of `drawn_pose`; a line above the drawing states its note on why the mechanism is not assembled.
+    `data`: of `drawn_pose`; a line above the drawing states its note on why the mechanism is not assembled.
     """
     sketch, points = Sketch(data), world(data)[0, 0]
     bounds = sketch.extent(points)

@@ -136,13 +136,8 @@ def picture(mechanism: Mechanism) -> str:
 def mechanism_html(mechanism: Mechanism) -> str:
     """Return bodies, components, random inputs and outputs as tables, beside a picture of the assembled pose.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Any, also an empty or unfinished one.
+    `mechanism`: any, also an empty or unfinished one.
 
-    Examples
-    --------
     >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational())
     >>> stone = mechanism.body("stone", mass=2)
@@ -156,10 +151,7 @@ def mechanism_html(mechanism: Mechanism) -> str:
 def study_html(study: Study) -> str:
     """Return times, methods and the mechanism of a study.
 
-    Parameters
-    ----------
-    study : Study
-        Any.
+    `study`: any.
     """
     times = study.times
     facts = [
@@ -194,10 +186,7 @@ def _findings(study: Study) -> str:
 def chaos_html(chaos: PolynomialChaos) -> str:
     """Return inputs, size, results at the end and how far to trust them.
 
-    Parameters
-    ----------
-    chaos : PolynomialChaos
-        Any.
+    `chaos`: any.
     """
     labels = chaos.labels
     mean, std = (np.asarray(x).reshape(len(labels.outputs), -1)[:, -1] for x in (chaos.mean, chaos.std))
@@ -224,17 +213,8 @@ def chaos_html(chaos: PolynomialChaos) -> str:
 def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     """Return methods, requirements and charts of the outputs over time of the result of a study.
 
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study, or the node of one method.
-    outputs : sequence of str, optional
-        Which are drawn; default: the six most uncertain ones.
-
-    Raises
-    ------
-    StudyError
-        If the tree is no result, or has not all of the outputs.
+    `tree`: the result of a study, or the node of one method; `outputs`: which are drawn; default: the six most
+    uncertain ones. Raise StudyError if the tree is no result, or has not all of the outputs.
     """
     from uqmbd.report.sections import most_uncertain
     from uqmbd.report.view import StudyResult

@@ -41,11 +41,8 @@ MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certai
 def asked(result: StudyResult) -> Content:
     """Return the table of what was asked.
 
-    Returns
-    -------
-    dict
-        ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere; and
-        ``allowed``: with which probability a requirement may be violated, or empty.
+    Return ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere;
+    and ``allowed``: with which probability a requirement may be violated, or empty.
     """
     allowed = result.tree.attrs.get("allowed_probability")
     if found := answers(result.nodes):
@@ -173,11 +170,8 @@ def _of_scalar(method: Method, name: str) -> Content:
 def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the data of the player, and a still picture for pages without scripts and print; None if none is stored.
 
-    Returns
-    -------
-    dict of str, or None
-        As of `still_image`, and ``player``, JSON; ``short``, a shorter caption; ``moving``, which makes the film as a
-        file.
+    Return as of `still_image`, and ``player``, JSON; ``short``, a shorter caption; ``moving``, which makes the film
+    as a file.
     """
     data = result.motion
     if data is None:

@@ -32,29 +32,14 @@ DEPENDENT = 0.3
 
 @dataclass(frozen=True)
 class Influences:
-    """How much each input has to do with a quantity.
+    """How much each input has to do with a quantity."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of inputs, or of germs where inputs depend on one another; the largest share first.
-    shares : tuple of float
-        Shares of the variance, or of the square of a safety index; or effects with their signs.
-    kind : str
-        What the numbers are, in words.
-    signed : bool
-        Whether they are effects, of which a negative one lowers the quantity.
-    correlations : bool
-        Whether they are correlations, which are no shares of anything.
-    alone : tuple of float
-        Of shares of the variance what each input explains alone, in the same order; empty of others.
-    """
-
-    names: tuple[str, ...]
-    shares: tuple[float, ...]
-    kind: str
-    signed: bool = False
-    correlations: bool = False
+    names: tuple[str, ...]  # of inputs, or of germs where inputs depend on one another; the largest share first
+    shares: tuple[float, ...]  # shares of the variance, or of the square of a safety index; or effects with their signs
+    kind: str  # what the numbers are, in words
+    signed: bool = False  # whether they are effects, of which a negative one lowers the quantity
+    correlations: bool = False  # whether they are correlations, which are no shares of anything
+    # of shares of the variance what each input explains alone, in the same order; empty of others
     alone: tuple[float, ...] = ()
 
     @property

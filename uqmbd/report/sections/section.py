@@ -53,23 +53,13 @@ class Section(Protocol):
 
 @dataclass(frozen=True)
 class TemplateSection:
-    """A section whose content a template shows.
-
-    Attributes
-    ----------
-    title : str
-    name : str
-        Of its block in the template, and its anchor on the page.
-    content : callable
-        From the result of a study to what the template shows; None: the section is left out.
-    template : str
-        File in ``templates``.
-    """
+    """A section whose content a template shows."""
 
     title: str
-    name: str
+    name: str  # of its block in the template, and its anchor on the page
+    # from the result of a study to what the template shows; None: the section is left out
     content: Callable[[StudyResult], Content | None]
-    template: str = "about_results.html.j2"
+    template: str = "about_results.html.j2"  # file in ``templates``
 
     def render(self, tree: xr.DataTree) -> str:
         """Return the HTML of the section; empty if it is left out."""

@@ -32,35 +32,16 @@ LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "nothing to k
 
 @dataclass(frozen=True)
 class Reliability:
-    """How reliable one quantity is: an output, an output without a time, or the probability of a requirement.
+    """How reliable one quantity is: an output, an output without a time, or the probability of a requirement."""
 
-    Attributes
-    ----------
-    quantity : str
-        Its name.
-    kind : {"output", "scalar", "requirement"}
-    method : str
-        Whose numbers are shown.
-    level : int
-        0: unreliable, 1: roughly known, 2: reliable, 3: there is nothing to be uncertain about.
-    reason : str
-        Why.
-    error : float
-        By which quantities of a level are sorted.
-    met : bool or None
-        Whether a requirement is met; None: not certain, or no probability is allowed.
-    population : bool
-        Whether there are results for several distributions of the inputs, of which this is one.
-    """
-
-    quantity: str
+    quantity: str  # its name
     kind: Literal["output", "scalar", "requirement"]
-    method: str
-    level: int
-    reason: str
-    error: float = 0.0
-    met: bool | None = None
-    population: bool = False
+    method: str  # whose numbers are shown
+    level: int  # 0: unreliable, 1: roughly known, 2: reliable, 3: there is nothing to be uncertain about
+    reason: str  # why
+    error: float = 0.0  # by which quantities of a level are sorted
+    met: bool | None = None  # whether a requirement is met; None: not certain, or no probability is allowed
+    population: bool = False  # whether there are results for several distributions of the inputs, of which this is one
 
     @property
     def name(self) -> str:

@@ -79,19 +79,9 @@ def distributions(
 def distances(first: Array, second: Array) -> tuple[float, float]:
     r"""Return the Wasserstein and the Kolmogorov-Smirnov distance of two samples.
 
-    Parameters
-    ----------
-    first, second : array, shapes (K,) and (L,)
+    `first`, `second` (K,) and (L,). Return :math:`\int |F - G|\,dx`, in the units of the samples. Return :math:`\max
+    |F - G|`, from 0 to 1.
 
-    Returns
-    -------
-    wasserstein : float
-        :math:`\int |F - G|\,dx`, in the units of the samples.
-    ks : float
-        :math:`\max |F - G|`, from 0 to 1.
-
-    Examples
-    --------
     >>> distances(np.array([0.0, 1.0]), np.array([0.5, 1.5, 1.5, 1.5]))
     (0.75, 0.75)
     """
@@ -106,18 +96,10 @@ def distances(first: Array, second: Array) -> tuple[float, float]:
 def ks_by_chance(counts: Sequence[float], level: float) -> float:
     """Return the Kolmogorov-Smirnov distance that samples of one distribution exceed with a chance `level` at most.
 
-    Parameters
-    ----------
-    counts : sequence of float
-        Independent samples of both; infinite for a distribution that is known.
-    level : float
+    `counts`: independent samples of both; infinite for a distribution that is known.
 
-    References
-    ----------
     P. Massart, Annals of Probability 18 (1990) 1269-1283, for one sample; for two of them asymptotic (Smirnov).
 
-    Examples
-    --------
     >>> round(ks_by_chance([100, np.inf], 0.05), 4)
     0.1358
     """

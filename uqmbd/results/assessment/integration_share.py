@@ -19,22 +19,11 @@ __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 class IntegrationShare:
     """The largest error of the time integration of an output.
 
-    Attributes
-    ----------
-    output, units : str
-        Whose.
-    error : float
-        Largest over time, in the units of the output; NaN: not known.
-    varies : bool
-        Whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be
-        distinguished from a constant.
-    share : float
-        The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
-    reason : str
-        How it was found, or why it is not known; or empty.
+    `output`, `units`: whose; `error`: largest over time, in the units of the output; NaN: not known; `varies`:
+    whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be
+    distinguished from a constant; `share`: the error over the largest standard deviation of an output that varies,
+    else over its largest mean; 0 of 0 is 0; `reason`: how it was found, or why it is not known; or empty.
 
-    Examples
-    --------
     >>> from uqmbd.results.assessment import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
     >>> one.of_what
@@ -58,8 +47,6 @@ class IntegrationShare:
     def words(self) -> str:
         """Say it shortly.
 
-        Examples
-        --------
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
         '0.00021 % of the spread'
         >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
@@ -72,8 +59,6 @@ class IntegrationShare:
     def sentence(self) -> str:
         """State the error in the units of the output, and its share; or why it is not known.
 
-        Examples
-        --------
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
         'The time integration is wrong by up to 2 × 10⁻⁸ m (0.00021 % of the spread).'
         """
@@ -87,13 +72,8 @@ class IntegrationShare:
 def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     """Return the errors of the time integration of all outputs; none where the statistics do not state them.
 
-    Parameters
-    ----------
-    statistics : xarray.Dataset
-        Of a method.
+    `statistics`: of a method.
 
-    Examples
-    --------
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
@@ -121,13 +101,8 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
 def worst_integration_share(node: xr.DataTree) -> IntegrationShare | None:
     """Return the largest of the errors of the time integration, each over its own scale; None: not stated.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        Of a method; its outputs without a time count, too.
+    `node`: of a method; its outputs without a time count, too.
 
-    Examples
-    --------
     >>> import chaospy
     >>> import uqmbd
     >>> from uqmbd.results.assessment import worst_integration_share

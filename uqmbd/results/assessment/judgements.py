@@ -27,35 +27,17 @@ _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judgement of one output of one method.
-
-    Attributes
-    ----------
-    method, output : str
-    timeless : bool
-        Whether the output has no time.
-    kind : str
-        Kind of the verdict, of :func:`uqmbd.results.compare`; empty where the output is not compared.
-    text : str
-        The one statement on the output.
-    varies : bool
-        Whether there is a spread to be wrong about.
-    error : float
-        Largest stated error, over the standard deviation; infinite: none is stated.
-    time : float
-        When it is largest, s; NaN of an output without a time.
-    difference : float
-        Distance of mean and standard deviation to those of the reference, over its largest standard deviation.
-    """
+    """The judgement of one output of one method."""
 
     method: str
     output: str
-    timeless: bool = False
-    kind: str = ""
-    text: str = ""
-    varies: bool = True
-    error: float = math.inf
-    time: float = math.nan
+    timeless: bool = False  # whether the output has no time
+    kind: str = ""  # kind of the verdict, of :func:`uqmbd.results.compare`; empty where the output is not compared
+    text: str = ""  # the one statement on the output
+    varies: bool = True  # whether there is a spread to be wrong about
+    error: float = math.inf  # largest stated error, over the standard deviation; infinite: none is stated
+    time: float = math.nan  # when it is largest, s; NaN of an output without a time
+    # distance of mean and standard deviation to those of the reference, over its largest standard deviation
     difference: float = 0.0
 
     @property
@@ -120,8 +102,6 @@ class MethodVerdict:
 def method_verdicts(judgements: Sequence[Judgement]) -> tuple[MethodVerdict, ...]:
     """Return one verdict for each method that is compared, from those on its outputs.
 
-    Examples
-    --------
     >>> from uqmbd.results.assessment.judgements import Judgement, method_verdicts
     >>> (one,) = method_verdicts([Judgement("a", "x", kind="agrees", error=0.2, time=0.5)])
     >>> one.sign, one.text
@@ -150,13 +130,8 @@ def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:
 
     Of methods that agree it is the one of the largest stated error, else the one of the largest difference.
 
-    Raises
-    ------
-    uqmbd.StudyError
-        If a verdict is of an unknown kind, as in a file that was changed.
+    Raise StudyError if a verdict is of an unknown kind, as in a file that was changed.
 
-    Examples
-    --------
     >>> from uqmbd.results.assessment.judgements import Judgement, worst
     >>> one, which = worst([Judgement("a", "x", kind="agrees"), Judgement("a", "y", kind="differs")])
     >>> one.output, which
@@ -184,8 +159,6 @@ def largest_error(found: Sequence[Judgement]) -> str:
 def _error_words(share: float, time: float, output: str = "") -> str:
     """Say the largest error that a method states, as a share of the standard deviation, of which output and when (s).
 
-    Examples
-    --------
     >>> _error_words(0.02, 0.5), _error_words(0.02, math.nan, "x")
     ('stated error at most 2.0 % of the standard deviation (at 0.5 s)',
      'stated error at most 2.0 % of the standard deviation (of x)')

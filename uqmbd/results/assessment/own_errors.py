@@ -35,54 +35,35 @@ CONFIDENCE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class OwnError:
-    """What a method says of the errors of its mean and standard deviation, for O outputs and T times.
+    """What a method says of the errors of its mean and standard deviation, for O outputs and T times."""
 
-    Attributes
-    ----------
-    mean, std, kurtosis : array, shape (O, T)
-        The statistics themselves.
-    noise_mean, noise_std : array, shape (O, T)
-        Standard errors, 0 where the method states none.  Where those that are stated are known to be widened, so that
-        1.96 of them hold 95 %, they are those before: tests widen them by the level that they are made at.
-    bias : array, shape (O, T)
-        Bound of what a surrogate misses of either: its stated error times its standard deviation, and a margin for the
-        few realisations from which it is known.  0 where none is stated.
-    stated : array, shape (O,)
-        Stated error, a root mean square over time relative to that of the standard deviation; NaN where none is.
-    samples : int
-        Successful samples; 0 where the method has no standard errors.
-    freedom : float
-        Degrees of freedom of the standard errors.
-    response : array, shape (S, O, T), or None
-        Some independent samples, which tell how neighbouring times depend on one another.
-    order : int or None
-        Of a chaos.
-    top_order : array, shape (O,)
-        Part of the standard deviation in the terms of the highest order of a chaos; NaN without one.
-    told : array, shape (O, T)
-        Error that the method states at each time, relative to the standard deviation: 1.96 standard errors, and
-        the stated error of a surrogate.  NaN where it states none.
-    integration : array, shape (O, T)
-        Error of the integration, or of rounding.
-    varies : array of bool, shape (O,)
-        Whether an output varies, by more than the error of the integration.  Where it does not, there is no spread to
-        be wrong about: `stated`, `top_order` and `told` are 0 where they are known.
-    """
-
+    # mean, std, kurtosis: (O, T), the statistics themselves
     mean: Array
     std: Array
     kurtosis: Array
+    # noise_mean, noise_std: (O, T), standard errors, 0 where the method states none.  Where those that are stated are
+    # known to be widened, so that 1.96 of them hold 95 %, they are those before: tests widen them by the level that
+    # they are made at
     noise_mean: Array
     noise_std: Array
+    # (O, T): bound of what a surrogate misses of either: its stated error times its standard deviation, and a margin
+    # for the few realisations from which it is known.  0 where none is stated
     bias: Array
+    # (O,): stated error, a root mean square over time relative to that of the standard deviation; NaN where none is
     stated: Array
-    samples: int
-    freedom: float
+    samples: int  # successful samples; 0 where the method has no standard errors
+    freedom: float  # degrees of freedom of the standard errors
+    # (S, O, T): some independent samples, which tell how neighbouring times depend on one another
     response: Array | None
-    order: int | None
+    order: int | None  # of a chaos
+    # (O,): part of the standard deviation in the terms of the highest order of a chaos; NaN without one
     top_order: Array
+    # (O, T): error that the method states at each time, relative to the standard deviation: 1.96 standard errors, and
+    # the stated error of a surrogate.  NaN where it states none
     told: Array
-    integration: Array
+    integration: Array  # (O, T): error of the integration, or of rounding
+    # (O,): whether an output varies, by more than the error of the integration.  Where it does not, there is no spread
+    # to be wrong about: `stated`, `top_order` and `told` are 0 where they are known
     varies: NDArray[np.bool_]
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
@@ -134,8 +115,6 @@ class OwnError:
 def root_mean_square(values: Array, times: Array) -> Array:
     """Return the root mean square over time (O,) of values (O, T), by the trapezoidal rule; NaN of none.
 
-    Examples
-    --------
     >>> root_mean_square(np.array([[3.0, 3.0, 3.0], [0.0, 0.0, 0.0]]), np.array([0.0, 0.5, 1.0])).tolist()
     [3.0, 0.0]
     """
@@ -153,17 +132,10 @@ def root_mean_square(values: Array, times: Array) -> Array:
 def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) -> OwnError:
     """Gather what a method says of its own error.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        A propagator's node; its statistics may be over time or not.
-    rtol : float
-        Tolerance of the integration, 0 where it is not known.
-    dependence : bool
-        Whether samples are wanted, which tell how neighbouring times depend on one another.
+    `node`: a propagator's node; its statistics may be over time or not; `rtol`: tolerance of the integration, 0 where
+    it is not known; `dependence`: whether samples are wanted, which tell how neighbouring times depend on one
+    another.
 
-    Examples
-    --------
     >>> from uqmbd.results import propagator_node
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> axes = labels(["x"], [], [0.0, 1.0])

@@ -27,21 +27,10 @@ _REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or ra
 def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     """Say of each output of a method how large an error the method itself states.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        A propagator's node, or its child ``scalars``.
-    own : OwnError, optional
-        What is known of its errors, at all its times.
+    `node`: a propagator's node, or its child ``scalars``; `own`: what is known of its errors, at all its times.
+    Return ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which
+    on it is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
 
-    Returns
-    -------
-    list of str, length O
-        ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which on it
-        is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
-
-    Examples
-    --------
     >>> import chaospy
     >>> import uqmbd
     >>> from uqmbd.results.assessment import own_statements

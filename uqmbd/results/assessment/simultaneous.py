@@ -18,20 +18,10 @@ __all__ = ["chance", "curve_length", "pointwise_level", "student"]
 def curve_length(parts: Sequence[Array]) -> float:
     r"""Return the length of the curve that normalised deviations draw on the unit sphere, as time goes on.
 
-    Parameters
-    ----------
-    parts : sequence of array, each of shape (S, T)
-        What each sample adds to a deviation at each time, one array for each independent set of samples; the columns
-        of all together have the norm of the standard error.
+    `parts` (S, T): what each sample adds to a deviation at each time, one array for each independent set of samples;
+    the columns of all together have the norm of the standard error. Return radians: :math:`\sum_k \arccos
+    \varrho_{k,k+1}`, with the correlations of neighbouring times. Times without any deviation are passed over.
 
-    Returns
-    -------
-    float
-        Radians: :math:`\sum_k \arccos \varrho_{k,k+1}`, with the correlations of neighbouring times. Times without any
-        deviation are passed over.
-
-    Examples
-    --------
     >>> t = np.linspace(0, np.pi, 181)
     >>> round(curve_length([np.array([np.cos(t), np.sin(t)])]), 6)
     3.141593
@@ -51,22 +41,12 @@ def chance(bound: float, length: float, count: int) -> float:
     The lesser of :math:`2 \Phi(-u) + (\kappa / \pi) e^{-u^2/2}`, for deviations along a curve of the length
     :math:`\kappa` on the unit sphere ([1]_, [2]_), and of :math:`2 T \Phi(-u)` (Bonferroni).
 
-    Parameters
-    ----------
-    bound : float
-        In standard errors.
-    length : float
-        From :func:`curve_length`; infinite where nothing is known of the dependence.
-    count : int
-        Number of times, T.
+    `bound`: in standard errors; `length`: from :func:`curve_length`; infinite where nothing is known of the
+    dependence; `count`: number of times, T.
 
-    References
-    ----------
     .. [1] H. Hotelling, American Journal of Mathematics 61 (1939) 440-460.
     .. [2] D. Q. Naiman, Annals of Statistics 14 (1986) 896-906.
 
-    Examples
-    --------
     >>> round(chance(1.959964, 0.0, 401), 6), round(chance(3.0, np.inf, 10), 6)
     (0.05, 0.026998)
     """
@@ -80,15 +60,9 @@ def chance(bound: float, length: float, count: int) -> float:
 def pointwise_level(level: float, length: float, count: int) -> float:
     """Return the level of a test at one time for which that over all times has a level.
 
-    Parameters
-    ----------
-    level : float
-        Between 0 and 1: how often the largest deviation over time may exceed its critical value by chance.
-    length, count
-        As of :func:`chance`.
+    `level`: between 0 and 1: how often the largest deviation over time may exceed its critical value by chance;
+    `length`, `count`: as of :func:`chance`.
 
-    Examples
-    --------
     >>> round(pointwise_level(0.05, 0.0, 401), 6), round(pointwise_level(0.05, np.inf, 10), 6)
     (0.05, 0.005)
     """
@@ -102,8 +76,6 @@ def pointwise_level(level: float, length: float, count: int) -> float:
 def student(level: float, freedom: Array) -> Array:
     """Return what Student's t exceeds in size with a chance `level`, for degrees of freedom (...).
 
-    Examples
-    --------
     >>> student(0.05, np.array([10.0, np.inf])).round(4).tolist()
     [2.2281, 1.96]
     """

@@ -26,22 +26,14 @@ UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one output of a method.
+    """The verdict on one output of a method."""
 
-    Attributes
-    ----------
-    kind : str
-        ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``.
-    text : str
-        The one statement on the output, what is worst first: the kind in words, with numbers; of a method that agrees,
-        before, the error that it states itself.
-    within : float
-        By how much the standard deviations could differ unnoticed, relative to that of the reference (root mean
-        squares over time).
-    """
-
-    kind: str
+    kind: str  # ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``
+    # the one statement on the output, what is worst first: the kind in words, with numbers; of a method that agrees,
+    # before, the error that it states itself
     text: str
+    # by how much the standard deviations could differ unnoticed, relative to that of the reference (root mean squares
+    # over time)
     within: float
 
 
@@ -66,28 +58,12 @@ def verdicts(
 ) -> list[Verdict]:
     """Compare a method with a reference, output by output.
 
-    Parameters
-    ----------
-    found, base : OwnError
-        Of the method and of the reference, at the same times, at which both are known.
-    times : array, shape (T,)
-        In s.
-    units : list of str
-        Of the outputs.
-    level : float
-        Largest probability that a method that agrees is reported to differ in any output at any time.  Half goes to
-        the means, half to the standard deviations, in equal parts to the outputs; over time the largest deviation is
-        tested, as :mod:`uqmbd.results.assessment.simultaneous` says.
-    floor : array, shape (O,)
-        Differences that count for nothing, in the units of the outputs.
-    names : tuple of str
-        Labels of the method and the reference.
-    own : sequence of str, length O, optional
-        What the method states of its own error.
-
-    Returns
-    -------
-    list of Verdict, length O
+    `found`, `base`: of the method and of the reference, at the same times, at which both are known; `times` (T,): in
+    s; `units`: of the outputs; `level`: largest probability that a method that agrees is reported to differ in any
+    output at any time.  Half goes to the means, half to the standard deviations, in equal parts to the outputs; over
+    time the largest deviation is tested, as :mod:`uqmbd.results.assessment.simultaneous` says; `floor` (O,):
+    differences that count for nothing, in the units of the outputs; `names`: labels of the method and the reference;
+    `own`: what the method states of its own error.
     """
     own = [""] * len(units) if own is None else own
     found, base = found.informed(base), base.informed(found)

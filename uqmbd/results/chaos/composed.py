@@ -33,23 +33,9 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
     """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset or xarray.DataTree
-        As `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset` builds it.
+    `dataset`: as `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset` builds it. Return the same values to the
+    bit. Raise StudyError if it is no such dataset.
 
-    Returns
-    -------
-    PolynomialChaos or PiecewiseChaos
-        The same values to the bit.
-
-    Raises
-    ------
-    StudyError
-        If it is no such dataset.
-
-    Examples
-    --------
     >>> import chaospy
     >>> import uqmbd
     >>> from uqmbd.results.chaos import chaos_from_dataset

@@ -107,8 +107,6 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
 
     Every place that tells a stated error tells it in these words.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
     'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
@@ -120,8 +118,6 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
 def factor_words(factor: float, count: int) -> str:
     """Say how well the largest stated error is known, if not to a factor of two, from so many realisations.
 
-    Examples
-    --------
     >>> factor_words(1.5, 16), factor_words(3.14, 8)
     ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
     """
@@ -137,8 +133,6 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
 
     Of times at which it is NaN, the first is named.
 
-    Examples
-    --------
     >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
     'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
     """

@@ -68,8 +68,6 @@ def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
 def affordable(wanted: int, terms: int, columns: int) -> int:
     """Return how many samples of a surrogate fit into memory and time: those that are wanted, or a power of two.
 
-    Examples
-    --------
     >>> affordable(8192, terms=1771, columns=1000), affordable(8192, terms=53130, columns=1000)
     (8192, 512)
     """

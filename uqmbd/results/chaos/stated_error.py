@@ -84,8 +84,6 @@ def uncertainty_factor(wrong: Array, weights: Array) -> Array:
 def weighted_std(values: Array, weights: Array) -> Array:
     """Return the standard deviation over the first axis of values (V, ...), by weights (V,); 0 of none.
 
-    Examples
-    --------
     >>> weighted_std(np.array([[0.0], [4.0]]), np.array([3.0, 1.0])).round(3).tolist()
     [1.732]
     """

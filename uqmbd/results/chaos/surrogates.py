@@ -119,13 +119,8 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
 
     By the names of the parts that a composed one has; else there is one, without a name, or none.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        A propagator's node, or its child ``scalars``.
+    `node`: a propagator's node, or its child ``scalars``.
 
-    Examples
-    --------
     >>> import chaospy
     >>> import uqmbd
     >>> from uqmbd.results.chaos import surrogate_parts

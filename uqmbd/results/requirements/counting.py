@@ -153,8 +153,6 @@ class Violations:
 def events(running: Array) -> NDArray[np.bool_]:
     """Tell which events have happened by each time: requirements (K, R, T) violated, and of several, any of them.
 
-    Examples
-    --------
     >>> events(np.array([[[1.0, -1.0], [2.0, 1.0]]])).tolist()
     [[[False, True], [False, False], [False, True]]]
     """
@@ -167,8 +165,6 @@ def events(running: Array) -> NDArray[np.bool_]:
 def failures_in(lower: Array, upper: Array, share: float) -> tuple[Array, Array]:
     """Widen intervals by a share of realisations that failed: all of them safe, or all of them not.
 
-    Examples
-    --------
     >>> failures_in(np.array([0.1]), np.array([0.2]), 0.5)
     (array([0.05]), array([0.6]))
     """

@@ -75,21 +75,9 @@ def of_replicates(
 ) -> tuple[Array, Array, Array]:
     """Return standard errors and intervals of probabilities from the shares of independent replicates.
 
-    Parameters
-    ----------
-    shares : array, shape (replicate, ...)
-        Of trials in which something happened.
-    of : int
-        All trials.
-    lower, upper : array, shape (...)
-        Intervals that hold as if all trials were independent; they stay where it happened in too few replicates for
-        their spread to tell anything.
-    level : float
-        Confidence.
-
-    Returns
-    -------
-    std_error, lower, upper : array, shape (...)
+    `shares` (replicate, ...): of trials in which something happened; `of`: all trials; `lower`, `upper` (...):
+    intervals that hold as if all trials were independent; they stay where it happened in too few replicates for their
+    spread to tell anything; `level`: confidence. Return (...).
     """
     from scipy.special import stdtrit
 

@@ -232,13 +232,8 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
     """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair.
 
-    Parameters
-    ----------
-    nodes : mapping of str to xarray.DataTree
-        Propagator nodes by label.
+    `nodes`: propagator nodes by label.
 
-    Examples
-    --------
     Two methods of 1000 realisations each, of which 20 and 80 violate a requirement:
 
     >>> import numpy as np

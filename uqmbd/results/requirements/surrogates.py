@@ -67,24 +67,11 @@ def sampled_requirements(
 ) -> xr.Dataset:
     """Build the dataset ``requirements`` of a propagator's node from a surrogate of margins.
 
-    Parameters
-    ----------
-    requirements : sequence of Requirement
-    late : array of bool, shape (requirement,)
-        Whose margins are known at the end only.
-    at_end, over_time : Surrogate
-        Of the running margins: at the last output time, and at all of them.
-    lost : float
-        Share of the realisations that failed.
-    seed : int
-        Of the samples.
-
-    Returns
-    -------
-    xarray.Dataset
-        With ``uncertain (requirement)``, the share of samples so near the limit that the error of the surrogate can
-        move them over it, and the attributes ``samples``, ``verification`` (realisations), ``failed`` (share).  Without
-        verification realisations every interval is that from 0 to 1.
+    `late` (requirement,): whose margins are known at the end only; `at_end`, `over_time`: of the running margins: at
+    the last output time, and at all of them; `lost`: share of the realisations that failed; `seed`: of the samples.
+    Return with ``uncertain (requirement)``, the share of samples so near the limit that the error of the surrogate
+    can move them over it, and the attributes ``samples``, ``verification`` (realisations), ``failed`` (share).
+    Without verification realisations every interval is that from 0 to 1.
     """
     margins = _sampled(at_end, SAMPLES, seed)[:, :, 0]
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
@@ -175,12 +162,8 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
 def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return what signs at verification realisations allow for (event,), where the surrogate does not follow margins.
 
-    Returns
-    -------
-    down, up : array, shape (event,)
-        By how much a probability may be less, and more.
-    followed : array of bool, shape (event,)
-        Whether it is known by residuals.
+    Return (event,): by how much a probability may be less, and more. Return (event,): whether it is known by
+    residuals.
     """
     points = np.asarray(chaos.verification_germs)
     count, size = len(points), margins.shape[1]
@@ -218,8 +201,6 @@ def _reach(square: Array, weights: Array) -> float:
 def _growth(scores: Array, degree: int) -> Array:
     """Return the mean of the squares of orthonormal Hermite polynomials up to a degree; at least 1 / (degree + 1).
 
-    Examples
-    --------
     >>> _growth(np.array([0.0, 3.0]), 2).round(3).tolist()
     [0.5, 14.0]
     """

@@ -90,20 +90,9 @@ _COMMENTS = {
 def check_version(attrs: Mapping[Any, Any], where: str) -> None:
     """Refuse results of a later schema than this one.
 
-    Parameters
-    ----------
-    attrs : mapping
-        Attributes of the root.
-    where : str
-        File, for the message.
+    `attrs`: attributes of the root; `where`: file, for the message. Raise StudyError if the version is later, or no
+    version at all.
 
-    Raises
-    ------
-    StudyError
-        If the version is later, or no version at all.
-
-    Examples
-    --------
     >>> check_version({}, "old.nc")  # written before there were versions
     >>> check_version({"schema_version": 999}, "new.nc")
     Traceback (most recent call last):

@@ -119,27 +119,10 @@ def join_nodes(
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`.
 
-    Parameters
-    ----------
-    nodes : iterable of xarray.DataTree
-        Propagator nodes, as of `propagator_node`; each has a name of its own.
-    study, mechanism : str
-        Their names.
-    attrs : mapping, optional
-        Further attributes of the root.
+    `nodes`: propagator nodes, as of `propagator_node`; each has a name of its own; `study`, `mechanism`: their names;
+    `attrs`: further attributes of the root. Return a child for each, and the version of the schema. Raise StudyError
+    if two nodes have the same name.
 
-    Returns
-    -------
-    xarray.DataTree
-        A child for each, and the version of the schema.
-
-    Raises
-    ------
-    uqmbd.StudyError
-        If two nodes have the same name.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
     >>> from uqmbd.results.schema import join_nodes, labels, statistics_dataset
@@ -205,13 +188,8 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     A method that gives inputs other distributions than the study says of which population its results are, by the
     attribute ``population`` of its node, a text: where the distributions come from.
 
-    Parameters
-    ----------
-    nodes : mapping of str to xarray.DataTree
-        Propagator nodes by label.
+    `nodes`: propagator nodes by label.
 
-    Examples
-    --------
     >>> one, other = xr.DataTree(), xr.DataTree(xr.Dataset(attrs={"population": "posterior of run 3"}))
     >>> list(comparable({"after": other, "before": one}))
     ['before']
@@ -227,13 +205,8 @@ def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
     """Return the datasets of a node by their path within it; its own is that of ``/``.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        A propagator's node.
+    `node`: a propagator's node.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from uqmbd.results import propagator_node
     >>> from uqmbd.results.schema import labels, node_parts, statistics_dataset

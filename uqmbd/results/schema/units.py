@@ -62,15 +62,8 @@ _PLAIN = re.compile(r"[^\s*/^().·]+")
 def product_of_units(over: str, under: str = DIMENSIONLESS, power: int = 1) -> str:
     """Write the units of a quotient or a power as text that pint and UDUNITS read; unknown units give unknown ones.
 
-    Parameters
-    ----------
-    over, under : str
-        Units; empty: not known.
-    power : int
-        Of the first.
+    `over`, `under`: units; empty: not known; `power`: of the first.
 
-    Examples
-    --------
     >>> product_of_units("m", "kg"), product_of_units("m/s", "N/m"), product_of_units("1", "kg")
     ('m/kg', '(m/s)/(N/m)', '1/kg')
     >>> product_of_units("m", power=2), product_of_units("m/s", power=2), product_of_units("1", power=2)
@@ -95,19 +88,10 @@ def _enclosed(units: str) -> str:
 def units_of(variable: xr.DataArray) -> str | None:
     """Return the one unit of a variable of results, by its name and the coordinates that it has.
 
-    Parameters
-    ----------
-    variable : xarray.DataArray
-        With the coordinates ``output_units`` and ``input_units`` of its outputs and inputs, where it has some.
+    `variable`: with the coordinates ``output_units`` and ``input_units`` of its outputs and inputs, where it has
+    some. Return none: the schema does not know the variable, and what it says itself holds.  Empty: there are
+    several, or the units are not known.
 
-    Returns
-    -------
-    str or None
-        None: the schema does not know the variable, and what it says itself holds.  Empty: there are several, or the
-        units are not known.
-
-    Examples
-    --------
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> both = statistics_dataset(labels([("x", "m"), ("F", "N")], [], [0.0]), mean=[[0.0], [1.0]], std=[[1.0], [1.0]])
     >>> units_of(both["std"]), units_of(both["variance"].sel(output="x")), units_of(both["kurtosis"])
@@ -138,8 +122,6 @@ def united(data: xr.Dataset) -> xr.Dataset:
 
     A variable that the schema does not know keeps what it says.
 
-    Examples
-    --------
     >>> import xarray
     >>> data = xarray.Dataset({"mean": ("output", [1.0, 2.0]), "mine": ("output", [1.0, 2.0], {"units": "K"})},
     ...                       coords={"output_units": ("output", ["m", "m"])})
@@ -161,8 +143,6 @@ def united(data: xr.Dataset) -> xr.Dataset:
 def as_text(data: xr.Dataset) -> xr.Dataset:
     """Let files have text as text: in Zarr's format 3 by its type `string`, for text of fixed width is no part of it.
 
-    Examples
-    --------
     >>> import xarray
     >>> as_text(xarray.Dataset(coords={"output": ["x"]}))["output"].encoding
     {'dtype': 'O'}
@@ -179,8 +159,6 @@ def with_units(tree: xr.DataTree) -> xr.DataTree:
 
     Text is stored as such, too, by :func:`as_text`.
 
-    Examples
-    --------
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> data = statistics_dataset(labels([("x", "m")], [], [0.0]), mean=[[0.0]], std=[[1.0]]).drop_attrs()
     >>> with_units(xr.DataTree.from_dict({"mine/statistics": data}))["mine/statistics/std"].attrs

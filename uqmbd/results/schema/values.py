@@ -57,13 +57,9 @@ _MAY_BE_INFINITE = ("circular_std", "verification_factor")
 def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
     """Return real numbers as an array; without `copy` that which is given, if it is one of them.
 
-    Raises
-    ------
-    StudyError
-        If they are complex, no numbers, or masked: a mask would be lost, and what is below it taken for a value.
+    Raise StudyError if they are complex, no numbers, or masked: a mask would be lost, and what is below it taken for
+    a value.
 
-    Examples
-    --------
     >>> real_numbers("std", [1, 2]).tolist()
     [1.0, 2.0]
     """
@@ -138,19 +134,9 @@ def reasons_where_missing(statistics: xr.Dataset, reasons: Mapping[str, str]) ->
 def with_default_reasons(data: xr.Dataset, *, end: float = np.inf) -> tuple[xr.Dataset, dict[str, list[str]]]:
     """Give the default reason to shape statistics and standard errors that are NaN without a reason.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Statistics of outputs, or probabilities of requirements.
-    end : float
-        Time, s, after which there are no results.
-
-    Returns
-    -------
-    xarray.Dataset
-        The same one where all reasons are stated.
-    dict
-        Outputs or requirements without a reason, by the name of the variable.
+    `data`: statistics of outputs, or probabilities of requirements; `end`: time, s, after which there are no results.
+    Return the same one where all reasons are stated. Return outputs or requirements without a reason, by the name of
+    the variable.
     """
     found: dict[str, list[str]] = {}
     for name, dim in (*((name, "output") for name in _MAY_LACK_REASONS), ("std_error", "requirement")):
@@ -172,23 +158,10 @@ def check_values(
 ) -> None:
     """Refuse values that no statistic has.
 
-    Parameters
-    ----------
-    statistics : xarray.Dataset
-        Of outputs over time, or of outputs without one.
-    path : str
-        Where it is, for messages.
-    end : float
-        Time, s, after which there are no results.
-    refused : collection of str
-        Outputs without statistics.
-    before : bool
-        Whether they are of a schema before version 2, in which no NaN had a reason.
-
-    Raises
-    ------
-    StudyError
-        At the first value: its variable, output and place, and what is expected.
+    `statistics`: of outputs over time, or of outputs without one; `path`: where it is, for messages; `end`: time, s,
+    after which there are no results; `refused`: outputs without statistics; `before`: whether they are of a schema
+    before version 2, in which no NaN had a reason. Raise StudyError at the first value: its variable, output and
+    place, and what is expected.
     """
     held = [name for name in _KNOWN if name in statistics.data_vars and "output" in statistics[name].dims]
     for name in held:
@@ -232,19 +205,9 @@ def check_values(
 def check_probabilities(data: xr.Dataset, path: str, *, before: bool = False) -> None:
     """Refuse values that probabilities of violation, their standard errors and intervals do not have.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        As of `uqmbd.extend.requirements_dataset`.
-    path : str
-        Where it is, for messages.
-    before : bool
-        Whether they are of a schema before version 2, in which no NaN had a reason.
-
-    Raises
-    ------
-    StudyError
-        At the first value: its variable, requirement and place, and what is expected.
+    `data`: as of `uqmbd.extend.requirements_dataset`; `path`: where it is, for messages; `before`: whether they are
+    of a schema before version 2, in which no NaN had a reason. Raise StudyError at the first value: its variable,
+    requirement and place, and what is expected.
     """
     for name in (n for n in ("violation_probability", "std_error", "interval", "violated_by") if n in data):
         _check_real(data[name], f"{path}/{name}")

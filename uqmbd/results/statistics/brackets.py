@@ -36,26 +36,15 @@ class Brackets:
 
     A bin is what a function that does not decrease maps to the same whole number: the linear one, or the distance
     between the two floating-point numbers, counted in floating-point numbers.  The second one tells any values apart.
-
-    Attributes
-    ----------
-    column : array of int, shape (M,)
-    group : array of int, shape (M,)
-        Ascending; no two brackets of a group are in the same column.
-    low, high : array, shape (M,)
-        Finite, low <= high.
-    ordered : array of bool, shape (M,)
-        Whether the bins are those of floating-point numbers.
-    bins : int
-        Of each bracket.
     """
 
-    column: Index
-    group: Index
+    column: Index  # (M,)
+    group: Index  # (M,): ascending; no two brackets of a group are in the same column
+    # low, high: (M,), finite, low <= high
     low: Array
     high: Array
-    ordered: Mask
-    bins: int
+    ordered: Mask  # (M,): whether the bins are those of floating-point numbers
+    bins: int  # of each bracket
 
     @cached_property
     def _scale(self) -> Array:
@@ -111,17 +100,8 @@ class Brackets:
     def within(self, x: Array, below: Index | None = None) -> list[tuple[Index, Array]]:
         """Find the values of rows (K, C) that lie in brackets, and count those below each.
 
-        Parameters
-        ----------
-        x : array, shape (K, C)
-            Finite; K at most 65,535.
-        below : array of int, shape (M,), optional
-            What is counted is added here.
-
-        Returns
-        -------
-        list of tuple of arrays
-            Numbers of brackets, and the values in them.
+        `x` (K, C): finite; K at most 65,535; `below` (M,): what is counted is added here. Return numbers of brackets,
+        and the values in them.
         """
         found = []
         for first, last in self._groups:
@@ -146,18 +126,7 @@ class Brackets:
 class Counts:
     """Numbers of samples below brackets and in their bins, smallest and largest samples; whole numbers in any order.
 
-    Parameters
-    ----------
-    brackets : Brackets
-    columns : int
-        C.
-
-    Attributes
-    ----------
-    count : int
-        Samples so far.
-    smallest, largest : array, shape (C,)
-        Infinite before the first sample.
+    `columns`: c. `count`: samples so far; `smallest`, `largest` (C,): infinite before the first sample.
     """
 
     def __init__(self, brackets: Brackets, columns: int) -> None:

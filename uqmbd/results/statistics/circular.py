@@ -118,18 +118,9 @@ def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tupl
     Made for a chaos whose outputs are the cosine and the sine of an angle: the statistics of the angle come straight
     from the two means, exact where those are.
 
-    Parameters
-    ----------
-    mean_cosine, mean_sine : array_like, shape (...)
-        Expectations of the cosine and of the sine, as two rows of `PolynomialChaos.mean`.
+    `mean_cosine`, `mean_sine` (...): expectations of the cosine and of the sine, as two rows of
+    `PolynomialChaos.mean`. Return (...): in radians; as of :func:`circular_mean` and :func:`circular_std`.
 
-    Returns
-    -------
-    mean, std : array, shape (...)
-        In radians; as of :func:`circular_mean` and :func:`circular_std`.
-
-    Examples
-    --------
     >>> mean, std = circular_of_components(0.0, 1.0)
     >>> float(mean.round(6)), float(std)
     (1.570796, 0.0)
@@ -198,21 +189,10 @@ def unwrap_samples(angles: ArrayLike, axis: Axis = -1) -> Array:
 def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
     """Average the directions of samples.
 
-    Parameters
-    ----------
-    response : array, shape (S, O, T) or (S, O)
-        Finite, in the units of the outputs.
-    turns : array, shape (O,)
-        Length of a turn in these units; 0: the output is no angle.
+    `response` (S, O, T): finite, in the units of the outputs; `turns` (O,): length of a turn in these units; 0: the
+    output is no angle. Return ``circular_mean`` and ``circular_std``, shape (O, T) or (O,), in the units of the
+    outputs, NaN for those that are no angles; empty where none is. Made for ``statistics_dataset(labels, **it)``.
 
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        ``circular_mean`` and ``circular_std``, shape (O, T) or (O,), in the units of the outputs, NaN for those that
-        are no angles; empty where none is. Made for ``statistics_dataset(labels, **it)``.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> found = circular_of_samples(np.array([[179.0, 1.0], [183.0, 2.0]]), np.array([360.0, 0.0]))
     >>> found["circular_mean"].round(6).tolist(), found["circular_std"].round(3).tolist()

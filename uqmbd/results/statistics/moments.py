@@ -131,22 +131,10 @@ class Moments:
 def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]:
     """Return standard errors of mean and standard deviation of independent samples, so that 1.96 of each hold 95 %.
 
-    Parameters
-    ----------
-    std : array
-        From the unbiased variance, in any units.
-    skewness, kurtosis : array
-        Of the samples (divisor `count`; 3 for a normal distribution).
-    count : int or array of int
-        Number n of samples, two at least.
+    `std`: from the unbiased variance, in any units; `skewness`, `kurtosis`: of the samples (divisor `count`; 3 for a
+    normal distribution); `count`: number n of samples, two at least. Return in the units of `std`; 0 where nothing
+    varies.
 
-    Returns
-    -------
-    std_error_mean, std_error_std : array
-        In the units of `std`; 0 where nothing varies.
-
-    Notes
-    -----
     The mean has the interval of Student's t with Johnson's term for a skewness g, for the worse of its ends [1]_:
     ``s / sqrt(n) (t + g (1 + 2 t^2) / (6 sqrt(n)))``.
 
@@ -159,8 +147,6 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     of three was chosen by experiment: with two, intervals of ``z^2`` and ``exp(z / 2)`` of 30 normal samples z hold in
     less than 93 %.
 
-    References
-    ----------
     .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.
     .. [3] D. G. Bonett, Computational Statistics and Data Analysis 50 (2006) 775-782.
@@ -185,10 +171,7 @@ def usual_errors(std: Array, kurtosis: Array, count: Any) -> tuple[Array, Array]
 
     Of mean and variance they are exact for any distribution; 1.96 of them hold 95 % of many samples with short tails.
 
-    Parameters
-    ----------
-    std, kurtosis, count : array
-        As of `independent_errors`.
+    `std`, `kurtosis`, `count`: as of `independent_errors`.
     """
     n = np.asarray(count, dtype=float)
     excess = np.maximum(kurtosis * (n / (n - 1.0)) ** 2 - 1.0, 0.0)

@@ -145,20 +145,14 @@ def quantiles_of_chunks(
 
 @dataclass(frozen=True, eq=False)
 class _Narrowed:
-    """Brackets about what is a bin of other brackets, or all that is below or above of these.
-
-    Attributes
-    ----------
-    brackets : Brackets
-    parent, bin : array of int, shape (M,)
-        Of which bracket, and which of its bins: -1 for what is below, the number of bins for what is above.
-    before, number : array of int, shape (M,)
-        Samples that are smaller, and samples that are in it.
-    """
+    """Brackets about what is a bin of other brackets, or all that is below or above of these."""
 
     brackets: Brackets
+    # parent, bin: (M,), of which bracket, and which of its bins: -1 for what is below, the number of bins for what is
+    # above
     parent: Index
     bin: Index
+    # before, number: (M,), samples that are smaller, and samples that are in it
     before: Index
     number: Index
 

@@ -108,8 +108,6 @@ def _of_proportion(half_width: Array, std: Array) -> Array:
 def studentised(replicates: int) -> float:
     """Return by how much a standard error of so many replicates is widened, so that 1.96 of them hold 95 %.
 
-    Examples
-    --------
     >>> round(studentised(4), 3), round(studentised(10_000), 3)
     (1.624, 1.0)
     """

@@ -179,26 +179,10 @@ def _block_statistics(
 def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArray[np.float64]]:
     """Compute mean and standard deviation, with their standard errors, of the first samples, for several numbers.
 
-    Parameters
-    ----------
-    values : array_like, shape (S,)
-        Independent samples, in the order in which they were drawn.
-    counts : array_like of int, shape (N,)
-        Numbers of samples, each from 2 to S.
+    `values` (S,): independent samples, in the order in which they were drawn; `counts` (N,): numbers of samples, each
+    from 2 to S. Return ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as
+    :func:`sample_statistics` gives them for ``values[:n]``. Raise StudyError if a number is below 2 or above S.
 
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as
-        :func:`sample_statistics` gives them for ``values[:n]``.
-
-    Raises
-    ------
-    StudyError
-        If a number is below 2 or above S.
-
-    Examples
-    --------
     >>> found = running_statistics([1.0, 2.0, 3.0, 4.0], [2, 4])
     >>> found["mean"].tolist(), found["std"].round(6).tolist()
     ([1.5, 2.5], [0.707107, 1.290994])
@@ -226,24 +210,11 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     The points of a Latin hypercube or of a Sobol' set depend on one another, so the variance has the divisor n, and
     standard errors come from leaving out one of the R replicates at a time (`replicate_errors`).
 
-    Parameters
-    ----------
-    parts : sequence of array_like, each of shape (S_r,)
-        The samples of each replicate; empty ones are passed over.
+    `parts` (S_r,): the samples of each replicate; empty ones are passed over. Return ``mean``, ``std``,
+    ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R replicates. The errors of
+    one replicate alone are NaN: unknown. Raise StudyError if the first replicate that is not empty holds fewer than
+    two samples.
 
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R
-        replicates. The errors of one replicate alone are NaN: unknown.
-
-    Raises
-    ------
-    StudyError
-        If the first replicate that is not empty holds fewer than two samples.
-
-    Examples
-    --------
     >>> found = replicate_statistics([[0.0, 1.0], [2.0, 3.0]])
     >>> found["mean"].tolist(), found["std_error_mean"].round(3).tolist()
     ([0.5, 1.5], [nan, 6.483])

@@ -14,8 +14,6 @@ __all__ = ["divisor", "over_time", "relative"]
 def divisor(scale: Array) -> Array:
     """Return a scale, or 1 where it is not positive, to divide by; an unknown one stays unknown.
 
-    Examples
-    --------
     >>> divisor(np.array([2.0, 0.0, np.nan])).tolist()
     [2.0, 1.0, nan]
     """

@@ -115,15 +115,9 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
     Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3, and the
     factor by which the stated error may be off 1.  Mean and standard deviation stay.
 
-    Parameters
-    ----------
-    statistics : xarray.Dataset
-        Of a method.
-    rtol : float
-        Tolerance of the integration; 0: not known.
-    verified : array, shape (O, T), or (O) without a time, optional
-        Standard deviation of the verification realisations of a surrogate: what varies there varies, whatever the
-        surrogate makes of it.
+    `statistics`: of a method; `rtol`: tolerance of the integration; 0: not known; `verified` (O, T): standard
+    deviation of the verification realisations of a surrogate: what varies there varies, whatever the surrogate makes
+    of it.
     """
     moves = varying(statistics, rtol)
     if verified is not None:
@@ -148,12 +142,7 @@ def rtol_of(node: xr.DataTree) -> float:
 def integration_error(statistics: xr.Dataset, rtol: float = 0.0) -> Array:
     """Return the error (O, T) of the integration, as stated or guessed from its tolerance, or rounding if that is more.
 
-    Parameters
-    ----------
-    statistics : xarray.Dataset
-        Of a method.
-    rtol : float
-        Tolerance of the integration; 0: not known.
+    `statistics`: of a method; `rtol`: tolerance of the integration; 0: not known.
     """
     return np.maximum(*_errors(statistics, rtol))
 

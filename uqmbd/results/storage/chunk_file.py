@@ -70,10 +70,7 @@ def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) 
 def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
     """Return the values of a chunk; what is empty, but for numbers, has no file.
 
-    Raises
-    ------
-    StudyError
-        If the file is missing or damaged.
+    Raise StudyError if the file is missing or damaged.
     """
     try:
         content = path.read_bytes()
@@ -87,10 +84,7 @@ def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
 def check_file(path: Path) -> None:
     """Compare the checksum of a file with its content.
 
-    Raises
-    ------
-    StudyError
-        If it is another one.
+    Raise StudyError if it is another one.
     """
     _body(path, path.read_bytes())
 

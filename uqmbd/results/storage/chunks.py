@@ -18,8 +18,6 @@ def chunks_of(variable: xr.Variable) -> tuple[int, ...]:
 
     Of what is left of a chunk the last dimensions take what they need first.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> chunks_of(xr.Variable(("sample", "output", "time"), np.zeros((500, 4, 401))))
     (500, 1, 401)

@@ -43,17 +43,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def add_digest(path: Path, spans: Sequence[Span]) -> None:
     """Append the digest to a file that is complete.
 
-    Parameters
-    ----------
-    path : Path
-        An HDF5 file, without a digest.
-    spans : sequence of Span
-        Bytes that are not read where a file is opened only, none within another.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    `path`: an HDF5 file, without a digest; `spans`: bytes that are not read where a file is opened only, none within
+    another. Raise OSError if the file cannot be written.
     """
     with open(path, "r+b", opener=no_link) as file:
         size = file.seek(0, os.SEEK_END)
@@ -73,23 +64,9 @@ def add_digest(path: Path, spans: Sequence[Span]) -> None:
 def check_digest(file: BinaryIO, *, whole: bool) -> bool:
     """Compare the digest of a file with its content.
 
-    Parameters
-    ----------
-    file : BinaryIO
-        Open to read.
-    whole : bool
-        Whether large chunks are read, too.
-
-    Returns
-    -------
-    bool
-        Whether there is a digest, which is that of the content; False: the file is another program's.
-
-    Raises
-    ------
-    StudyError
-        If the content is another one, or something else is where the digest of uqmbd should be.  Other programs may
-        write what they like after the end of the data.
+    `file`: open to read; `whole`: whether large chunks are read, too. Return whether there is a digest, which is that
+    of the content; False: the file is another program's. Raise StudyError if the content is another one, or something
+    else is where the digest of uqmbd should be.  Other programs may write what they like after the end of the data.
     """
     end = file.seek(0, os.SEEK_END)
     file.seek(max(end - _FOOT, 0))

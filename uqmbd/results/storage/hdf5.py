@@ -159,13 +159,8 @@ class NetcdfFile:
 def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
     """Create a netCDF file; it is closed in any case.
 
-    Raises
-    ------
-    WriteError
-        At the end, if it could not be written; other errors are those of the context.
+    Raise WriteError at the end, if it could not be written; other errors are those of the context.
 
-    Examples
-    --------
     >>> import tempfile, xarray
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     with netcdf_file(Path(folder) / "a.nc") as made:

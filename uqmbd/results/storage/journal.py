@@ -30,13 +30,8 @@ _AT_ONCE = 1 << 20
 class Journal:
     """Records in a file, each with its length and checksum.
 
-    Parameters
-    ----------
-    path : Path
-        Need not exist.
+    `path`: need not exist.
 
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     journal = Journal(Path(folder) / "a.journal")
@@ -52,10 +47,7 @@ class Journal:
     def append(self, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> int:
         """Write a record, and return where it begins.
 
-        Raises
-        ------
-        OSError
-            If it cannot be written.
+        Raise OSError if it cannot be written.
         """
         content = io.BytesIO()
         np.savez(content, **{_ABOUT: np.array(json.dumps(about))}, **arrays)  # type: ignore[arg-type]  # names as options

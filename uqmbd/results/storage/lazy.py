@@ -210,8 +210,6 @@ def _rows(store: SampleStore, name: str, block_info: Any = None) -> NDArray[Any]
 def _starts(first: int, last: int, size: int) -> list[int]:
     """Return where the parts of some samples begin, each of one chunk.
 
-    Examples
-    --------
     >>> _starts(6, 13, 4)
     [6, 8, 12]
     """

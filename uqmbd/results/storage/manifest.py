@@ -71,10 +71,7 @@ def has_manifest(folder: Path) -> bool:
 def start_manifest(folder: Path) -> None:
     """Make an empty manifest where there is none.
 
-    Raises
-    ------
-    StudyError
-        If something else has its name.
+    Raise StudyError if something else has its name.
     """
     place = folder / MANIFEST
     if not os.path.lexists(place):
@@ -86,16 +83,9 @@ def start_manifest(folder: Path) -> None:
 def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *, stated: bool = False) -> None:
     """Note files or folders as written by uqmbd.
 
-    Parameters
-    ----------
-    folder : Path
-        That of a run.
-    names : iterable of str
-        Others than those of a run are left out, unless they are noted already.
-    places : collection of Path
-        Where they still are, before they take their names.
-    stated : bool
-        Whether a command stated the names beforehand, so that nothing else had them: any netCDF file is noted then.
+    `folder`: that of a run; `names`: others than those of a run are left out, unless they are noted already;
+    `places`: where they still are, before they take their names; `stated`: whether a command stated the names
+    beforehand, so that nothing else had them: any netCDF file is noted then.
     """
     start_manifest(folder)
     found = in_manifest(folder)
@@ -149,10 +139,7 @@ def foreign_in_store(place: Path) -> list[Path]:
 def check_names(folder: Path, names: Iterable[str]) -> list[str]:
     """Return which of the names that are needed are taken by what uqmbd can have written, but did not note.
 
-    Raises
-    ------
-    StudyError
-        If one is taken by something else: which, and the way out.
+    Raise StudyError if one is taken by something else: which, and the way out.
     """
     manifest = folder / MANIFEST
     if os.path.lexists(manifest) and _read(manifest) is None:
@@ -176,10 +163,7 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
 def make_way(folder: Path, names: Collection[str]) -> Path | None:
     """Move what uqmbd can have written, but did not note, out of the way of names that are needed; return where to.
 
-    Raises
-    ------
-    StudyError
-        If a name is taken by something else; then nothing is moved.
+    Raise StudyError if a name is taken by something else; then nothing is moved.
     """
     recognised = check_names(folder, names)
     return move_aside(folder, recognised) if recognised else None

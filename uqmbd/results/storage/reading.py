@@ -76,10 +76,7 @@ def opened_netcdf(path: Path, *, below: bool = True) -> xr.DataTree:
 
     Without groups below the root, these are not looked at.
 
-    Raises
-    ------
-    StudyError
-        If it declares more than it can hold, has objects that are no variables, or leads to other files.
+    Raise StudyError if it declares more than it can hold, has objects that are no variables, or leads to other files.
     """
     with regular(path) as file:
         classic = file.read(3) == b"CDF"

@@ -56,17 +56,9 @@ _DAMAGED = (OSError, LookupError, TypeError, ValueError, RuntimeError)
 class SampleChunk:
     """Some consecutive samples.
 
-    Attributes
-    ----------
-    first : int
-        Index of the first of them.
-    response : array, shape (K, output, time), or (K, output)
-        NaN where a realisation failed.
-    good : array of bool, shape (K,)
-        Which succeeded, with outputs that are all finite.
+    `first`: index of the first of them; `response` (K, output, time): naN where a realisation failed; `good` (K,):
+    which succeeded, with outputs that are all finite.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from uqmbd.results.storage import SampleChunk
     >>> chunk = SampleChunk(first=100, response=np.zeros((50, 2, 11)), good=np.ones(50, dtype=bool))

@@ -254,8 +254,6 @@ def not_verified(tree: xr.DataTree) -> bool:
 def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
     """Let errors with results that were read from files name these, and what does not keep to the schema in them.
 
-    Examples
-    --------
     >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
     >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}
     >>> with errors_of_files(tree):

@@ -61,10 +61,8 @@ WITHIN = "convergence"
 def begin(folder: Path, *, resume: bool) -> None:
     """Make the folder of the chunks of a run; those of an earlier one are gone on with, or removed.
 
-    Raises
-    ------
-    StudyError
-        If something that uqmbd did not write has the name of the folder, or is in it: which, and the way out.
+    Raise StudyError if something that uqmbd did not write has the name of the folder, or is in it: which, and the way
+    out.
     """
     check_unfinished(folder)
     place = folder / FOLDER

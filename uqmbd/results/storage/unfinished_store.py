@@ -37,24 +37,12 @@ _IDENTITY = "identity"
 
 @dataclass(frozen=True)
 class Shelf:
-    """The file of the responses of one chunk, for who computes it.
+    """The file of the responses of one chunk, for who computes it."""
 
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    token : tuple of Path and str
-        A file and what is in it: who reads this there shares the folder.
-    chunk : tuple of int
-        Shape of a chunk, of which the last may be filled in part.
-    checksum : int, optional
-        That the file states, where it has been written.
-    """
-
-    path: Path
-    token: tuple[Path, str]
-    chunk: tuple[int, ...]
-    checksum: int | None = None
+    path: Path  # of the file
+    token: tuple[Path, str]  # a file and what is in it: who reads this there shares the folder
+    chunk: tuple[int, ...]  # shape of a chunk, of which the last may be filled in part
+    checksum: int | None = None  # that the file states, where it has been written
 
     @property
     def shared(self) -> bool:
@@ -83,25 +71,10 @@ class Shelf:
 class UnfinishedStore:
     """Samples of one kind of outputs of a method, while they are computed.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the run.
-    place : Path
-        Folder of what is unfinished of the method.
-    name : str, optional
-        Of the store beside the results, where it takes its place there.
-    identity : str
-        What the numbers depend on: a store with another one is not gone on with.
-    count, size : int
-        Samples, and those of a chunk.
-    axes : Labels
-        Meaning of the axes.
-
-    Raises
-    ------
-    StudyError
-        If it cannot be made.
+    `folder`: of the run; `place`: folder of what is unfinished of the method; `name`: of the store beside the
+    results, where it takes its place there; `identity`: what the numbers depend on: a store with another one is not
+    gone on with; `count`, `size`: samples, and those of a chunk; `axes`: meaning of the axes. Raise StudyError if it
+    cannot be made.
     """
 
     def __init__(
@@ -178,10 +151,7 @@ class UnfinishedStore:
     ) -> None:
         """Note that a chunk is whole, and write its responses where nobody has.
 
-        Raises
-        ------
-        StudyError
-            If it cannot be written: the file, the reason, and how to go on.
+        Raise StudyError if it cannot be written: the file, the reason, and how to go on.
         """
         try:
             if content is not None:

@@ -59,19 +59,8 @@ def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     So are files that are no regular ones, arrays that are larger than what is in the folder, and chunks that are larger
     than their arrays say.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the root.
-    unread : collection of str
-        Arrays that are not read as a whole.
-
-    Raises
-    ------
-    StudyError
-        That names the array and the codec.
-    OSError, ValueError
-        Where the metadata cannot be read.
+    `folder`: of the root; `unread`: arrays that are not read as a whole. Raise StudyError that names the array and
+    the codec. Raise OSError, ValueError where the metadata cannot be read.
     """
     size = 0
     declared: dict[str, int] = {}  # also an array that consolidated metadata repeat counts once

@@ -45,19 +45,8 @@ class Encoded(NamedTuple):
 def decoded_bytes(path: Path, encoded: Encoded, most: int) -> int:
     """Return the bytes that a chunk takes when it is decoded.
 
-    Parameters
-    ----------
-    path : Path
-        Of its file.
-    encoded : Encoded
-        How it is encoded.
-    most : int
-        Bytes that may be there; more are not counted.
-
-    Raises
-    ------
-    ValueError
-        If there are more, or the chunk does not say how many.
+    `path`: of its file; `encoded`: how it is encoded; `most`: bytes that may be there; more are not counted. Raise
+    ValueError if there are more, or the chunk does not say how many.
     """
     within = [codec for codec in encoded.codecs if codec in _COMPRESSORS]
     if len(within) > 1:

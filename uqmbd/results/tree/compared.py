@@ -43,24 +43,14 @@ def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
     """Compare every method with a reference, in the outputs over time, in those without, and in requirements.
 
-    Parameters
-    ----------
-    nodes : mapping of str to xarray.DataTree
-        Propagator nodes by label.
-    reference : str, optional
-        Label of the reference; where it has no outputs without a time, another is chosen for them.
-    rtol : float
-        Of the integration.
-
-    Returns
-    -------
-    xarray.Dataset
-        Of :func:`uqmbd.results.compare`, for the outputs over time.  With outputs that have none also
-        ``scalar_mean_difference`` and ``scalar_std_difference (method, scalar)``, absolute, in the units of the
-        outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a scale for them; and ``scalar_verdict``
-        with ``scalar_verdict_kind (method, scalar)``.  Where there are no others, the recommendation is for these.
-        With requirements also ``violation_probability (method, requirement)``, the ends of the intervals, and
-        ``violation_verdict``.  Methods whose inputs are distributed otherwise (`comparable`) are left out.
+    `nodes`: propagator nodes by label; `reference`: label of the reference; where it has no outputs without a time,
+    another is chosen for them; `rtol`: of the integration. Return of :func:`uqmbd.results.compare`, for the outputs
+    over time.  With outputs that have none also ``scalar_mean_difference`` and ``scalar_std_difference (method,
+    scalar)``, absolute, in the units of the outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a
+    scale for them; and ``scalar_verdict`` with ``scalar_verdict_kind (method, scalar)``.  Where there are no others,
+    the recommendation is for these. With requirements also ``violation_probability (method, requirement)``, the ends
+    of the intervals, and ``violation_verdict``.  Methods whose inputs are distributed otherwise (`comparable`) are
+    left out.
     """
     nodes = comparable(nodes)
     found = _compared_outputs(nodes, reference, rtol)
@@ -134,13 +124,8 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
 
     Statistics of the others are those of other realisations in each method, and nothing to be compared.
 
-    Parameters
-    ----------
-    nodes : mapping of str to xarray.DataTree
-        Propagator nodes by label.
+    `nodes`: propagator nodes by label.
 
-    Examples
-    --------
     The second output does not happen in a tenth of the realisations:
 
     >>> import numpy as np

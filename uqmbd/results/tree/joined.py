@@ -27,25 +27,11 @@ __all__ = ["joined_outputs", "with_requirements", "with_scalars"]
 def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels) -> xr.DataTree:
     """Make the node of a propagator whose study has outputs without a time.
 
-    Parameters
-    ----------
-    node : xarray.DataTree, optional
-        What the propagator gave for the outputs over time; None: there are none.
-    found : xarray.DataTree
-        What it gave for the outputs without a time, as if at one time.
-    label : str
-        Of the propagator.
-    labels : Labels
-        Times and inputs of the study; its outputs are not looked at.
+    `node`: what the propagator gave for the outputs over time; None: there are none; `found`: what it gave for the
+    outputs without a time, as if at one time; `label`: of the propagator; `labels`: times and inputs of the study;
+    its outputs are not looked at. Return with the child ``scalars``.  Without outputs over time its ``statistics``
+    are empty: they have times, but no outputs.
 
-    Returns
-    -------
-    xarray.DataTree
-        With the child ``scalars``.  Without outputs over time its ``statistics`` are empty: they have times, but no
-        outputs.
-
-    Examples
-    --------
     A method that found the mean of an output over time, and of one without a time:
 
     >>> import numpy as np
@@ -87,28 +73,12 @@ def joined_outputs(
 ) -> xr.DataTree:
     """Join nodes of one method that are about some outputs each.
 
-    Parameters
-    ----------
-    nodes : sequence of xarray.DataTree
-        Further children than ``statistics`` and ``samples`` are those of the first that is not refused.  Samples are
-        those of all: NaN where an output does not happen in one, which has not failed.
-    label : str
-    shares : sequence of float
-        Of each output, the share of realisations in which it does not happen: ``censored`` (output,).
-    bounds : sequence of float
-        How large that share may be, with 95 % confidence: ``censored_bound`` (output,).
-    refused : mapping of str to str
-        Outputs without statistics, and why: the attribute ``refused``.
-    names : sequence of str
-        Outputs in order.
+    `nodes`: further children than ``statistics`` and ``samples`` are those of the first that is not refused.  Samples
+    are those of all: NaN where an output does not happen in one, which has not failed; `shares`: of each output, the
+    share of realisations in which it does not happen: ``censored`` (output,); `bounds`: how large that share may be,
+    with 95 % confidence: ``censored_bound`` (output,); `refused`: outputs without statistics, and why: the attribute
+    ``refused``; `names`: outputs in order. Return statistics of all outputs, those without any NaN.
 
-    Returns
-    -------
-    xarray.DataTree
-        Statistics of all outputs, those without any NaN.
-
-    Examples
-    --------
     Two outputs, each computed by itself; the second does not happen in a tenth of the realisations:
 
     >>> import numpy as np
@@ -200,26 +170,11 @@ def with_requirements(
 ) -> xr.DataTree:
     """Make the node of a propagator whose study has requirements.
 
-    Parameters
-    ----------
-    node : xarray.DataTree, optional
-        What the propagator gave for outputs, with or without a time; None: there are none.
-    found : xarray.DataTree
-        What it gave for the margins of the requirements as outputs; it is the child ``requirements``, too.
-    label : str
-        Of the propagator.
-    labels : Labels
-        Times and inputs of the study; its outputs are not looked at.
-    answers : xarray.Dataset
-        The dataset ``requirements``.
+    `node`: what the propagator gave for outputs, with or without a time; None: there are none; `found`: what it gave
+    for the margins of the requirements as outputs; it is the child ``requirements``, too; `label`: of the propagator;
+    `labels`: times and inputs of the study; its outputs are not looked at; `answers`: the dataset ``requirements``.
+    Return with the child ``requirements``.  Without outputs its ``statistics`` are empty.
 
-    Returns
-    -------
-    xarray.DataTree
-        With the child ``requirements``.  Without outputs its ``statistics`` are empty.
-
-    Examples
-    --------
     A study of one requirement and nothing else, of which one in 50 realisations violates it:
 
     >>> import numpy as np

@@ -217,11 +217,8 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
 def growth(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None if the study did not ask for it.
 
-    Returns
-    -------
-    dict or None
-        ``problem`` (empty, or why there is nothing else), ``reference``, ``outputs`` (name, words, figure, rows),
-        ``problems`` of single levels and ``note``: which outputs are left out.
+    Return ``problem`` (empty, or why there is nothing else), ``reference``, ``outputs`` (name, words, figure, rows),
+    ``problems`` of single levels and ``note``: which outputs are left out.
     """
     data = result.convergence
     if data is None:

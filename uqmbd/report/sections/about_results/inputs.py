@@ -155,11 +155,8 @@ def _in_words(name: str, one: Indices) -> str:
 def explore(result: StudyResult) -> Content | None:
     """Return the data of the sliders, or why there are none; None where the results hold no inputs.
 
-    Returns
-    -------
-    dict, or None
-        ``explorer``, JSON, or None; ``moving``, whether there is a mechanism to draw; ``notes``, what does not follow
-        the inputs, and why.
+    Return ``explorer``, JSON, or None; ``moving``, whether there is a mechanism to draw; ``notes``, what does not
+    follow the inputs, and why.
     """
     if not live.live_method(result.tree) and not _sampled(result):
         return None

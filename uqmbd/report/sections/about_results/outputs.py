@@ -34,11 +34,8 @@ FULL = 6
 def outputs(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None where no output is a history over time.
 
-    Returns
-    -------
-    dict
-        ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``: what
-        is not drawn, or empty; ``statistics``: a table of all.
+    Return ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``:
+    what is not drawn, or empty; ``statistics``: a table of all.
     """
     names = result.histories
     if not names:
@@ -61,18 +58,8 @@ def outputs(result: StudyResult) -> Content | None:
 def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
     """Return the names of the outputs that are shown in full: all of a few, of many the most uncertain ones.
 
-    Parameters
-    ----------
-    result : StudyResult
-    names : sequence of str, optional
-        Among which; default: all outputs over time.
-    most : int
-
-    Returns
-    -------
-    list of str
-        In the order of ``names`` if these are all, else the most uncertain first: by the largest standard deviation
-        over time, over the largest mean.
+    `names`: among which; default: all outputs over time. Return in the order of ``names`` if these are all, else the
+    most uncertain first: by the largest standard deviation over time, over the largest mean.
     """
     known = list(result.histories if names is None else names)
     return known if len(known) <= most else ranked(result, known)[:most]
@@ -273,10 +260,8 @@ def _convergence_caption(method: Method) -> str:
 def statistics(result: StudyResult) -> Content:
     """Return the table of outputs: of few rows all, of many those of one method, and all of them apart.
 
-    Returns
-    -------
-    dict
-        ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not all.
+    Return ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not
+    all.
     """
     rows = [row for name in result.histories for row in output_rows(result.holders(name).values(), name)]
     if not result.several or len(rows) <= FEW_ROWS:

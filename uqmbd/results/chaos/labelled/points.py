@@ -56,22 +56,10 @@ def points_of(
 ) -> Points | None:
     """Return points from inputs by name; None: a plain array was given.
 
-    Parameters
-    ----------
-    inputs : mapping, pandas.DataFrame, xarray.Dataset, xarray.DataArray with a dimension ``input``, or array_like
-        None: keywords were given.
-    values : mapping
-        Keywords: numbers, lists of one length, or arrays of xarray with dimensions of their own.
-    infos : sequence of InputInfo
-        Of the surrogate.
+    `inputs`: none: keywords were given; `values`: keywords: numbers, lists of one length, or arrays of xarray with
+    dimensions of their own; `infos`: of the surrogate. Raise StudyError if an input is missing, unknown, given twice,
+    has another unit or shapes do not fit.
 
-    Raises
-    ------
-    StudyError
-        If an input is missing, unknown, given twice, has another unit or shapes do not fit.
-
-    Examples
-    --------
     >>> infos = (InputInfo("k", "N/m"), InputInfo("c"))
     >>> points = points_of(None, {"c": 0.5, "k": [1.0, 2.0]}, infos)
     >>> points.values.tolist(), points.sizes

@@ -20,21 +20,8 @@ DERIVATIVE: Mapping[str, str] = {"name": "gradient", "long_name": "derivative wi
 def labelled_array(values: Array, points: Points, labels: Labels, about: Mapping[str, str]) -> xr.DataArray:
     """Give values the dimensions of the points, and those of the outputs.
 
-    Parameters
-    ----------
-    values : array, shape (K, O, T), or (K, d, O, T) of derivatives
-    points : Points
-    labels : Labels
-    about : mapping
-        `VALUE` or `DERIVATIVE`: what they are.
+    `values` (K, O, T); `about`: `VALUE` or `DERIVATIVE`: what they are. Return with ``units`` where they are one.
 
-    Returns
-    -------
-    xarray.DataArray
-        With ``units`` where they are one.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from uqmbd.extend import labels
     >>> from uqmbd.results.chaos.labelled.points import points_of

@@ -54,22 +54,10 @@ def second_order_masks(multi_index: Index) -> Mask:
 def variance_shares(coefficients: Array, masks: Mask, std: Array | None = None) -> Array:
     """Return which share of the variance each group of terms carries.
 
-    Parameters
-    ----------
-    coefficients : array, shape (P, C)
-        Of an orthonormal basis; row 0 is the mean.
-    masks : array of bool, shape (G, P)
-        The terms of each group.
-    std : array, shape (C,), optional
-        Standard deviation, if it is known already.
+    `coefficients` (P, C): of an orthonormal basis; row 0 is the mean; `masks` (G, P): the terms of each group; `std`
+    (C,): standard deviation, if it is known already. Return (G, C): from 0 to 1; 0 where a column does not vary (to
+    rounding of its mean): there is no variance to share.
 
-    Returns
-    -------
-    array, shape (G, C)
-        From 0 to 1; 0 where a column does not vary (to rounding of its mean): there is no variance to share.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> coefficients = np.array([[5.0, 5.0], [3.0, 0.0], [4.0, 0.0]])
     >>> variance_shares(coefficients, np.array([[False, True, False]])).tolist()
