@@ -226,7 +226,7 @@ def test_names_that_are_wrong_are_told_with_the_nearest():
         output(statistics.assign_coords(output=["x", "force"]), "forse")
     with pytest.raises(uqmbd.StudyError, match="no variable 'means' along 'output'"):
         by_output(statistics, "means")
-    with pytest.raises(uqmbd.StudyError, match="A Dataset holds no surrogate"):
+    with pytest.raises(uqmbd.StudyError, match="expected an xarray.DataTree or an xarray.DataArray"):
         statistics.uqmbd.surrogate()
     with pytest.raises(uqmbd.StudyError, match=r"A DataArray holds no surrogate; expected .* tree\['LABEL'\]"):
         surrogate(statistics["mean"])

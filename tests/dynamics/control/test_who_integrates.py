@@ -199,8 +199,9 @@ def test_another_function_is_another_model():
 @pytest.mark.slow
 def test_who_only_claims_to_sample_is_found_out(runge_kutta):
     cls = plugins.registry.registered().classes["integrators"]["runge-kutta"]
-    claims = type("Claims", (cls,), {"name": "claims", "sampled": True})
-    with pytest.raises(AssertionError, match="sampled: driven body: with .* the speed is 0 at t = 2 s"):
+    capable = replace(cls.capabilities, sampled_control=True)
+    claims = type("Claims", (cls,), {"name": "claims", "capabilities": capable})
+    with pytest.raises(AssertionError, match="sampled_control: driven body: with .* the speed is 0 at t = 2 s"):
         check_integrator(claims)
 
 

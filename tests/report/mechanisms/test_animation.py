@@ -243,5 +243,10 @@ def test_what_cannot_be_drawn_is_a_note(study, tmp_path):
     tree["motion"] = xr.DataTree(xr.Dataset({"nothing": 1}))
     page = write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The mechanism could not be drawn: KeyError" in page and 'id="outputs"' in page
-    without, note = with_motion(tree, None)
-    assert without.attrs["no_motion"] == note and "AttributeError" in note and "no_motion" not in tree.attrs
+    mechanism = uqmbd.Mechanism("torn", uqmbd.Planar())
+    wheel = mechanism.body("wheel", mass=1, inertia=1)
+    for place in (0, 1):
+        mechanism.add(Revolute(f"axle {place}", mechanism.ground, wheel, (place, 0), (0, 0)))
+    mechanism.output("x", wheel.position[0], units="m")
+    without, note = with_motion(tree, uqmbd.Study("torn", mechanism, [0, 1]))
+    assert without.attrs["no_motion"] == note and "AssemblyError" in note and "no_motion" not in tree.attrs

@@ -51,7 +51,7 @@ class StoredSurrogate(NamedTuple):
 
 @typechecked
 def surrogate(
-    node: xr.DataTree | xr.Dataset | xr.DataArray, output: str | None = None, times: Sequence[int] | None = None
+    node: xr.DataTree | xr.DataArray, output: str | None = None, times: Sequence[int] | None = None
 ) -> Part | ComposedChaos:
     """Return the surrogate of a method: one polynomial chaos, one of elements, an aligned one, or one of several kinds.
 
