@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import Finding, Severity
-from uqmbd.results import failed_methods, propagator_nodes, varies
-from uqmbd.results.assessment import Assessment, assess, own_statements
+from uqmbd.results import failed_methods, propagator_nodes, varying
+from uqmbd.results.assessment import Assessment, IntegrationShare, assess, integration_shares, own_statements
 from uqmbd.results.chaos import surrogate_parts
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
@@ -148,7 +148,17 @@ class Method:
 
     def varies(self, name: str) -> bool:
         """Tell whether an output varies beyond the integration error."""
-        return varies(self.node, name)
+        return self._varying[self.names.index(name)]
+
+    @cached_property
+    def _varying(self) -> list[bool]:
+        """Whether each output varies: found once, since it compares all outputs in the same units."""
+        return [bool(one) for one in varying(self.statistics, rtol_of(self.node))]
+
+    @cached_property
+    def integration_shares(self) -> dict[str, IntegrationShare]:
+        """The error of the time integration by output; empty where the results do not state it."""
+        return {one.output: one for one in integration_shares(self.statistics)}
 
     def pairs(self, attribute: str) -> list[tuple[str, str]]:
         """Return the names and texts of an attribute that is a JSON object."""

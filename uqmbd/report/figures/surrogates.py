@@ -19,9 +19,10 @@ from uqmbd.results import (
     PolynomialChaos,
     QuasiPeriodicChaos,
     surrogate,
-    varies,
+    varying,
 )
 from uqmbd.results.chaos import chaos_from_dataset, surrogate_parts
+from uqmbd.results.statistics import rtol_of
 
 __all__ = [
     "chaos_nodes",
@@ -122,8 +123,9 @@ def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
             found = node.children[child].to_dataset()["verification_error"]
             if "time" not in found.dims:
                 return None
-            moves = [varies(node, str(name)) for name in found["output"].values]
-            return found.where(xr.DataArray(moves, dims="output"), 0.0)
+            statistics = node.children["statistics"].to_dataset()
+            moves = statistics["output"].copy(data=varying(statistics, rtol_of(node)))
+            return found.where(moves.sel(output=found["output"].values), 0.0)
     return None
 
 

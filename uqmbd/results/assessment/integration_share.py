@@ -88,8 +88,9 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
         units = [str(unit) for unit in statistics["output_units"].values]
     found = []
     moves = varying(statistics)
+    known = [statistics[key].values for key in ("integration_error", "std", "mean")]
     for k, name in enumerate(str(value) for value in statistics["output"].values):
-        error, std, mean = (_largest(statistics[key].values[k]) for key in ("integration_error", "std", "mean"))
+        error, std, mean = (_largest(values[k]) for values in known)
         varies = bool(moves[k])
         scale = std if varies else mean
         share = error / scale if scale > 0 else (0.0 if error == 0 else np.nan)

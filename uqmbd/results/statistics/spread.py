@@ -154,7 +154,10 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
         return np.zeros(mean.shape), np.zeros(mean.shape)
     size = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1)
     units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
-    alike = np.array([size[units == unit].max() for unit in units])
+    kinds, kind = np.unique(units.astype(str), return_inverse=True)
+    of_kind = np.zeros(len(kinds))
+    np.maximum.at(of_kind, kind, size)
+    alike = of_kind[kind]
     largest = size.max()
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
     stated = np.full(mean.shape, np.nan)

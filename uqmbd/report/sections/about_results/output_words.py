@@ -11,7 +11,6 @@ import xarray as xr
 
 from uqmbd.report.figures import automatic_times
 from uqmbd.report.view import Method, StudyResult
-from uqmbd.results.assessment import integration_shares
 from uqmbd.wording import (
     Cell,
     format_cells,
@@ -57,7 +56,7 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
 
 def integration(method: Method, name: str) -> str:
     """Say how large the error of the time integration of an output is; empty if the results do not state it."""
-    found = {one.output: one for one in integration_shares(method.statistics)}.get(name)
+    found = method.integration_shares.get(name)
     return "" if found is None else found.sentence()
 
 
