@@ -56,8 +56,7 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
 
 def integration(method: Method, name: str) -> str:
     """Say how large the error of the time integration of an output is; empty if the results do not state it."""
-    found = method.integration_shares.get(name)
-    return "" if found is None else found.sentence()
+    return method.integration_shares[name].sentence() if name in method.integration_shares else ""
 
 
 def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
