@@ -1,4 +1,4 @@
-"""What long work tells of its progress, and how it is shown: lines, bars on a terminal and in notebooks."""
+"""Progress of long computations: lines, bars on a terminal, and bars in notebooks."""
 
 from __future__ import annotations
 

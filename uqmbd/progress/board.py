@@ -1,4 +1,4 @@
-"""What is known of all work that has been told of, and the table in which terminals and notebooks show it."""
+"""Numbers of all reported tasks, and the table in which terminals and notebooks show them."""
 
 from __future__ import annotations
 

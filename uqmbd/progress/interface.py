@@ -1,4 +1,4 @@
-"""What a study tells of its progress, and to whom."""
+"""Interface of objects that receive reports of progress."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", 
 
 
 class AtMost(int):
-    """A total that is a maximum: work of which it is told may end before.
+    """A total that is a maximum: the task may end before it.
 
     Methods that find out by themselves how many realisations they need begin with it:
     ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``.  Who knows nothing of it takes it as a number.
@@ -41,11 +41,11 @@ class AtMost(int):
 
 
 class Progress(Protocol):
-    """What a study tells of its progress.
+    """Receiver of reports on the progress of a study.
 
-    An object with further methods is told more: ``expect(totals)``, the labels of all methods before the first begins,
-    with their numbers of realisations (`AtMost`, or None: not known); ``fail(label)``, that a method has failed;
-    and ``stage(text)``, work that is no realisations and may take a while, which ends as soon as another begins.
+    Further methods are optional. ``expect(totals)`` receives the labels of all methods before the first begins, with
+    their numbers of realisations (`AtMost`, or None: not known). ``fail(label)`` reports that a method has failed.
+    ``stage(text)`` reports a long task without realisations, which ends as soon as another begins.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Whom a study tells of its progress, as an argument says it."""
+"""Choose the receiver of progress reports from the argument `progress`."""
 
 from __future__ import annotations
 

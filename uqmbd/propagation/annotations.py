@@ -15,7 +15,7 @@ __all__ = ["Bounds", "Method", "check_options", "option_types", "plain"]
 
 
 class Method(Protocol):
-    """What a node tells of a method: its registered name; its options are its fields."""
+    """Method as a class: its registered name; its fields are its options."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
     name: ClassVar[str]

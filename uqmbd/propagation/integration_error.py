@@ -142,9 +142,9 @@ def _points(problem: Problem) -> Array:
 
 
 def _silent(problem: Problem, what: str, **changes: Any) -> Problem:
-    """Return a problem beside: nobody is told, and its chunks have a place of their own."""
+    """Return a copy of a problem without progress reports and with a separate store of chunks."""
     part = problem.part(f"{problem.label}: {what}")
     known = problem.runner.again.setdefault(what, {})
     silent = part.using(executor=None, progress=Silent(), known=known, ledger=None)
-    # of margins no error is measured
+    # errors of margins are not measured
     return replace(silent, model=replace(problem.model, margins=None), **changes)

@@ -124,8 +124,8 @@ def check_still(mechanism: Mechanism, where: str) -> Array:
         more = f" and {len(needing) - NAMED} more" if len(needing) > NAMED else ""
         raise StudyError(
             f"{where}: times are missing; expected output times in s, e.g. times=numpy.linspace(0, 2, 401), for "
-            f"{', '.join(map(repr, needing[:NAMED]))}{more}. Only where all outputs can be told without a motion, as "
-            "frequencies, may they be left out."
+            f"{', '.join(map(repr, needing[:NAMED]))}{more}. They may be left out only "
+            "if no output needs a motion, as with frequencies."
         )
     grid = np.zeros(1)
     grid.setflags(write=False)

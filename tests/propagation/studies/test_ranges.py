@@ -122,8 +122,10 @@ def test_rare_realisations_are_told_where_as_many_are_computed_that_one_may_come
     mechanism.output("momentum", mass * stone.velocity[0], units="kg m/s")
     for samples, count in [(1500, 0), (1600, 1)]:
         study = uqmbd.Study("fall", mechanism, [0, 1], [MonteCarlo(samples=samples, seed=1)])
-        assert len(study.foretold()) == count
-    assert study.foretold([MonteCarlo(samples=100, seed=1)]) == ()
+        assert len(study.predict_warnings()) == count
+    assert study.predict_warnings([MonteCarlo(samples=100, seed=1)]) == ()
+    with pytest.warns(DeprecationWarning, match="predict_warnings"):
+        assert study.foretold() == study.predict_warnings()
 
 
 def test_a_method_that_is_run_alone_is_told_too():

@@ -1,4 +1,4 @@
-"""Methods whose smallest size a number of realisations does not hold, told before anything is computed."""
+"""Methods whose smallest size exceeds the budget: found before anything is computed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSm
         return {}
     least: dict[str, int] = {}
     for one in methods:
-        with Isolated(*ERRORS_AND_EXITS):  # what is wrong with a size is told where it is run
+        with Isolated(*ERRORS_AND_EXITS):  # the run of this size reports the error
             least[one.label] = one.cost(one.sizing.least)
     named = {one.label: f"{one.sizing.option}={one.sizing.least}" for one in methods}
     held, found = 0, {}

@@ -85,7 +85,7 @@ class Within:
     errors: dict[str, BaseException] = field(default_factory=dict)
     about: dict[str, dict[str, Any]] = field(default_factory=dict)
     _ledgers: dict[str, Ledger] = field(default_factory=dict)
-    _said: dict[str, list[warnings.WarningMessage]] = field(default_factory=dict)
+    _warnings: dict[str, list[warnings.WarningMessage]] = field(default_factory=dict)
     _record: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     _begin: float = 0.0
     _earlier: float = 0.0
@@ -113,7 +113,7 @@ class Within:
             if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
                 self._turn(one, self._left_for_pilot(one, len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]
-        waiting.sort(key=lambda one: one.dear())
+        waiting.sort(key=lambda one: one.expected_size())
         for number, one in enumerate(waiting):
             self._turn(one, self._left(len(waiting) - number))
             if one.label not in self.errors:
@@ -137,7 +137,7 @@ class Within:
     def _left_for_pilot(self, one: Sized, shared_by: int) -> Left:
         """Return its part, or what its smallest size takes, which there is."""
         left, least = self._left(shared_by), 0
-        with Isolated(*ERRORS_AND_EXITS):  # it is told where the size is run
+        with Isolated(*ERRORS_AND_EXITS):  # the run of this size reports the error
             least = one.cost(one.sizing.least)
         return replace(left, realisations=max(left.realisations, min(least, self._left(1).realisations)))
 
@@ -147,7 +147,7 @@ class Within:
     def smallest(self, propagator: Propagator) -> Propagator:
         """Return the smallest size of a method, or the method itself where it has none."""
         found = propagator
-        with Isolated(*ERRORS_AND_EXITS):  # it is told where its sizes are asked for
+        with Isolated(*ERRORS_AND_EXITS):  # `_asked` reports the error
             if (sizing := propagator.sizing(self.study, self.terms.accuracy)) is not None:
                 found = sizing.at(sizing.least)
         return found
@@ -163,7 +163,7 @@ class Within:
         ledger = self._ledgers[label] = Ledger(clock=self.terms.clock)
         if sizing is not None:
             one = Sized(propagator, sizing, self.study, self.terms.accuracy)
-            with Isolated(*ERRORS_AND_EXITS):  # a model that cannot be made is told of in the first run
+            with Isolated(*ERRORS_AND_EXITS):  # the first run reports a model that cannot be built
                 problem = first_problem(self.study, propagator)
                 rows = LIMIT / (8 * max(math.prod(problem.labels.shape), 1))
                 one.chunk, one.joins, one.held = problem.chunk_of, problem.joins, math.inf if self.folder else rows
@@ -311,12 +311,12 @@ class Within:
         self._write()
 
     def _computed(self, method: Propagator, ledger: Ledger) -> xr.DataTree:
-        """Run a method; what it warns of is told of the size that is taken."""
-        with warnings.catch_warnings(record=True) as said, explained(self.executor):
+        """Run a method and store its warnings: those of the chosen size are passed on."""
+        with warnings.catch_warnings(record=True) as caught, explained(self.executor):
             warnings.simplefilter("always")
             problem = self.study.problem(method, self.executor, self.progress, self.folder)
             node = run_method(method, problem.using(ledger=ledger))
-        self._said[method.node_name] = said
+        self._warnings[method.node_name] = caught
         return node
 
     def _end(self, one: Sized) -> None:
@@ -345,13 +345,13 @@ class Within:
         self.about[one.label], self.nodes[one.label] = about, one.node
         self.terms.tell(f"{one.label}: {text}")
 
-    def tell_warnings(self, stacklevel: int) -> None:
-        """Pass on what the methods warn of, at the sizes that were taken; and an accuracy that nobody is told of."""
+    def pass_on_warnings(self, stacklevel: int) -> None:
+        """Pass on warnings of the methods at the chosen sizes; warn of a missed accuracy unless `say` reported it."""
         for label, about in self.about.items():
             if about.get("met") is False and self.terms.say is None:
                 warnings.warn(f"{label}: {about['summary']}", StudyWarning, stacklevel=stacklevel + 1)
         for label in self.nodes:
-            for one in self._said.get(label, []):
+            for one in self._warnings.get(label, []):
                 warnings.warn(one.message, one.category, stacklevel=stacklevel + 1)
 
     def attribute(self) -> dict[str, str]:

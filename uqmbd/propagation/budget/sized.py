@@ -122,11 +122,11 @@ class Sized:
         return self._costs[size]
 
     def needs_pilot(self, *, timed: bool) -> bool:
-        """Whether a small size tells what a large one takes: of a method that ends by itself, only its time."""
+        """Whether a small size predicts the cost of a large one; for methods that end automatically, only the time."""
         return self.sizing.falls != "itself" or timed
 
-    def dear(self) -> float:
-        """Return what the methods are sorted by that share a budget: about how much one will want."""
+    def expected_size(self) -> float:
+        """Return the size that the method is expected to need: methods that share a budget run in this order."""
         if self.sizing.falls == "steps":
             return 0.0
         bound = self.sizing.bound if self.sizing.falls == "itself" and self.accuracy is not None else None

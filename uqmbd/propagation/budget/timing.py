@@ -23,8 +23,8 @@ GROWTH, MOST = 8, 512
 FIRST = 4.0
 """How many times the limit the second number may take: of one realisation most is what a chunk costs besides."""
 
-DEAR = 30.0
-"""Realisations that a node of a method may cost that solves all together, at most."""
+MOST_PER_NODE = 30.0
+"""Cost of one node in realisations, at most, of a method that solves for all nodes together."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Timing:
         if sizing is None or (least := sizing.at(sizing.least)).estimate(study) is None:
             return np.nan
         cost = least.estimate(study).realisations
-        if DEAR * cost * self.each > limit:
+        if MOST_PER_NODE * cost * self.each > limit:
             return np.nan
         for _ in range(2):  # the first one compiles
             begin = time.perf_counter()

@@ -79,7 +79,7 @@ class Clock:
 
     @property
     def kinds(self) -> tuple[Clock, ...]:
-        """In which ways realisations may be told the phase by it: what turns may turn backwards in some, or swing."""
+        """Ways to read the phase from it: an angle may turn forwards, turn backwards, or oscillate."""
         return (self, replace(self, turn=-self.turn), replace(self, turn=0.0)) if self.turn else (self,)
 
     def phases(self, found: Dense, near: Array | None = None) -> Phases:

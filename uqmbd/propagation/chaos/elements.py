@@ -38,7 +38,7 @@ WRONG = 1e6
 """Squared error, over the variance, of what is not known."""
 
 LOST = 0.1
-"""Error, over the local standard deviation, from which the guilty input is told by the local variance."""
+"""Ratio of error to local standard deviation above which the local variance selects the input to split."""
 
 
 MANY = 10**6
@@ -223,7 +223,7 @@ def refine_elements(
     label : str
         Of the propagator.
     rtol : float
-        Relative tolerance of the integration, below which nothing is told apart.
+        Relative tolerance of the integration: smaller differences have no meaning.
     affordable : callable, optional
         Says before each round how many elements may still be split.
     lost : callable, optional

@@ -34,7 +34,7 @@ class NodeFit:
     failed : int
         Nodes that were left out because they failed.
     warning : str
-        What is to be said of them, or empty.
+        Warning about the coefficients, or empty.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def fit_nodes(
     Returns
     -------
     NodeFit
-        The coefficients, and what is to be said of them.
+        Coefficients, and a warning about them if there is one.
 
     Raises
     ------

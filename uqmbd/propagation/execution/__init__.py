@@ -26,7 +26,7 @@ from uqmbd.propagation.execution.realisations import (
     late_outputs,
     log_realisations,
 )
-from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
+from uqmbd.propagation.execution.resumed import study_digest, warn_of_changes
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
@@ -75,7 +75,7 @@ __all__ = [
     "set_aside",
     "solver_counters",
     "study_digest",
-    "tell_resumed",
+    "warn_of_changes",
     "threads_of",
     "writable",
 ]

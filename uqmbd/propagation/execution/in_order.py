@@ -150,7 +150,7 @@ class _There(Generic[Piece, Result]):
     def _send_more(self, wanted: int) -> None:
         """Send what may be sent: some in reserve for every worker, never all at once, for results must not pile up."""
         if self.suspects and not self.flights:
-            # whoever dies with one that kills must not be taken for it: where that cannot be told, it goes alone
+            # if a dead worker does not identify its piece, suspects run alone: other pieces must not share the blame
             index, deaths = self.suspects.popleft()
             self._send(index, _Flight(whole=True, deaths=deaths, alone=True))
         elif not self.suspects and not any(flight.alone for flight in self._first()):
@@ -297,7 +297,7 @@ class _There(Generic[Piece, Result]):
                     continue
                 said = future.result()
                 if said.kind == "done":
-                    with contextlib.suppress(StudyError):  # whatever ended the run is said instead
+                    with contextlib.suppress(StudyError):  # the error that ended the run is raised instead
                         self.keep(self.pieces[index], said.result, self.laps())
                     self.said[index] = said.said
                     break

@@ -1,4 +1,4 @@
-"""What a run that goes on finds of other options, or of another study: that is told, and not used in silence."""
+"""Resumed runs: compare options and study with those of the stored chunks, and warn of differences."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from uqmbd.propagation.execution.kept import FOLDER, fingerprint
 from uqmbd.randomness import JointInput
 from uqmbd.typing import Array
 
-__all__ = ["study_digest", "tell_resumed"]
+__all__ = ["study_digest", "warn_of_changes"]
 
 Options = dict[str, dict[str, str]]
 """Values of options, as text, by method."""
 
 RECORD = "asked.json"
-"""File of what was asked for, beside the finished chunks."""
+"""File with the requested options, next to the finished chunks."""
 
 WIDTH = 40
-"""Letters of the value of an option in a message."""
+"""Largest number of characters of an option value in a message."""
 
 
 def study_digest(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> str:
-    """Return what the numbers of all methods of a study depend on, with the distributions, as a hash."""
+    """Return a hash of everything that the results of all methods of a study depend on, including distributions."""
     text = hashlib.sha256(fingerprint(model, inputs, (rtol, integrator), (times.tobytes(),)))
     if len(inputs):
         text.update(inputs.from_uniform(np.full((1, len(inputs)), 0.3)).tobytes())
     return text.hexdigest()[:32]
 
 
-def tell_resumed(
+def warn_of_changes(
     folder: Path,
     study: str,
     methods: Mapping[str, Mapping[str, Any]],
@@ -60,7 +60,7 @@ def tell_resumed(
     for sentence in [] if before is None else _differences(before, study, asked, extended, place.parent):
         warnings.warn(sentence, StudyWarning, stacklevel=stacklevel + 1)
     known = before[1] if before is not None and before[0] == study else {}
-    # a disk that is full is told by what has to be written
+    # the first chunk that must be written reports a full disk
     with contextlib.suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as part:
@@ -68,7 +68,7 @@ def tell_resumed(
 
 
 def _read(place: Path) -> tuple[str, Options] | None:
-    """Return the digest of the study, and options by method; nothing where they are not known."""
+    """Return the digest of the study, and options by method; None if the file is missing or damaged."""
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
         found = json.loads(place.read_bytes())
         return str(found["study"]), {str(label): dict(options) for label, options in found["methods"].items()}
@@ -82,7 +82,7 @@ def _differences(
     extended: Mapping[str, Collection[str]],
     place: Path,
 ) -> list[str]:
-    """Return a sentence for each method that begins anew."""
+    """Return a sentence for each method that restarts from the beginning."""
     if before[0] != study:
         return [
             f"resume: what is kept in {place} is that of another study (mechanism, inputs, times, tolerance, "
@@ -109,7 +109,7 @@ def _short(options: Mapping[str, str], name: str) -> str:
 
 
 def _text(value: Any) -> str:
-    """Return the value of an option as text, which is the same in another process."""
+    """Return the value of an option as text that is equal in every process."""
     return re.sub(r" at 0x[0-9a-fA-F]+", "", json.dumps(value, default=_plain, sort_keys=True, ensure_ascii=False))
 
 

@@ -91,7 +91,7 @@ class Propagator(ABC):
         return None
 
     def remarks(self, study: Any) -> tuple[str, ...]:
-        """Return what is to be said of a study beforehand, in sentences without a full stop: `uqmbd check` shows it.
+        """Return remarks on a study before it runs, as sentences without a full stop: `uqmbd check` shows them.
 
         A method may override it, and follow a realisation for it; by default there is nothing.
 

@@ -1,4 +1,4 @@
-"""The methods of a study one after another: one that cannot do it, or fails, costs nothing but itself."""
+"""Run the methods of a study one after another; if one fails, the others still run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
-from uqmbd.propagation.execution import explained, study_digest, tell_resumed
+from uqmbd.propagation.execution import explained, study_digest, warn_of_changes
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Outcome", "joined", "planned", "run_methods"]
 
-UNTOLD = 1000
-"""Realisations that a method is taken to compute which does not tell."""
+UNSTATED = 1000
+"""Assumed number of realisations of a method that does not state it."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Outcome:
         failed = {"failed": json.dumps(self.reasons, ensure_ascii=False)} if self.errors else {}
         return {**failed, **self.attrs}
 
-    def told(self, study: str, stacklevel: int) -> None:
+    def report(self, study: str, stacklevel: int) -> None:
         """Warn of each method that failed; where none succeeded, raise the first error, which names the others."""
         if self.nodes:
             for label, reason in self.reasons.items():
@@ -81,7 +81,7 @@ def run_methods(
     """
     shown = told(progress)
     if folder is not None:
-        _tell_resumed(study, propagators, folder, resume=resume)
+        _warn_of_changes(study, propagators, folder, resume=resume)
     if terms is not None:
         expected(shown, dict.fromkeys(p.node_name for p in propagators))
         return _run_within(study, propagators, Within(study, terms, executor, shown, folder, resume))
@@ -108,17 +108,17 @@ def run_methods(
     return Outcome(tuple(nodes), {label: errors[label] for label in order})
 
 
-def _tell_resumed(study: Studied, propagators: Sequence[Propagator], folder: Path, *, resume: bool) -> None:
-    """Note options, and warn of those that are others than those of what the folder keeps."""
+def _warn_of_changes(study: Studied, propagators: Sequence[Propagator], folder: Path, *, resume: bool) -> None:
+    """Record options, and warn of those that differ from the options of the stored chunks."""
     options, extended = {}, {}
     for propagator in propagators:
         label, sizing = propagator.node_name, None
         options[label] = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
-        with Isolated(*ERRORS_AND_EXITS):  # what is wrong with it is told where it is run
+        with Isolated(*ERRORS_AND_EXITS):  # the run of the method reports the error
             sizing = propagator.sizing(study, None)
         extended[label] = (sizing.option,) if sizing is not None and sizing.extends else ()
     digest = study_digest(study.model, study.mechanism.inputs, study.times, study.rtol, study.integrator)
-    tell_resumed(folder, digest, options, extended, resume=resume, stacklevel=4)
+    warn_of_changes(folder, digest, options, extended, resume=resume, stacklevel=4)
 
 
 def _run_within(study: Studied, propagators: Sequence[Propagator], within: Within) -> Outcome:
@@ -127,7 +127,7 @@ def _run_within(study: Studied, propagators: Sequence[Propagator], within: Withi
         if (error := _obstacle(within.smallest(propagator), study)) is not None:
             within.errors[propagator.node_name] = error
     within.run([p for p in propagators if p.node_name not in within.errors])
-    within.tell_warnings(stacklevel=3)
+    within.pass_on_warnings(stacklevel=3)
     for label in within.errors:
         failed(within.progress, label)
     order = [p.node_name for p in propagators]
@@ -149,7 +149,7 @@ def _count(propagator: Propagator, study: Studied) -> int | None:
 def planned(study: Studied, propagators: Sequence[Propagator]) -> int:
     """Return how many realisations the method takes that takes the most, at the sizes that are stated."""
     counts = [_count(propagator, study) for propagator in propagators]
-    return max((UNTOLD if count is None else int(count) for count in counts), default=UNTOLD)
+    return max((UNSTATED if count is None else int(count) for count in counts), default=UNSTATED)
 
 
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:

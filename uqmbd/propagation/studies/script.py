@@ -1,4 +1,4 @@
-"""Study scripts: a Python file with a module-level `study`; what goes wrong in it is told in its own lines."""
+"""Study scripts: a Python file with a module-level `study`; errors in it are reported with lines of the script."""
 
 from __future__ import annotations
 

@@ -452,11 +452,11 @@ class Study:
             if folder:
                 check_names(folder, [store_name(method.node_name) for method in chosen])
                 begin(folder, resume=resume)
-            # what is wrong with the mechanism is no matter of a method
+            # errors of the mechanism concern no method
             self.model  # noqa: B018 - built once
             found = self._warned(chosen)
             outcome = run_methods(self, chosen, executor, progress, folder, terms, resume=resume)
-            outcome.told(self.name, stacklevel=2)
+            outcome.report(self.name, stacklevel=2)
             tree = joined(self, outcome, self._attributes(found))
             if finished is not None:
                 finished(tree)
@@ -466,19 +466,19 @@ class Study:
                 computed(folder, tree.attrs)
         return tree
 
-    def foretold(self, propagators: Sequence[Propagator] | None = None) -> tuple[str, ...]:
-        """Say which numbers leave their range, or change their sign, in realisations that are to be expected.
+    def predict_warnings(self, propagators: Sequence[Propagator] | None = None) -> tuple[str, ...]:
+        """Predict which numbers leave their range, or change their sign, in some realisations.
 
         Parameters
         ----------
         propagators : sequence of Propagator, optional
-            Methods that are to be run; those of the study by default.  Of the one that computes the most realisations
-            a twentieth of one is to be expected outside, at least: what is rarer is not told.
+            Methods that are to be run; those of the study by default.  A number is reported if at least 0.05
+            realisations outside of its range are expected of the method with the most realisations.
 
         Returns
         -------
         tuple of str
-            Sentences, without the stop at their end.
+            Sentences, without the full stop at their end.
 
         Examples
         --------
@@ -490,14 +490,46 @@ class Study:
         >>> stone = mechanism.body("stone", mass=mass)
         >>> mechanism.output("height", stone.position[0], units="m")
         >>> study = uqmbd.Study("throw", mechanism, [0, 1, 2], [MonteCarlo(samples=100, seed=1)])
-        >>> study.foretold()[0][:79]
+        >>> study.predict_warnings()[0][:79]
         "the mass of body 'stone' is outside of its range (0 or more) in 2.3 % of the re"
         """
         other = self if propagators is None else self.with_propagators(propagators)
         return tuple(finding.text for finding in ranges(other))
 
+    def foretold(self, propagators: Sequence[Propagator] | None = None) -> tuple[str, ...]:
+        """Return `predict_warnings()`; the old name is removed in version 0.2.
+
+        Parameters
+        ----------
+        propagators : sequence of Propagator, optional
+            Methods that are to be run.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+
+        Warns
+        -----
+        DeprecationWarning
+            Always.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_montecarlo import MonteCarlo
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
+        >>> mechanism.output("height", mechanism.body("stone", mass=1).position[0], units="m")
+        >>> with warnings.catch_warnings(action="ignore"):
+        ...     uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=10, seed=1)]).foretold()
+        ()
+        """
+        text = "Study.foretold is Study.predict_warnings now; the old name is removed in version 0.2."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.predict_warnings(propagators)
+
     def _warned(self, propagators: Sequence[Propagator]) -> list[Finding]:
-        """Warn of what is found where these methods run."""
+        """Issue the warnings among the findings about a run of these methods, and return all findings."""
         found = findings(self.with_propagators(propagators))
         for finding in found:
             if finding.warned:

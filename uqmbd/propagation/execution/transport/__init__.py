@@ -1,4 +1,4 @@
-"""How calls travel to workers, of whatever executor, and what comes back."""
+"""How calls travel to workers, of whatever executor, and return values."""
 
 from __future__ import annotations
 

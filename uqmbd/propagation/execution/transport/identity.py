@@ -44,7 +44,7 @@ class Worker:
 
     @property
     def key(self) -> tuple[str, int, int]:
-        """By which workers are told from each other."""
+        """Key that is unique to each worker."""
         return self.host, self.process, self.thread
 
     def differs(self, expected: Versions) -> str:

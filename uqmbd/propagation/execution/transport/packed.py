@@ -1,4 +1,4 @@
-"""Objects that travel to a worker once: what comes afterwards is their hash."""
+"""Objects that are sent to a worker once; later messages hold their hash only."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-__all__ = ["KEPT", "Missing", "Packed"]
+__all__ = ["CAPACITY", "Missing", "Packed"]
 
-KEPT = 4
-"""Objects that a process keeps: those that were asked for last."""
+CAPACITY = 4
+"""Number of objects that a process stores: the most recently used."""
 
 
 class Missing(LookupError):
-    """An object is not here, of which the hash alone was given."""
+    """Only the hash of an object was received, and the object is not stored here."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Packed:
 
     @property
     def ticket(self) -> Packed:
-        """The hash alone."""
+        """Hash without the bytes."""
         return replace(self, data=None)
 
     def value(self) -> Any:
@@ -46,7 +46,7 @@ class Packed:
 
 
 class _Shelf:
-    """The last few objects."""
+    """Cache of the most recently used objects."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -60,7 +60,7 @@ class _Shelf:
             if packed.data is None:
                 raise Missing(packed.digest)
             value = self._values[packed.digest] = pickle.loads(packed.data)  # noqa: S301 - made by the same program
-            while len(self._values) > KEPT:
+            while len(self._values) > CAPACITY:
                 self._values.popitem(last=False)
             return value
 

@@ -1,11 +1,11 @@
-"""Processes of our own, each of which may die: what it was doing is known, and the others go on.
+"""Worker processes that may die separately: the task of a dead process is known, and the others continue.
 
 A `concurrent.futures.ProcessPoolExecutor` of several processes breaks as a whole when one of them dies, and does not
-say what it was doing.  Here each process is the only one of its pool, and is given one call at a time.
+identify the task.  Here each process is the only one of its pool, and runs one call at a time.
 
 `pebble.ProcessPool` also confines a death to its own call, and cancelling ends a running process.  It takes the place
-of this module only (200 lines): Dask, MPI and executors of users need all that is next to it.  It does not choose, or
-tell, the process that takes a call, so that an object as large as a model would be sent with calls that do not need it.
+of this module only (200 lines): Dask, MPI and executors of users need all that is next to it.  It neither chooses nor
+reports the process that runs a call, so that a large object such as a model would be sent with every call.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution.transport.calls import Answer
-from uqmbd.propagation.execution.transport.packed import KEPT, Packed
+from uqmbd.propagation.execution.transport.packed import CAPACITY, Packed
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -33,112 +33,112 @@ __all__ = ["Processes", "WorkerDied"]
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
-Hire = Callable[[], "tuple[ProcessPoolExecutor, Any]"]
+StartProcess = Callable[[], "tuple[ProcessPoolExecutor, Any]"]
 """Makes a pool of one process, and a shared integer that becomes the number of that process when it has started."""
 
 
 class WorkerDied(BrokenExecutor):
-    """The process that did a piece of work has ended; there are others."""
+    """The process that ran a task has ended; others are running."""
 
 
 class Processes(Executor):
-    """Executor of at most `count` processes that start when there is work, and are replaced when they die.
+    """Executor of at most `count` processes that start when tasks arrive, and are replaced when they die.
 
     The future of the call that a process was running when it died raises `WorkerDied`. Cancelling a running future ends
-    its process, which is replaced. Packed arguments are sent to each process once. `hire` makes a pool of one process,
+    its process, which is replaced. Packed arguments are sent to each process once. `start` makes a pool of one process,
     and a shared integer that becomes the number of that process when it has started.
     """
 
-    def __init__(self, count: int, hire: Hire) -> None:
-        self._count, self._hire = count, hire
+    def __init__(self, count: int, start: StartProcess) -> None:
+        self._count, self._start = count, start
         self._lock = threading.RLock()
-        self._desks: list[_Desk] = []
-        self._waiting: deque[_Order] = deque()
+        self._workers: list[_PoolProcess] = []
+        self._waiting: deque[_Task] = deque()
         self._closed = False
-        self._idle = threading.Condition(self._lock)
+        self._changed = threading.Condition(self._lock)
         self.started = False
-        """Whether any of them has ever started."""
+        """Whether any process has ever started."""
 
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
-        """Give work to the next process that has none."""
+        """Submit a call to the next free process."""
         with self._lock:
             if self._closed:
                 raise RuntimeError("cannot schedule new futures after shutdown")
-            order = _Order(fn, args, kwargs)
-            order.end = partial(self._end, order)
-            self._waiting.append(order)
-        self._give()
-        return order
+            task = _Task(fn, args, kwargs)
+            task.end = partial(self._end, task)
+            self._waiting.append(task)
+        self._dispatch()
+        return task
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all; what has begun is finished, and so is what waits unless it is cancelled."""
+        """End all processes after running and waiting tasks have finished; `cancel_futures` cancels waiting ones."""
         with self._lock:
             self._closed = True
             waiting = list(self._waiting) if cancel_futures else []
-        for order in waiting:
-            order.cancel()
+        for task in waiting:
+            task.cancel()
         if not wait:
             threading.Thread(target=self._close, name="uqmbd: end of processes", daemon=True).start()
             return
         self._close()
 
     def _close(self) -> None:
-        with self._idle:
-            self._idle.wait_for(lambda: not self._waiting and not any(desk.order for desk in self._desks))
-            desks, self._desks = self._desks, []
-        if desks:
-            with ThreadPoolExecutor(len(desks), "uqmbd: end of processes") as threads:
-                list(threads.map(lambda desk: desk.pool.shutdown(wait=True), desks))
+        with self._changed:
+            self._changed.wait_for(lambda: not self._waiting and not any(worker.task for worker in self._workers))
+            workers, self._workers = self._workers, []
+        if workers:
+            with ThreadPoolExecutor(len(workers), "uqmbd: end of processes") as threads:
+                list(threads.map(lambda worker: worker.pool.shutdown(wait=True), workers))
 
-    def _give(self) -> None:
-        """Give what waits to those who have nothing to do."""
+    def _dispatch(self) -> None:
+        """Send waiting tasks to free processes."""
         while True:
             with self._lock:
-                desk = self._free()
-                if desk is None or not self._waiting:
-                    self._idle.notify_all()
+                worker = self._free_worker()
+                if worker is None or not self._waiting:
+                    self._changed.notify_all()
                     return
-                order = self._waiting.popleft()
-                if not order.set_running_or_notify_cancel():
+                task = self._waiting.popleft()
+                if not task.set_running_or_notify_cancel():
                     continue
-                desk.order = order
-                arguments = tuple(desk.packed(argument) for argument in order.arguments)
+                worker.task = task
+                arguments = tuple(worker.packed(argument) for argument in task.arguments)
             try:
-                inner = desk.pool.submit(order.function, *arguments, **order.named)
+                inner = worker.pool.submit(task.function, *arguments, **task.named)
             except BrokenProcessPool as error:
-                self._done(desk, order, error, None)
+                self._finish(worker, task, error, None)
                 continue
-            inner.add_done_callback(partial(self._heard, desk, order))
+            inner.add_done_callback(partial(self._on_done, worker, task))
 
-    def _free(self) -> _Desk | None:
-        for desk in self._desks:
-            if desk.order is None:
-                return desk
-        if len(self._desks) < self._count and self._waiting:
-            self._desks.append(_Desk(*self._hire()))
-            return self._desks[-1]
+    def _free_worker(self) -> _PoolProcess | None:
+        for worker in self._workers:
+            if worker.task is None:
+                return worker
+        if len(self._workers) < self._count and self._waiting:
+            self._workers.append(_PoolProcess(*self._start()))
+            return self._workers[-1]
         return None
 
-    def _heard(self, desk: _Desk, order: _Order, inner: Future[Any]) -> None:
+    def _on_done(self, worker: _PoolProcess, task: _Task, inner: Future[Any]) -> None:
         error = inner.exception()
-        self._done(desk, order, error, None if error else inner.result())
-        self._give()
+        self._finish(worker, task, error, None if error else inner.result())
+        self._dispatch()
 
-    def _done(self, desk: _Desk, order: _Order, error: BaseException | None, result: Any) -> None:
-        """Pass on what became of work; whoever died is replaced when there is more."""
-        began = desk.process() > 0
+    def _finish(self, worker: _PoolProcess, task: _Task, error: BaseException | None, result: Any) -> None:
+        """Set the result or error of a task; a process that died is replaced when the next task arrives."""
+        began = worker.process() > 0
         with self._lock:
             self.started |= began
-            desk.order = None
+            worker.task = None
             if isinstance(result, Answer) and result.kind == "missing":
-                desk.forget()
+                worker.clear()
             if isinstance(error, BrokenProcessPool):
-                self._desks = [other for other in self._desks if other is not desk]
-            self._idle.notify_all()
+                self._workers = [other for other in self._workers if other is not worker]
+            self._changed.notify_all()
         if isinstance(error, BrokenProcessPool):
-            desk.pool.shutdown(wait=False)
+            worker.pool.shutdown(wait=False)
             if self.started:
                 error = WorkerDied("a worker process ended unexpectedly; perhaps it ran out of memory or was killed")
             else:
@@ -147,20 +147,20 @@ class Processes(Executor):
                     "work."
                 )
         if error is not None:
-            order.set_exception(error)
+            task.set_exception(error)
         else:
-            order.set_result(result)
+            task.set_result(result)
 
-    def _end(self, order: _Order) -> None:
-        """End the process that does some work."""
+    def _end(self, task: _Task) -> None:
+        """End the process that runs a task."""
         with self._lock:
-            for desk in self._desks:
-                if desk.order is order:
-                    desk.kill()
+            for worker in self._workers:
+                if worker.task is task:
+                    worker.kill()
 
 
-class _Order(Future[Any]):
-    """Work, whose result is to come."""
+class _Task(Future[Any]):
+    """Task whose result is pending."""
 
     def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]) -> None:
         super().__init__()
@@ -168,7 +168,7 @@ class _Order(Future[Any]):
         self.end: Callable[[], None] = lambda: None
 
     def cancel(self) -> bool:
-        """Cancel it; where it has begun, end the process that does it."""
+        """Cancel the task; if it is running, end its process."""
         if super().cancel():
             return True
         if not self.done():
@@ -176,16 +176,16 @@ class _Order(Future[Any]):
         return False
 
 
-class _Desk:
-    """One process, and what it does."""
+class _PoolProcess:
+    """Process, and the task that it runs."""
 
     def __init__(self, pool: ProcessPoolExecutor, started: Any) -> None:
         self.pool, self._started = pool, started
-        self.order: _Order | None = None
-        self._has: deque[str] = deque(maxlen=KEPT)
+        self.task: _Task | None = None
+        self._has: deque[str] = deque(maxlen=CAPACITY)
 
     def packed(self, argument: Any) -> Any:
-        """Return what is sent for an argument: of an object that it has, the hash."""
+        """Return the wire form of an argument: the hash if the process already has the object."""
         if not isinstance(argument, Packed):
             return argument
         if argument.digest in self._has:
@@ -195,8 +195,8 @@ class _Desk:
         self._has.append(argument.digest)
         return argument
 
-    def forget(self) -> None:
-        """Send everything again."""
+    def clear(self) -> None:
+        """Clear the list of sent objects: they are sent again."""
         self._has.clear()
 
     def process(self) -> int:
@@ -204,7 +204,7 @@ class _Desk:
         return int(self._started.value)
 
     def kill(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         if process := self.process():
             with suppress(OSError):
                 os.kill(process, getattr(signal, "SIGKILL", signal.SIGTERM))

@@ -1,4 +1,4 @@
-"""How a call reaches the workers of an executor: what is sent of packed objects, and how a death is told."""
+"""Routes to the workers of an executor: how packed objects are sent, and how deaths are reported."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ __all__ = ["Route", "death", "route_to"]
 
 
 class Route(Protocol):
-    """The way to some workers."""
+    """Route to the workers of an executor."""
 
     @property
     def names_the_dead(self) -> bool:
-        """Whether a death is told of that piece alone which the worker was doing; else of others, too."""
+        """Whether a death is reported for the piece that the worker was running only; else for other pieces, too."""
 
     @property
     def apart(self) -> bool:
-        """Whether one worker may be slow, or stop, while others go on."""
+        """Whether one worker may be slow, or stop, while others continue."""
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
     ) -> Future[Answer]:
-        """Send a call, with packed arguments themselves (`whole`), or with what is usual.
+        """Send a call, with packed arguments entirely (`whole`) or in the usual form.
 
-        Where it was sent before, and is `late`, whoever does it may stand still, and so may whoever holds what is
-        packed: it goes to others, and needs nothing of anybody.
+        `late`: futures of the same call that are overdue. Their workers may have stopped, and so may workers that
+        store packed objects: the call goes to other workers, and does not depend on any.
         """
 
     def renew(self) -> None:
-        """Forget what workers hold: some may have died with it."""
+        """Assume that no worker stores packed objects: the worker that had them may have died."""
 
     def refused(self, worker: Worker) -> None:
-        """Give others what this one refuses to do, if that can be chosen."""
+        """Send pieces that this worker refused to others, if the executor allows that choice."""
 
 
 @dataclass(frozen=True)
 class _Direct:
-    """Threads, and processes that are told themselves what each of them has: nothing is done to arguments here."""
+    """Threads, and `Processes`, which pack arguments themselves: arguments pass unchanged."""
 
     executor: Executor
     apart: bool
@@ -68,7 +68,7 @@ class _Direct:
 
 @dataclass(frozen=True)
 class _Asking:
-    """Anybody: the hash is sent, and the bytes go to those who ask."""
+    """Any other executor: the hash is sent, and the bytes go to workers that request them."""
 
     executor: Executor
     names_the_dead: bool = False
@@ -89,16 +89,16 @@ class _Asking:
 
 
 def _shown(packed: Packed) -> Packed:
-    """Return a hash; workers that share this process, though the executor does not say so, find the object itself."""
+    """Return the hash, and store the object here: workers that run in this process then find it."""
     packed.value()
     return packed.ticket
 
 
 @dataclass(frozen=True)
 class _Dask:
-    """The workers of a Dask cluster, which hand packed objects on to each other when they ask.
+    """Workers of a Dask cluster, which send packed objects to each other on request.
 
-    They are results of tasks, and not scattered: those that are lost with a worker are made again by the scheduler.
+    Packed objects are results of tasks, not scattered: the scheduler recomputes those that are lost with a worker.
     """
 
     executor: Executor
@@ -107,7 +107,7 @@ class _Dask:
     generation: Any = field(default_factory=count)
     avoided: set[str] = field(default_factory=set)
     keys: WeakKeyDictionary[Future[Any], str] = field(default_factory=WeakKeyDictionary)
-    """Dask's names of what is under way."""
+    """Dask's names of running tasks."""
     names_the_dead: bool = False
     apart: bool = True
     asked: Terms = field(default_factory=terms)
@@ -124,7 +124,7 @@ class _Dask:
         more: Any = {"key": key, "pure": False}
         away = self.avoided | self._doing({self.keys[future] for future in late if future in self.keys})
         if away and (others := sorted(self.client.nthreads().keys() - away)):
-            # should they all leave, it goes to whoever comes
+            # if all these workers leave, any new worker may run it
             more |= {"workers": others, "allow_other_workers": True}
         future = self.executor.submit(answer, self.asked, function, *sent, **more)
         self.keys[future] = key
@@ -140,7 +140,7 @@ class _Dask:
         self.held.clear()
 
     def refused(self, worker: Worker) -> None:
-        # who refuses has nothing to do, and the scheduler gives it the same piece again and again
+        # a worker that refuses is free, so that the scheduler would choose it again and again
         self.avoided.add(worker.address)
 
     def _held(self, packed: Packed) -> Any:
@@ -155,7 +155,7 @@ def _same(packed: Packed) -> Packed:
 
 
 def route_to(executor: Executor) -> Route:
-    """Return the way to the workers of an executor."""
+    """Return the route to the workers of an executor."""
     if isinstance(executor, (ThreadPoolExecutor, Processes)):
         return _Direct(executor, apart=isinstance(executor, Processes))
     client = getattr(executor, "_client", None)
