@@ -217,8 +217,7 @@ def test_damaged_metadata_is_no_obstacle(install, loaded):
 def test_problems_become_warnings_once(install, monkeypatch):
     install("plugin_broken", "raise RuntimeError('no licence found')", distribution="broken-plugin", version="0.3")
     monkeypatch.setattr(plugins.registry, "registered", functools.cache(plugins.registry.registered.__wrapped__))
-    point = importlib.metadata.EntryPoint("plugin_broken", "plugin_broken", plugins.registry.GROUP)
-    found = [point._for(importlib.metadata.distribution("broken-plugin"))]
+    found = list(importlib.metadata.distribution("broken-plugin").entry_points)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: found)
     with pytest.warns(
         uqmbd.extend.PluginWarning, match="plugin 'plugin_broken' of broken-plugin 0.3: .*no licence found"

@@ -236,6 +236,71 @@ def test_no_test_depends_on_measured_time():
         )
 
 
+PATCHING = {"setattr", "delattr", "getattr", "hasattr", "patch", "object", "attrgetter"}
+"""Functions that reach attributes by names in texts: of Python, of pytest and of `unittest.mock`."""
+
+
+def _is_private(name):
+    return any(part.startswith("_") and not part.endswith("_") for part in name.split("."))
+
+
+@functools.cache
+def _private_names():
+    """Find the private names that the code defines: functions, classes, variables, and attributes of objects."""
+    found = set()
+    for node in (node for tree in _trees().values() for node in ast.walk(tree)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            found.add(node.id if isinstance(node, ast.Name) else node.attr)
+    return {name for name in found if _is_private(name)}
+
+
+def _private_uses(source):
+    """Find private names of the code that a test imports, reads or patches, with their lines."""
+    for node in ast.walk(ast.parse(source)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names if alias.name.startswith("uqmbd") and _is_private(alias.name)]
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("uqmbd"):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name for name in names if _is_private(name)]
+        elif isinstance(node, ast.Attribute) and node.attr in _private_names():
+            owner = ast.unparse(node.value)
+            names = [] if owner in {"self", "cls", "super()"} else [f"{owner}.{node.attr}"]
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in PATCHING:
+            texts = [x.value for x in node.args if isinstance(x, ast.Constant) and isinstance(x.value, str)]
+            names = [text for text in texts if _private_names() & set(text.split("."))]
+        yield from ((node.lineno, name) for name in names)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from uqmbd.display import _entry_points",
+        "import uqmbd.compiled._driver",
+        "display._entry_points.cache_clear()",
+        "monkeypatch.setattr('uqmbd.display._entry_points', dict)",
+        "monkeypatch.setattr(display, '_entry_points', dict)",
+        "with mock.patch.object(display, '_entry_points'): pass",
+        "getattr(display, '_entry_points')()",
+    ],
+)
+def test_the_search_for_private_names_finds_them(line):
+    assert list(_private_uses(line))
+    assert not list(_private_uses(line.replace("_entry_points", "html_of").replace("_driver", "driver")))
+
+
+def test_tests_use_no_private_names():
+    """A test states what callers rely on; a helper that needs a test of its own has a name without underscore."""
+    wrong = [
+        f"{path.relative_to(ROOT).as_posix()}:{line} uses {name}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for line, name in _private_uses(path.read_text(encoding="utf-8"))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 def test_no_folder_is_crowded():
     counts = {package: 0 for package in PACKAGES}
     for name in MODULES:

@@ -23,7 +23,7 @@ import uqmbd
 import uqmbd.report
 from uqmbd import extend, plugins, results
 from uqmbd.cli import tables
-from uqmbd.cli.check.check import _equations
+from uqmbd.cli.check.check import described_equations
 from uqmbd.cli.run.settings import apply_settings, parse_value
 from uqmbd.cli.terminal import progress
 from uqmbd.results.storage import record
@@ -329,13 +329,13 @@ def test_check_of_bodies_that_nothing_holds():
     made.body("ball", mass=1, inertia=1)
     alone = uqmbd.check(made)
     assert (alone.equations, alone.unit_lengths, alone.apart) == (1, 1, (("ball",),))
-    assert _equations(alone).startswith("1 constraint equation, independent; it is the unit length")
+    assert described_equations(alone).startswith("1 constraint equation, independent; it is the unit length")
     one, two, held = (made.body(name, mass=1, inertia=1) for name in ("one", "two", "held"))
     made.add(Revolute("pin", one, two, (0, 0), (0, 0)))
     made.add(SpringDamper("spring", made.ground, held, (1, 0), (0, 0), 10))
     found = uqmbd.check(made)
     assert found.apart == (("ball",), ("one", "two"))
-    assert _equations(found) == (
+    assert described_equations(found) == (
         "6 constraint equations, 6 of them independent; 4 are the unit lengths of the bodies' half-angle pairs, "
         "not of joints"
     )

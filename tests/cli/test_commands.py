@@ -57,7 +57,7 @@ def install(tmp_path, monkeypatch):
         return [point for point in known if point.group == group]
 
     monkeypatch.setattr(importlib.metadata, "entry_points", found)
-    caches = (plugins.registry.registered, plugins.registry.registered_commands, commands._of_plugins)
+    caches = (plugins.registry.registered, plugins.registry.registered_commands, commands.plugin_commands)
     for cache in caches:
         cache.cache_clear()
     yield write

@@ -83,10 +83,9 @@ def test_labels_are_those_that_a_script_states():
 
 def test_names_of_methods_are_guessed_right():
     """From their classes: this holds for all that are installed."""
-    import ast
-
     for name, method in plugins.propagators().items():
-        assert list(completion._label(ast.parse(f"{method.__name__}()", mode="eval").body)) == [name]
+        Path("plain.py").write_text(f"study = Study('s', m, [0, 1], [{method.__name__}()])\n")
+        assert completion.labels(Context(Path("plain.py")), "") == [name]
 
 
 @pytest.mark.thorough

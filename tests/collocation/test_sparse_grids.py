@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import chaospy
@@ -14,6 +15,7 @@ import uqmbd
 from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.results import Status
 from uqmbd_collocation import Collocation
+from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.runs import Runs
 
 FAMILIES = {
@@ -49,9 +51,14 @@ class Source:
         return uqmbd.extend.Realisations(values, response[:, None, None], status, messages, {}, 0.0)
 
 
+def plans(method):
+    """Return the plans of a method, of its options."""
+    return Plans("test", **{f.name: getattr(method, f.name) for f in dataclasses.fields(Plans) if f.name != "label"})
+
+
 def planned(space, **options):
     method = Collocation(rule="smolyak", max_realisations=10**6, verify=0, **options)
-    plan = method._plans("test").plan(space, method.order)
+    plan = plans(method).plan(space, method.order)
     plan.check(space)
     return plan
 
@@ -155,7 +162,7 @@ def test_a_grid_that_is_too_large_is_refused_before_it_is_built():
     space = space_of(*[chaospy.Uniform(-1, 1)] * 10)
     for options in ({"level": 40}, {"order": 7}):
         with pytest.raises(uqmbd.StudyError, match="takes at least [0-9]+ nodes"):
-            Collocation(rule="smolyak", **options)._plans("test").plan(space, options.get("order"))
+            plans(Collocation(rule="smolyak", **options)).plan(space, options.get("order"))
     with pytest.raises(uqmbd.StudyError, match="level is 100000000; expected .* at most 1000"):
         Collocation(rule="smolyak", level=10**8)
 

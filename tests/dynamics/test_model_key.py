@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.compiled import compilations
 from uqmbd.dynamics import build
-from uqmbd.dynamics.model_key import _Digests, model_key
+from uqmbd.dynamics.model_key import Digests, model_key
 from uqmbd.laws import length
 from uqmbd_contact import ContactLaw, PlaneContact, depth
 from uqmbd_drivers import RotationDriver
@@ -408,6 +408,6 @@ def test_what_uqmbd_has_itself_is_known() -> None:
     offered = [x for p in packages for x in vars(p).values() if isinstance(x, type) and issubclass(x, uqmbd.Component)]
     assert len(offered) > 30
     for kind in (*offered, uqmbd.Spatial, uqmbd.Planar, uqmbd.Translational, uqmbd.Line, uqmbd.Mechanism):
-        found = _Digests(plain)
+        found = Digests(plain)
         assert found.of(kind) and found.code(), kind
     assert model_key(plain) is not None

@@ -8,7 +8,7 @@ import pytest
 import uqmbd
 from uqmbd.testing.components.bench import Bench
 from uqmbd.testing.components.cases import Case
-from uqmbd.testing.components.component import _check_broadcasting, _check_jacobian
+from uqmbd.testing.components.component import check_broadcasting, check_jacobian
 
 # Ones and zeros are written into the equations, other numbers are parameters: each pattern is another expression.
 BODIES = {
@@ -28,5 +28,5 @@ def test_body(space, given):
     body = mechanism.body("body", **given)
     rng = np.random.default_rng(5)
     bench = Bench.of("body", Case("alone", mechanism, body.terms, free=True), rng)
-    _check_jacobian(bench, rng)
-    _check_broadcasting(bench, rng)
+    check_jacobian(bench, rng)
+    check_broadcasting(bench, rng)

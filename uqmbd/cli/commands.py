@@ -17,12 +17,12 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Name all commands."""
-        return [*super().list_commands(ctx), *_of_plugins()]
+        return [*super().list_commands(ctx), *plugin_commands()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command, or None."""
         own = super().get_command(ctx, cmd_name)
-        return _of_plugins().get(cmd_name) if own is None else own
+        return plugin_commands().get(cmd_name) if own is None else own
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command that is meant; one that does not exist may be that of a plugin that cannot be loaded."""
@@ -38,7 +38,7 @@ class Commands(TyperGroup):
 
 
 @functools.cache
-def _of_plugins() -> dict[str, Any]:
+def plugin_commands() -> dict[str, Any]:
     """Make the commands of plugins; one that cannot be made is a warning."""
     from uqmbd import plugins
     from uqmbd.errors import PluginWarning

@@ -67,14 +67,14 @@ def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) 
     if mechanism.controllers or not unpatched():
         return None
     try:
-        digests = _Digests(mechanism)
+        digests = Digests(mechanism)
         about = digests.of((*others, rows, scipy.__version__, *digests.mechanism()))
         return hashlib.sha256(about + digests.code()).hexdigest()
     except Unknown:
         return None
 
 
-class _Digests:
+class Digests:
     """Digests of the parts of a mechanism; that of a part depends on nothing but its content.
 
     Classes and functions refer to each other in circles: a digest has their numbers, in the order in which they are

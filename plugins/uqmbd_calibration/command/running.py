@@ -83,7 +83,7 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
     """Calibrate a study, write the posterior, predictions and a report into a folder, and sum up what came out."""
     study = uqmbd.load_study(script)
     records = _records(paths, options)
-    methods = _methods(study, options.only)
+    methods = chosen_methods(study, options.only)
     with uqmbd.extend.output_folder(out, WRITTEN), options.workers.at_work(script) as workers:
         found = calibrate(
             study,
@@ -146,7 +146,7 @@ def _records(paths: Sequence[Path], options: Options) -> list[Record]:
     ]
 
 
-def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.extend.Propagator]:
+def chosen_methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.extend.Propagator]:
     """Choose methods of a study; one that has none is predicted by collocation."""
     known = {method.node_name: method for method in study.propagators}
     for label in only:

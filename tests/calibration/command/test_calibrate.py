@@ -49,7 +49,7 @@ def folder(tmp_path, monkeypatch):
     point = importlib.metadata.EntryPoint("calibration", "uqmbd_calibration.command", "uqmbd.commands")
     found = plugins.load([point], group="uqmbd.commands")
     monkeypatch.setattr(plugins.registry, "registered_commands", lambda: found)
-    commands._of_plugins.cache_clear()
+    commands.plugin_commands.cache_clear()
     monkeypatch.chdir(tmp_path)
     times = np.linspace(0, 2.9, 60)
     values = way(times) + NOISE * np.random.default_rng(3).standard_normal(60)
@@ -57,7 +57,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "mass_study.py").write_text(STUDY)
     (tmp_path / "record.csv").write_text("\n".join(["time [s],way [m]", *lines, ""]))
     yield tmp_path
-    commands._of_plugins.cache_clear()
+    commands.plugin_commands.cache_clear()
 
 
 @pytest.mark.thorough
@@ -122,9 +122,9 @@ def test_every_option_is_used(folder, command, asked):
 
 def test_methods_are_those_of_the_study_or_those_that_are_chosen(folder):
     study = uqmbd.load_study("mass_study.py")
-    assert running._methods(study, ()) == list(study.propagators)
-    assert running._methods(study, ("third",)) == [study.propagators[1]]
-    (default,) = running._methods(study.with_propagators([]), ())
+    assert running.chosen_methods(study, ()) == list(study.propagators)
+    assert running.chosen_methods(study, ("third",)) == [study.propagators[1]]
+    (default,) = running.chosen_methods(study.with_propagators([]), ())
     assert default.node_name == "collocation"
 
 

@@ -241,21 +241,15 @@ def test_a_start_condition_may_have_any_factor(exponent):
     assert abs(float(found["speed"][0]) - 1000) < 1e-6
 
 
-def test_fast_speeds_of_many_realisations_are_looked_at_together(monkeypatch):
+def test_fast_speeds_of_many_realisations_are_looked_at_together(watched_evaluator):
     """By numbers of evaluations: a driver's rate of 157 is fast, and regular; what is singular is found among them."""
     mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
     body = mechanism.body("rotor", mass=1, inertia=0.03, position=(0.3, 0))
     mechanism.add(Revolute("hinge", mechanism.ground, body, at=(0, 0)))
     mechanism.add(RotationDriver("motor", mechanism.ground, body, 314 * uqmbd.t))
     mechanism.output("x", body.position[0], units="m")
-    model, counts = build(mechanism), []
-    evaluate = assembly._speed_equations
-
-    def counted(*arguments):
-        counts.append(len(arguments[1]))
-        return evaluate(*arguments)
-
-    monkeypatch.setattr(assembly, "_speed_equations", counted)
+    counts = []
+    model = watched_evaluator(build(mechanism), "velocity", counts.append)
     found = assembly.assemble(model, model.parameters(np.zeros((300, 0))), 0.0)
     assert not any(found.messages)
     assert counts == [300]

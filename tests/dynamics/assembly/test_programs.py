@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.dynamics.assembly.assembly import _iterated, statement_rows
+from uqmbd.dynamics.assembly.assembly import poses_by_iteration, statement_rows
 from uqmbd.dynamics.assembly.programs import closed_poses, least_velocities
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd_drivers import RotationDriver
@@ -80,7 +80,7 @@ def test_poses_are_those_of_the_iteration_with_singular_values(model, count, amo
     drawn = drawn + amount * random.uniform(-1, 1, drawn.shape)
     rows = model.layout.kept_holonomic
     found, undecided = closed_poses(model, drawn, 0.0, parameters, rows)
-    expected, messages = _iterated(model, drawn, 0.0, parameters, rows)
+    expected, messages = poses_by_iteration(model, drawn, 0.0, parameters, rows)
     decided = np.flatnonzero(~undecided)
     assert len(decided) >= 0.5 * count - 1  # the driver does the work
     assert not any(messages[k] for k in decided)
@@ -108,13 +108,12 @@ def test_velocities_are_those_of_least_squares(model):
         np.testing.assert_allclose(found[k], expected, rtol=0, atol=1e-10)
 
 
-def test_an_ordinary_ensemble_is_assembled_without_decisions(model, monkeypatch):
+def test_an_ordinary_ensemble_is_assembled_without_decisions(model, watched_evaluator):
     """What is slow stays what it is for: nothing else comes there."""
-
-    def never(*_):
-        raise AssertionError("an ordinary realisation was left to be decided")
-
-    monkeypatch.setattr("uqmbd.dynamics.assembly.assembly._iterated", never)
-    monkeypatch.setattr("uqmbd.dynamics.assembly.assembly._stated", never)
     values = np.linspace(-0.09, 0.09, 20)[:, None] + (model.name == "slider_crank") * 0.4
-    assert Ensemble(model, values).start.ok.all()
+    decided = []
+    watched = watched_evaluator(watched_evaluator(model, "position", decided.append), "velocity", decided.append)
+    assert Ensemble(watched, values).start.ok.all()
+    assert not decided, "ordinary realisations were left to be decided"
+    poses_by_iteration(watched, watched.parameters(values)[:, model.drawn], 0.0, watched.parameters(values), None)
+    assert decided, "the iteration evaluates the constraints"

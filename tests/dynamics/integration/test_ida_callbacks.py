@@ -9,7 +9,7 @@ from scipy import sparse
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.dynamics.integration.ida import SPARSE_FROM, _callbacks
+from uqmbd.dynamics.integration.ida import SPARSE_FROM, stack_callbacks
 from uqmbd_joints import Revolute
 
 
@@ -30,7 +30,7 @@ def test_callbacks_are_the_evaluators(count, stack):
     n, size = model.layout.unknowns, model.layout.unknowns * stack
     ensemble = Ensemble(model, np.linspace(1, 2, stack)[:, None])
     assert (size >= SPARSE_FROM) == ((count, stack) in [(3, 9), (12, 1)])
-    residual, jacobian = _callbacks(ensemble)
+    residual, jacobian = stack_callbacks(ensemble)
     generator = np.random.default_rng(0)
     rows, pointers = model.pattern
     blocks = [sparse.csc_matrix((np.arange(1.0, len(rows) + 1), rows, pointers), shape=(n, n))] * stack
@@ -53,7 +53,7 @@ def test_callbacks_are_the_evaluators(count, stack):
 def test_residuals_and_jacobians_agree_by_differences():
     model = links(2)
     ensemble, n = Ensemble(model, np.array([[1.0], [1.5]])), model.layout.unknowns
-    residual, jacobian = _callbacks(ensemble)
+    residual, jacobian = stack_callbacks(ensemble)
     y, yp = np.random.default_rng(1).normal(size=(2, 2 * n))
     res, ahead, back, jac = np.empty(2 * n), np.empty(2 * n), np.empty(2 * n), np.zeros((2 * n, 2 * n))
     jacobian(0.0, y, yp, res, 3.0, jac)

@@ -8,7 +8,7 @@ import sympy
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.dynamics.integration.dop853 import _Integration
+from uqmbd.dynamics.integration.dop853 import Integration
 from uqmbd_drivers import SpeedDriver
 from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce
@@ -36,7 +36,7 @@ def arms(kind):
 
 @pytest.mark.parametrize("kind", ["speed", "pulse", "knots"])
 def test_what_is_mended_is_the_motion(kind):
-    run = _Integration(arms(kind), TIMES, 1e-9, comparing=False, patient=False)
+    run = Integration(arms(kind), TIMES, 1e-9, comparing=False, patient=False)
     run.run()
     motion = run.main.result.copy()
     assert np.isfinite(motion).all()
@@ -44,5 +44,5 @@ def test_what_is_mended_is_the_motion(kind):
     run.main.result[:, 1:] += 1e-3
     run.main.result[:, 1:3] = motion[:, 1:3]  # what is before is right
     run.main.poor[:, 1:3] = 0
-    run._mend()
+    run.mend()
     np.testing.assert_allclose(run.main.result, motion, rtol=0, atol=2e-7)

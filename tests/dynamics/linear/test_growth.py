@@ -13,8 +13,9 @@ import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import index1
-from uqmbd.dynamics.linear.fronts import frontal
+from uqmbd.dynamics.linear.fronts import FrontalSolver, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
+from uqmbd.dynamics.linear.programs import programs_of
 from uqmbd.dynamics.linear.system import SparsePattern
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
@@ -53,19 +54,24 @@ def swing(number, times, length=1.0):
     return length * np.cos(found.y[0])
 
 
-def values_of(model, count=5, seed=0):
-    """Results of the ``acceleration`` evaluator at random states, which nothing holds together."""
+def states_of(model, count=5, seed=0):
+    """Random coordinates and velocities, which nothing holds together, and parameters."""
     ensemble = Ensemble(model, np.tile([0.5] * len(model.inputs), (count, 1)))
     generator = np.random.default_rng(seed)
     q = ensemble.start.q + generator.uniform(-0.1, 0.1, ensemble.start.q.shape)
-    v = generator.normal(size=q.shape)
+    return q, generator.normal(size=q.shape), ensemble.block
+
+
+def values_of(model, count=5, seed=0):
+    """Results of the ``acceleration`` evaluator at these states."""
+    q, v, parameters = states_of(model, count, seed)
     state = state_arguments(0.0, q, np.zeros((count, model.layout.states)), v)
-    return np.ascontiguousarray(model.evaluators["acceleration"](state, ensemble.block))
+    return np.ascontiguousarray(model.evaluators["acceleration"](state, parameters))
 
 
 def lapack(model, values):
     system = model.system
-    return index1._lapack(system.matrix(values), system.right(values))
+    return np.linalg.solve(system.matrix(values), system.right(values)[:, :, None])[:, :, 0]
 
 
 @pytest.fixture(scope="module")
@@ -94,23 +100,20 @@ def test_all_routes_to_the_accelerations_agree(models):
     size = np.abs(expected).max()
     np.testing.assert_allclose(model.system.solve(values), expected, rtol=0, atol=1e-11 * size)
     np.testing.assert_allclose(
-        index1._direct(model.system, values, model.system.right(values)), expected, rtol=0, atol=1e-11 * size
+        index1.solve_directly(model.system, values, model.system.right(values)), expected, rtol=0, atol=1e-11 * size
     )
     np.testing.assert_allclose(model.system.solve(values[:1]), expected[:1], rtol=0, atol=1e-11 * size)
-    a, multipliers = index1._solve(model, values)
-    np.testing.assert_allclose(np.hstack([a, multipliers]), expected, rtol=0, atol=1e-11 * size)
 
 
 @pytest.mark.thorough
-def test_small_systems_by_blocks_as_in_one_piece():
+def test_small_systems_by_blocks_as_in_one_piece(monkeypatch):
     """What is compiled in one piece today gives the same by blocks."""
     model = build(chain(2))
     assert model.system.fronts is None
     values = values_of(model)
-    bare = index1.index1_system(model, None)
-    from uqmbd.dynamics.linear.system import _by_blocks
-
-    blocks = _by_blocks(model, bare, values[:2])
+    monkeypatch.setattr("uqmbd.dynamics.linear.system.ELIMINATION_LIMIT", 0)
+    blocks = index1.index1_system(model, values[:2])
+    assert blocks.fronts is not None
     expected = model.system.solve(values)
     np.testing.assert_allclose(blocks.solve(values), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     random, ensemble = np.random.default_rng(1), Ensemble(model, np.zeros((5, 0)))
@@ -177,7 +180,7 @@ def test_bodies_without_mass_are_merged_with_what_holds_them():
     assert model.system.fronts is not None
     values = values_of(model)
     expected = lapack(model, values)
-    found = np.hstack(index1._solve(model, values))
+    found = index1.solve_directly(model.system, values, model.system.right(values))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -194,15 +197,23 @@ def test_a_singular_system_has_no_solution_and_leaves_the_others_alone():
 
 
 def test_poor_pivots_are_noticed(models):
-    """A solution by blocks that is wrong is replaced."""
+    """Accelerations of programs whose solution by blocks is wrong are replaced."""
     model = models[10]
-    values = values_of(model)
-    expected = lapack(model, values)
-    system = model.system
+    system, n = model.system, model.layout.coordinates
     wrong = replace(system.fronts, solution=np.roll(system.fronts.solution, 1))
-    spoilt = replace(model, system=replace(system, solve=replace(system.solve, fronts=wrong)))
-    a, _ = index1._solve(spoilt, values)
-    np.testing.assert_allclose(a, expected[:, : a.shape[1]], rtol=0, atol=1e-10 * np.abs(expected).max())
+    given = len(model.evaluators["acceleration"].targets)
+    rights = [system.motion, system.motion, *np.where(system.drift < 0, -1, given + system.drift)]
+    widths = [system.size, n, n, n]
+    solve, accelerate, *back = (FrontalSolver(wrong, r[None], k) for r, k in zip(rights, widths, strict=True))
+    programs = programs_of(model, solve, accelerate, tuple(back), system.programs.residual)
+    q, v, parameters = states_of(model)
+    s = np.zeros((len(q), 0))
+    spoilt = programs.motion(q, s, v, np.zeros((1, 1)), np.zeros((1, 1)), parameters[:, : model.block_parameters])
+    expected = lapack(model, values_of(model))
+    size = np.abs(expected).max()
+    assert np.abs(spoilt[:, : system.size] - expected).max() > 0.01 * size
+    found = index1.accelerations(replace(model, system=replace(system, programs=programs)), q, s, v, 0.0, parameters)
+    np.testing.assert_allclose(np.hstack(found[:2]), expected, rtol=0, atol=1e-10 * size)
 
 
 @pytest.mark.thorough

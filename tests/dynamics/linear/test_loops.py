@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 
-from uqmbd.dynamics.linear.programs import _in_no_loop
+from uqmbd.dynamics.linear.programs import bodies_in_no_loop
 
 
 def kept(bodies, links):
@@ -27,7 +27,7 @@ def test_bodies_in_loops_are_told_apart():
             set(rng.sample(range(-1, bodies), min(bodies + 1, rng.choice([2, 2, 2, 2, 2, 3]))))
             for _ in range(rng.randint(0, bodies + 2))
         ]
-        tree = _in_no_loop(bodies, links)
+        tree = bodies_in_no_loop(bodies, links)
         assert {k for k in range(bodies) if not tree[k]} == kept(bodies, links), links
 
 
@@ -50,5 +50,5 @@ def test_each_link_of_a_chain_is_looked_at_a_few_times():
     for order in (1, -1):
         Counted.looks = 0
         links = [Counted({k - 1, k}) for k in range(2000)][::order]
-        assert _in_no_loop(2000, links).all()
+        assert bodies_in_no_loop(2000, links).all()
         assert Counted.looks < 10 * 2000

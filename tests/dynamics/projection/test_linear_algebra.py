@@ -51,7 +51,7 @@ def test_dense_jacobian_by_differences(crank):
 def test_sparse_values_and_products_are_those_of_the_dense_jacobian(crank):
     y, rates = somewhere(crank)
     expected = crank.jacobian(0.1, y, rates, 2.0)
-    linear = projected_ida._Linear(crank, "sparse", {})
+    linear = projected_ida.CoefficientJacobian(crank, "sparse", {})
     options = linear.options()
     pattern = options["sparsity"]
     values = np.zeros(pattern.nnz)
@@ -59,10 +59,10 @@ def test_sparse_values_and_products_are_those_of_the_dense_jacobian(crank):
     found = sparse.csc_matrix((values, pattern.indices, pattern.indptr), shape=pattern.shape)
     np.testing.assert_array_equal(found.toarray(), expected)
     assert pattern.has_sorted_indices
-    krylov = projected_ida._Linear(crank, "krylov-nodal", {})
-    krylov._prepare(0.1, y.ravel(), rates.ravel(), None, 2.0)
+    krylov = projected_ida.CoefficientJacobian(crank, "krylov-nodal", {}).options()["jactimes"]
+    krylov.setupfn(0.1, y.ravel(), rates.ravel(), None, 2.0)
     vector, product = np.random.default_rng(2).normal(size=(2, crank.unknowns))
-    krylov._product(0.1, y.ravel(), rates.ravel(), None, vector, product, 2.0)
+    krylov.solvefn(0.1, y.ravel(), rates.ravel(), None, vector, product, 2.0)
     np.testing.assert_allclose(product, expected @ vector, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
 
 
@@ -73,10 +73,10 @@ def test_nodal_preconditioner_is_exact_where_nothing_is_truncated(mechanisms, pr
     q, s, v = projected.split(start.state)
     y = projected.ensemble.pack(q, s, v, start.multipliers)
     rates = np.zeros_like(y)
-    linear = projected_ida._Linear(projected, "krylov-nodal", {})
-    linear._factorise(0.0, y.ravel(), rates.ravel(), None, 50.0)
+    linear = projected_ida.CoefficientJacobian(projected, "krylov-nodal", {}).options()["precond"]
+    linear.setupfn(0.0, y.ravel(), rates.ravel(), None, 50.0)
     vector, found = np.random.default_rng(2).normal(size=(2, projected.unknowns))
-    linear._precondition(0.0, y.ravel(), rates.ravel(), None, vector, found, 50.0, 0.0)
+    linear.solvefn(0.0, y.ravel(), rates.ravel(), None, vector, found, 50.0, 0.0)
     whole = projected.jacobian(0.0, y, rates, 50.0)
     np.testing.assert_allclose(whole @ found, vector, atol=1e-8)
 
@@ -110,14 +110,22 @@ def test_counters_are_in_the_result(mechanisms):
 def test_mean_that_breaks_down_is_left(crank, monkeypatch):
     """What the mean preconditioner cannot do goes to the nodal one, and the counters say so."""
     monkeypatch.setattr(projected_ida, "SPARSE_TO", 10)
-    factorise = projected_ida._Linear._factorise
 
-    def spoiled(self, t, y, yp, res, c):
-        factorise(self, t, y, yp, res, c)
-        if self.kind == "krylov-mean":
-            self.inverse = np.random.default_rng(0).normal(size=self.inverse.shape)
+    class SpoiledMean(projected_ida.CoefficientJacobian):
+        """Its mean preconditioner multiplies by random numbers."""
 
-    monkeypatch.setattr(projected_ida._Linear, "_factorise", spoiled)
+        def options(self):
+            found = super().options()
+            if self.kind == "krylov-mean":
+                random, n = np.random.default_rng(0).normal(size=(self.n, self.n)), self.n
+
+                def solve(t, y, yp, res, r, z, c, delta):
+                    z[:] = (r.reshape(-1, n) @ random).ravel()
+
+                found["precond"] = type(found["precond"])(found["precond"].setupfn, solve)
+            return found
+
+    monkeypatch.setattr(projected_ida, "CoefficientJacobian", SpoiledMean)
     found = crank.integrate(TIMES[:5], 1e-6, "ida", "auto")
     assert not found.message and found.counters["left_the_mean"] == 1
 

@@ -134,9 +134,10 @@ def test_a_level_that_changes_on_the_way_decides(caplog: pytest.LogCaptureFixtur
 def test_where_nobody_listens_nothing_is_collected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A handler that does nothing hears nothing; pytest's own are put aside."""
     monkeypatch.setattr(logging.getLogger(), "handlers", [logging.NullHandler()])
-    monkeypatch.setattr(said, "_Collector", None)
     assert said.listener() is None
+    before = list(logging.getLogger("uqmbd").handlers)
     with said.collected(said.listener()) as found:
+        assert logging.getLogger("uqmbd").handlers == before
         mine.warning("to nobody")
     assert found == []
     monkeypatch.setattr(mine, "handlers", [logging.StreamHandler()])

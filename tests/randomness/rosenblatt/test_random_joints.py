@@ -275,9 +275,7 @@ def test_members_that_chaospy_loses_are_found_again():
     whole = chaospy.Binomial(5, 0.4)
     for order in itertools.permutations([*vectors[:2], whole, chaospy.Normal(50)]):
         names = tuple(f"x{k:02d}" for k in range(6))
-        means = [
-            float(m) for one in order for m in np.ravel(one._parameters.get("mean", 50 if one is not whole else 2))
-        ]
+        means = [float(m) for one in order for m in np.ravel(chaospy.E(one))]
         variables = uqmbd.random_vector(names, chaospy.J(*order))
         assert [v.mean for v in variables] == pytest.approx(means)
     lost = chaospy.J(vectors[0], vectors[1], chaospy.Iid(chaospy.Normal(), 3), chaospy.Binomial(2, 0.5), vectors[2])

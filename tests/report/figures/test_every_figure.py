@@ -166,6 +166,7 @@ def test_no_text_runs_into_another_at_any_size(size: float, spread: float) -> No
 def clashing_texts(figure: Figure) -> list[tuple[str, str]]:
     """Return which texts of a figure overlap, once it is written; none of them is cut at the edge."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
 
     from uqmbd.report.drawing.ticks import freeze_ticks
 
@@ -173,7 +174,7 @@ def clashing_texts(figure: Figure) -> list[tuple[str, str]]:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
-    texts = [t for a in figure.axes for t in (*a.texts, a.title, a._left_title, a._right_title) if t.get_text().strip()]
+    texts = [t for a in figure.axes for t in a.get_children() if isinstance(t, Text) and t.get_text().strip()]
     texts += [t for legend in figure.legends for t in legend.get_texts()]
     boxes = [(t.get_text(), t.get_window_extent(renderer).padded(-1)) for t in texts]
     assert all(figure.bbox.padded(1).contains(box.x0, box.y0) for _, box in boxes)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.metadata
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import xarray as xr
 
-import uqmbd
 from uqmbd import display, extend, report, results
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, TemplateSection
 from uqmbd.report.sections.section import environment
@@ -41,25 +42,39 @@ def test_a_section_renders_a_tree(section: TemplateSection, tree: xr.DataTree, t
     assert page.count(f"<h2>{section.title}</h2>") == 2 * bool(fragment)
 
 
-def test_types_of_any_package_can_be_drawn(monkeypatch) -> None:
-    """By an entry point under the name of the type, or of a base; what no package draws is plain text."""
-    found = importlib.metadata.EntryPoint(f"{__name__.partition('.')[0]}.Weight", f"{__name__}:drawn", display.GROUP)
-    monkeypatch.setattr(display, "_entry_points", lambda: {found.name: found})
-    monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: drawn)
-    assert display.html_of(Heavy()) == "<b>Heavy</b>"
-    assert uqmbd.Mechanism("m", uqmbd.Planar())._repr_html_() is None
-
-
+WEIGHTS = """
 class Weight:
-    """Of another package."""
+    pass
 
 
 class Heavy(Weight):
-    """Drawn as its base is."""
+    pass
 
 
-def drawn(weight: Weight) -> str:
+class Other:
+    pass
+
+
+def drawn(weight):
     return f"<b>{type(weight).__name__}</b>"
+"""
+
+
+def test_types_of_any_package_can_be_drawn(tmp_path) -> None:
+    """By an entry point of an installed package, under the name of the type or of a base; others are plain text."""
+    (tmp_path / "weights.py").write_text(WEIGHTS)
+    about = tmp_path / "weights-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: weights\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[{display.GROUP}]\nweights.Weight = weights:drawn\n")
+    code = (
+        "import weights; from uqmbd.display import html_of; print(html_of(weights.Heavy()), html_of(weights.Other()))"
+    )
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    found = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == ["<b>Heavy</b>", "None"]
 
 
 def test_compiled_templates_are_kept_and_read_again(monkeypatch, tmp_path) -> None:

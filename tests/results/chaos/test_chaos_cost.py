@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
 from uqmbd.results.chaos.terms import moments as chaos_moments
 from uqmbd.results.chaos.terms import products as chaos_products
+from uqmbd.typing import Index
 
 
 def large(inputs: int, order: int, times: int) -> PolynomialChaos:
@@ -38,12 +39,17 @@ def peak(action: Callable[[], object]) -> float:
         tracemalloc.stop()
 
 
+def route_of(index: Index, germs: Sequence[Germ], columns: int) -> str:
+    """Return the route of as many coefficients that are not constant."""
+    return chaos_moments.shape_route(np.ones((len(index), columns)), index, germs)
+
+
 def test_the_route_is_chosen_by_cost() -> None:
     """Three inputs of order 10 take the grid, ten of order 3 (which would need 282 million nodes) the products."""
     for inputs, order, route in ((3, 10, "grid"), (10, 3, "products"), (1, 20, "grid")):
         index = index_set(inputs, order)
         germs = [Germ.classical("x", "hermite")] * inputs
-        assert chaos_moments._cheaper(index, germs, 10_000) == route
+        assert route_of(index, germs, 10_000) == route
 
 
 def test_products_are_counted_exactly() -> None:
@@ -70,9 +76,9 @@ def test_too_many_products_are_replaced_by_samples() -> None:
     """Where neither exact route is possible; they were an error, for which finished runs were thrown away."""
     index = np.concatenate([np.zeros((1, 40), dtype=int), np.eye(40, dtype=int), 2 * np.eye(40, dtype=int)])
     germs = [Germ.classical("x", "hermite")] * 40
-    assert chaos_moments._cheaper(index, germs, 1) == "products"
+    assert route_of(index, germs, 1) == "products"
     with pytest.MonkeyPatch.context() as patch:
         pairs, products = chaos_products.product_count(index, germs)
         for most in (pairs - 1, products - 1):
             patch.setattr(chaos_moments, "MAX_PRODUCTS", most)
-            assert chaos_moments._cheaper(index, germs, 1) == "samples"
+            assert route_of(index, germs, 1) == "samples"

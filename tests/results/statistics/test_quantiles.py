@@ -101,7 +101,7 @@ def test_quantiles_are_those_of_numpy(data: st.DataObject) -> None:
         patch.setattr(quantiles, "FIRST_SAMPLES", first)
         patch.setattr(quantiles, "GATHERED", data.draw(st.sampled_from([0, 5, 50, 50])))
         patch.setattr(quantiles, "COUNTERS", data.draw(st.sampled_from([1, 300, 5000])))
-        patch.setattr(brackets, "_BLOCK_NUMBERS", data.draw(st.sampled_from([40, 10_000])))
+        patch.setattr(brackets, "BLOCK_NUMBERS", data.draw(st.sampled_from([40, 10_000])))
         check(x, good, cut(x, good, edges), levels)
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 from tests.results.old_zarr import stored, stored_as_zarr
 from uqmbd import results
 from uqmbd.errors import StudyError
-from uqmbd.results.storage import hdf5, storage
+from uqmbd.results.storage import hdf5
 
 MakeNode = Callable[..., xr.DataTree]
 
@@ -186,24 +186,6 @@ def test_python_text_becomes_fixed_width(tmp_path: Path) -> None:
         results.save(xr.DataTree(xr.Dataset({"m": ("sample", np.array([{}], dtype=object))})), tmp_path / "b.nc")
     with pytest.raises(StudyError, match="Attribute 'a' of the dataset is a object"):
         results.save(xr.DataTree(xr.Dataset(attrs={"a": object()})), tmp_path / "b.nc")
-
-
-@pytest.mark.thorough
-def test_a_failing_write_leaves_the_old_result(
-    make_node: MakeNode, study: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """If writing stops half-way the earlier file is untouched and nothing else is left behind."""
-    path = results.save(study, tmp_path / "a.nc")
-
-    def half(tree: xr.DataTree, target: Path) -> None:
-        target.write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(storage, "_write", half)
-    with pytest.raises(StudyError, match="cannot be written .* No space left"):
-        results.save(make_node("x"), path)
-    assert results.load(path).identical(study)
-    assert [p.name for p in tmp_path.iterdir()] == ["a.nc"]
 
 
 @pytest.mark.thorough

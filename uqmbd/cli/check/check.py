@@ -77,7 +77,7 @@ def _show_check(script: Path, figure: Path | None) -> None:
     for condition, kind in getattr(found, "conditions", ()):
         screen.print(f"  condition   {condition} ({kind}, at the start only)", markup=False)
     screen.print(f"  coordinates {found.coordinates}")
-    screen.print(f"  equations   {_equations(found)}")
+    screen.print(f"  equations   {described_equations(found)}")
     screen.print(f"  mobility    {_mobility(found)}")
     if found.redundant:
         redundant = ", ".join(found.redundant)
@@ -117,11 +117,11 @@ def _mobility(found: Any) -> str:
     return text if of_velocities == found.mobility else f"{text} of the positions, {of_velocities} of the velocities"
 
 
-def _equations(found: Any) -> str:
+def described_equations(found: Any) -> str:
     """Count the constraint equations, those of joints and those that keep half-angle pairs and quaternions at length 1.
 
     >>> from types import SimpleNamespace
-    >>> _equations(SimpleNamespace(equations=1, rank=1, unit_lengths=1, coordinates=4, bodies=("ball",)))
+    >>> described_equations(SimpleNamespace(equations=1, rank=1, unit_lengths=1, coordinates=4, bodies=("ball",)))
     "1 constraint equation, independent; it is the unit length of the body's half-angle pair, not of a joint"
     """
     count, units = found.equations, getattr(found, "unit_lengths", 0)

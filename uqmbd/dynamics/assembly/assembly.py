@@ -108,18 +108,18 @@ def placed(
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
     """Move drawn poses as little as closes all constraints: by the driver, what it leaves by the iteration here."""
     if rows is None:
-        return _iterated(model, drawn, time, parameters, rows)
+        return poses_by_iteration(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)
     messages = [""] * len(q)
     left = np.flatnonzero(undecided)
     if len(left):
-        q[left], found = _iterated(model, drawn[left], time, parameters[left], rows)
+        q[left], found = poses_by_iteration(model, drawn[left], time, parameters[left], rows)
         for k, message in zip(left.tolist(), found, strict=True):
             messages[k] = message
     return q, messages
 
 
-def _iterated(
+def poses_by_iteration(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
     """Move drawn poses as little as closes all constraints, through singular ones, too; say what hinders."""

@@ -73,7 +73,7 @@ def integrate_by_dop853(
     """
     begin = clock.perf_counter()
     about = {"comparing": comparing, "patient": patient, "recording": recording}
-    run = _Integration(ensemble.select(members), times, rtol, **about)
+    run = Integration(ensemble.select(members), times, rtol, **about)
     with np.errstate(all="ignore"):
         run.run()
     return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
@@ -103,7 +103,7 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
     )
 
 
-class _Integration:
+class Integration:
     """One integration of M realisations at output times (T,), s.
 
     Costs are compared with those of IDA if `comparing`; many steps are allowed, even if stiff, if `patient`; steps are
@@ -166,7 +166,7 @@ class _Integration:
             self._stop(every[[not message for message in self.messages]], end)
         for pool in self._pools:
             pool.project()
-        self._mend()
+        self.mend()
 
     def _advanced(self) -> tuple[Index, Index, Array]:
         """Let everybody run, and return the members that wait for a decision, their status, and where they are."""
@@ -371,7 +371,7 @@ class _Integration:
         return stopped(now, size, many=many, most=self.most)
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
-    def _mend(self) -> None:
+    def mend(self) -> None:
         """Integrate to the states that are far off the constraints: within a step over a singular pose, say."""
         result = self.main.result
         for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():

@@ -206,7 +206,7 @@ def _integrate_stack(
     y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
-    callbacks = _watched(ensemble, _callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
+    callbacks = _watched(ensemble, stack_callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
     if purse is not None:
         callbacks = purse.paying(ensemble, callbacks)
     now, paths = float(times[0]), list[Path]()
@@ -323,7 +323,7 @@ def step_limits(times: Array, longest: float) -> dict[str, Any]:
     return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
 
 
-def _callbacks(ensemble: Batch) -> Callbacks:
+def stack_callbacks(ensemble: Batch) -> Callbacks:
     """Residual and Jacobian as IDA wants them.
 
     scikit-sundae 1.1 calls Python functions only, not those of C, and always with the same arrays: the compiled

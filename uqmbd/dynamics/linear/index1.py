@@ -60,7 +60,7 @@ def _by_program(
     if len(poor):
         times = np.broadcast_to(time, len(q))[poor]
         values = model.evaluators["acceleration"](state_arguments(times, q[poor], s[poor], v[poor]), parameters[poor])
-        found[poor, :size] = _direct(system, values, system.right(values))
+        found[poor, :size] = solve_directly(system, values, system.right(values))
     return found[:, :n], found[:, n:size], found[:, size : size + states]
 
 
@@ -85,17 +85,17 @@ def impulses(model: Model, states: Array, time: float, parameters: Array) -> Arr
     arguments = state_arguments(time, states)
     values = model.evaluators["acceleration"](arguments, parameters)
     right = 0.0 - system.drift_sides(model.evaluators["drift"](arguments, parameters))[1]
-    return _direct(system, values, right)[:, : layout.coordinates]
+    return solve_directly(system, values, right)[:, : layout.coordinates]
 
 
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
     n, system = model.layout.coordinates, model.system or index1_system(model, None)
-    found = _direct(system, values, system.right(values))
+    found = solve_directly(system, values, system.right(values))
     return found[:, :n], found[:, n:]
 
 
-def _direct(system: System, values: Array, right: Array) -> Array:
+def solve_directly(system: System, values: Array, right: Array) -> Array:
     """Solve each system with pivots of its own, for right-hand sides (K, size); NaN where it is singular."""
     if system.size > DENSE_LIMIT:
         return system.pattern.factorise(values).solve(right)

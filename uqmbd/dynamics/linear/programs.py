@@ -85,11 +85,11 @@ def _turning(model: Model) -> Index:
     for _, row, column in (x for x in model.evaluators["velocity"].targets if x[0] == "d"):
         if row not in norms:
             joined.setdefault(model.owners[row], set()).add(column // model.size)
-    tree = _in_no_loop(len(model.bodies), [b | ({-1} if len(b) == 1 else set()) for b in joined.values()])
+    tree = bodies_in_no_loop(len(model.bodies), [b | ({-1} if len(b) == 1 else set()) for b in joined.values()])
     return found[tree & ~np.isin(found, model.layout.frozen).all(axis=1)]
 
 
-def _in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
+def bodies_in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
     """Tell which bodies, shape (bodies,), are in no loop of links, nor between loops and the ground (-1).
 
     Ends of the tree are taken off until none is left.  A link of three bodies is never taken off.

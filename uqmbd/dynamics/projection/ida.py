@@ -45,7 +45,7 @@ class Run:
     counters: dict[str, float] = field(default_factory=dict)
 
 
-class _Linear:
+class CoefficientJacobian:
     """Jacobian of the coefficients in whatever form IDA wants."""
 
     def __init__(self, projected: Projection, kind: LinearSolver, counters: dict[str, float]) -> None:
@@ -172,7 +172,7 @@ def implicit(
     path = np.full((terms, len(times), layout.width), np.nan)
     path[:, 0] = start.state
     counters: dict[str, float] = {"residuals": 0, "integrations": 0, "seconds": 0.0}
-    linear = _Linear(projected, linear_solver, counters)
+    linear = CoefficientJacobian(projected, linear_solver, counters)
     counters["unknowns"] = projected.unknowns
     frozen = projected.adjoint @ ensemble.frozen
 

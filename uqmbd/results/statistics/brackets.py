@@ -20,7 +20,7 @@ from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Brackets", "Counts"]
 
-_BLOCK_NUMBERS = 65_536
+BLOCK_NUMBERS = 65_536
 """Numbers (8 bytes each) that are compared at once: they stay in the cache."""
 
 _MOST_ROWS = 65_535
@@ -183,7 +183,7 @@ def row_blocks(parts: Iterable[Array]) -> Iterator[Array]:
 
 def block_rows(columns: int) -> int:
     """Return how many rows a block has."""
-    return min(max(1, _BLOCK_NUMBERS // max(1, columns)), _MOST_ROWS)
+    return min(max(1, BLOCK_NUMBERS // max(1, columns)), _MOST_ROWS)
 
 
 def _key(x: Any) -> NDArray[np.uint64]:

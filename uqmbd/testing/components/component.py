@@ -103,8 +103,8 @@ def check_component(
             bench = Bench.of(f"{name_of(component, space)}, {case.title}", case, rng)
             if number == 0:
                 check_units(bench.title, case.component, case.mechanism.space)
-            _check_jacobian(bench, rng)
-            _check_broadcasting(bench, rng)
+            check_jacobian(bench, rng)
+            check_broadcasting(bench, rng)
             check_events(bench, rng, between=internal and case.free and len(component.bodies) > 1)
             if number == 0 and space.turns:  # what a point mass has no use for is no mistake
                 _check_effects(bench, rng, set(given or ()))
@@ -146,7 +146,7 @@ def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]]
     )
 
 
-def _check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
+def check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
     """Compare ``dr/dy + c dr/dy'`` with central differences; what is absent from it must not change the residual."""
     state, parameters, h = bench.state(rng), bench.parameters(bench.inputs), 1e-5
     rows = bench.kernel("residual")[1]
@@ -175,7 +175,7 @@ def _check_jacobian(bench: Bench, rng: np.random.Generator) -> None:
                 )
 
 
-def _check_broadcasting(bench: Bench, rng: np.random.Generator) -> None:
+def check_broadcasting(bench: Bench, rng: np.random.Generator) -> None:
     state = bench.state(rng)
     together = bench.evaluate("residual", state, bench.parameters(bench.inputs))
     for k in range(REALISATIONS):
