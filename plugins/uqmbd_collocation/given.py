@@ -131,7 +131,7 @@ class Given:
         )
         if skew > ALIASED:
             raise uqmbd.StudyError(
-                f"{where}. Make it for the joint distribution of the inputs in the order of their names, as "
+                f"{where}. Create the expansion for the joint distribution of the inputs in the order of their names: "
                 "chaospy.J(*(v.distribution for v in mechanism.inputs.variables))."
             )
         if skew > COARSE:

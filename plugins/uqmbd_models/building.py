@@ -112,8 +112,8 @@ def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyErro
     advice = CORRECT
     if link.line and excess(link.inertial.inertia) > 0:
         advice = (
-            'Correct the file, or use inertia="repair", which takes the nearest inertia that a body has, or '
-            'inertia="as stated", which takes what is possible and a rotor with the rest.'
+            'Correct the file, or use inertia="repair" for the nearest physically possible inertia. With '
+            'inertia="as stated", the body takes the possible part, and a rotor the rest.'
         )
     return uqmbd.StudyError(f"{tree.source}: {line}{error} {advice}")
 

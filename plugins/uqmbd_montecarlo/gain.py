@@ -65,10 +65,10 @@ def of_study(
     gains = [_medians(statistics)[k] / (1 + cost * ratio) for k in range(2)]
     best = round(optimum(left, cost) * samples)
     attrs["control_measured"] = (
-        f"a realisation of the control took {cost:.3g} of the time of one of the study: on an equal budget the "
-        f"variance of the mean is that of plain Monte Carlo divided by {gains[0]:.3g}, that of the standard deviation "
-        f"by {gains[1]:.3g} (medians over outputs and times); with cost={cost:.2g} the control would have {best} "
-        "realisations"
+        f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal budget, "
+        f"it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by {gains[1]:.3g} "
+        f"(compared with plain Monte Carlo, medians over outputs and times); with cost={cost:.2g} the control would "
+        f"have {best} realisations"
     )
     if max(gains) < HARM:
         warnings.warn(f"{problem.label}: {attrs['control_measured']}; plain Monte Carlo would do better.", stacklevel=3)

@@ -56,7 +56,7 @@ def test_who_does_not_says_it_first_after_a_few_seconds_then_ever_more_seldom():
     assert looked == [5, 20, 80, 320] and len(said) == 4
     # 1e-6 s of the motion in each second of the clock
     assert "t = 5e-06 s of 10 s" in said[0] and "after 5 s" in said[0] and "5000 steps" in said[0]
-    assert re.search(r"steps since the last look, of 1e-09 s each; at this pace the rest would take", said[0])
+    assert re.search(r"steps since the last check, of 1e-09 s each; at this rate the rest would take", said[0])
 
 
 def test_who_stands_still_says_it():

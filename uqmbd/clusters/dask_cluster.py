@@ -129,8 +129,8 @@ def _queue(asked: str) -> Any:
     except ValueError as error:
         raise StudyError(
             f"--dask {asked}: Dask's configuration does not describe the jobs: {error}\n"
-            f"Expected a section jobqueue, {asked}, with at least cores and memory, in a file such as jobqueue.yaml in "
-            f"one of these folders (DASK_CONFIG names another file or folder): {_folders()}"
+            f"Expected a section jobqueue, {asked}, with at least cores and memory, in a file such as jobqueue.yaml. "
+            f"Dask reads it from these folders (DASK_CONFIG names another file or folder): {_folders()}"
         ) from error
 
 

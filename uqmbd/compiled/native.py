@@ -32,8 +32,10 @@ LIBRARY = (
     "exp", "log", "erf", "erfc", "tgamma", "lgamma", "atan2", "pow",
     "floor", "ceil", "fma", "fmax", "fmin", "memcpy", "memset", "memmove", "bzero", "__chkstk",
 )  # fmt: skip
-"""What code may call: kernels the functions, the driver to copy and to fill, processors without the instruction the
-rest, macOS one that fills with zeros, and Windows a probe of large stack frames."""
+"""Symbols that compiled code may call.
+
+Kernels call the functions, the driver copies and fills, and processors without the instructions need the rest. macOS
+has a symbol that fills with zeros, and Windows one that probes large stack frames."""
 
 _LOCK = threading.RLock()
 

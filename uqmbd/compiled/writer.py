@@ -21,12 +21,13 @@ LANES = 8
 LONG = 800
 """Lines from which a function is written for the processor's own vectors, in a loop over the parts of a row.
 
-Whole rows are up to 1.3 times faster in short functions, where one operation waits for the other, if the processor has
-to split them; in long ones they are no faster, since values leave the registers, and take twice as long to compile."""
+Whole rows are up to 1.3 times faster in short functions, where operations wait for each other. In long functions they
+are no faster, since values leave the registers, and take twice as long to compile."""
 
 BLOCK = 400
-"""Lines of a block: the time that LLVM takes to schedule one grows faster than its length, and cutting the longest
-functions into blocks halves the time that they take to compile, with code of the same speed (measured)."""
+"""Lines of a block: the time that LLVM takes to schedule a block grows faster than its length.
+
+Blocks halve the compile time of the longest functions, with code of the same speed (measured)."""
 
 
 class Writer:

@@ -169,8 +169,8 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Law:
     if isinstance(distribution, type) or not (own or distribution in (None, "normal", "lognormal", "uniform")):
         raise StudyError(
             f"{where}: distribution is {shown(distribution)}; expected 'normal', 'lognormal', 'uniform', a chaospy "
-            "distribution of the factor by which each number is multiplied, such as chaospy.Uniform(0.9, 1.1), or a "
-            "function that makes the distribution of a number."
+            "distribution of the factor of each number, such as chaospy.Uniform(0.9, 1.1), or a function. The function "
+            "takes a number and returns its distribution."
         )
     given = {"relative": relative, "absolute": absolute}
     stated = [key for key, value in given.items() if value is not None]

@@ -99,10 +99,10 @@ def _refuse_truth(plain: Callable[[Any], bool]) -> Callable[[Any], bool]:
             return plain(self)
         left, right = self.args[:2]
         raise UndecidedError(
-            f"{self} is neither true nor false here: it has no truth value, since it depends on numbers that each "
-            f"realisation, or each time, has of its own. Write sympy.Piecewise((a, {self}), (b, True)) for what is a "
-            "where it holds and b elsewhere, and sympy.Max, sympy.Min, sympy.And and sympy.Or in place of max, min, "
-            f"and, or. To choose by the means, write uqmbd.nominal({left - right}) {self.rel_op} 0."
+            f"{self} has no truth value, since it differs between realisations or times. Write "
+            f"sympy.Piecewise((a, {self}), (b, True)) for a value that is a where it is true and b elsewhere. Write "
+            "sympy.Max, sympy.Min, sympy.And and sympy.Or instead of max, min, and, or. "
+            f"To choose by the means, write uqmbd.nominal({left - right}) {self.rel_op} 0."
         )
 
     return truth

@@ -314,11 +314,11 @@ def _flaw_of_joint(where: str, distribution: Any) -> str:
         return flaw_of(distribution) if transform.gaussian else transform.flaw()
     except NotUnderstood as part:
         raise StudyError(
-            f"{where}: the joint distribution {distribution} is not taken: of {part}, conditional quantiles are not "
-            "known, or chaospy searches for them with random steps, so that a seed does not give the same realisations "
-            "again. Expected are chaospy.J of distributions with numbers, other members or arithmetic of members as "
+            f"{where}: the joint distribution {distribution} is not supported: conditional quantiles of {part} are not "
+            "known, or chaospy computes them by a random search, so that a seed does not reproduce the realisations. "
+            "Expected are chaospy.J of distributions with numbers, other members or arithmetic of members as "
             "parameters, copulas, MvNormal, MvLogNormal, MvStudentT and GaussianMixture. Or declare independent random "
-            "variables, and write what depends on them as an expression of the mechanism."
+            "variables, and write dependent quantities as expressions of them."
         ) from None
     except StudyError as error:
         raise StudyError(f"{where}: {error}.") from None

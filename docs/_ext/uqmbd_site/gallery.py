@@ -1,7 +1,10 @@
-"""The gallery: each study is run as `uqmbd run` does, and its pictures are those of its results.
+"""The gallery: a page for each study, with pictures of its results.
 
-sphinx-gallery runs scripts that draw figures themselves.  A study defines what is to be computed and calls nothing; the
-command line runs it, writes its report, and keeps its results.  So the pages are written from these.
+``uqmbd run`` runs each study and writes its report; the pages show pictures of these results.  A site that is built
+without running the studies shows the small pictures in ``docs/pictures``.  ``python -m uqmbd_site.gallery store``
+writes them from the last runs, and ``compare`` lists those that differ from the last runs.
+
+sphinx-gallery is not used: it runs scripts that draw figures themselves, and a study only defines a computation.
 """
 
 from __future__ import annotations
@@ -14,24 +17,36 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+from PIL import Image
+
 from uqmbd_site.reference import write_if_changed
 
-__all__ = ["LIMIT", "studies", "write_gallery"]
+__all__ = ["LIMIT", "changed_pictures", "store_pictures", "studies", "write_gallery"]
 
 LIMIT = 900
 """Longest time of a study, s."""
 
 TOPICS = {
-    "To begin with": ("pendulum", "slider_crank", "slider_crank_driven", "four_bar"),
+    "First examples": ("pendulum", "slider_crank", "slider_crank_driven", "four_bar"),
     "Vehicles": ("motorcycle", "quarter_car", "suspension"),
-    "Mechanisms in space, and robots": ("agile_eye", "robot"),
+    "Spatial mechanisms and robots": ("agile_eye", "robot"),
     "Contact and impacts": ("bouncing_ball", "bouncing_ball_compliant", "clearance"),
-    "Long times": ("slider_crank_rotating", "long_time"),
-    "Limits, tolerances and choices of a design": ("limits", "tolerances", "undamped_oscillator"),
-    "Numerics of the methods": ("stiffness", "kraichnan_orszag"),
-    "Records of a machine": ("calibration", "two_storey_oscillator"),
+    "Long simulations": ("slider_crank_rotating", "long_time"),
+    "Requirements, tolerances and design": ("limits", "tolerances", "undamped_oscillator"),
+    "Numerical properties of the methods": ("stiffness", "kraichnan_orszag"),
+    "Calibration from measurements": ("calibration", "two_storey_oscillator"),
 }
-"""Studies by what they are examples of; those that stand in none are shown at the end."""
+"""Studies by topic; studies without a topic are shown at the end."""
+
+DRAWN = {"mechanism": "The mechanism", "output": "Mean and bands of an output by all methods, or densities"}
+"""Pictures of a study, and their alternative texts."""
+
+COLOURS = 32
+"""Number of colours of stored pictures."""
+
+DIFFERENCE = 0.03
+"""Largest root mean square difference of the grey levels, of 1, of a stored picture and that of a new run."""
 
 PICTURES = """
 import sys
@@ -41,8 +56,15 @@ import uqmbd
 from uqmbd.results import load
 
 folder = Path(sys.argv[1])
+
+
+def write(figure, name):
+    figure.savefig(folder / f"{name}.svg", bbox_inches="tight", metadata={"Date": None})
+    figure.savefig(folder / f"{name}.png", bbox_inches="tight", dpi=90)
+
+
 study = uqmbd.load_study(Path(sys.argv[2]))
-uqmbd.report.mechanism(study.mechanism).savefig(folder / "mechanism.svg", bbox_inches="tight", metadata={"Date": None})
+write(uqmbd.report.mechanism(study.mechanism), "mechanism")
 tree = load(folder / "results.nc")
 found = [node.dataset["mean"] for node in tree.subtree if node.name == "statistics" and "time" in node.dataset.dims]
 if found and found[0].sizes["output"]:
@@ -52,7 +74,7 @@ elif any(node.name == "scalars" for node in tree.subtree):
 else:  # of requirements alone
     figure = None
 if figure:
-    figure.savefig(folder / "output.svg", bbox_inches="tight", metadata={"Date": None})
+    write(figure, "output")
 """
 """What draws a mechanism, and its first output, in a process of its own."""
 
@@ -71,7 +93,7 @@ def write_gallery(source: str | Path, *, run: bool = True) -> list[str]:
     source : path
         Folder of the sources of the site.
     run : bool
-        Whether studies are run whose results are not there; without it their pages have no pictures.
+        Whether to run studies without results.  Otherwise their pages show the stored pictures, and no report.
 
     Returns
     -------
@@ -79,22 +101,58 @@ def write_gallery(source: str | Path, *, run: bool = True) -> list[str]:
         What went wrong, study by study.
     """
     source = Path(source)
-    root, problems = source.parent, []
+    root, problems, mechanisms = source.parent, [], {}
     for name, path in studies(root).items():
         kept = source / "_build" / "studies" / name
         problem = _computed(root, path, kept) if run else ""
         problems += [f"{path.relative_to(root)}: {problem}"] if problem else []
-        pictures = [picture for picture in ("mechanism.svg", "output.svg") if (kept / picture).exists()]
-        for picture in pictures:
-            (source / "gallery" / "pictures").mkdir(parents=True, exist_ok=True)
-            shutil.copy2(kept / picture, source / "gallery" / "pictures" / f"{name}-{picture}")
+        pictures = {}
+        for picture in DRAWN:
+            for found in (kept / f"{picture}.svg", source / "pictures" / f"{name}-{picture}.png"):
+                if picture not in pictures and found.exists():
+                    pictures[picture] = f"pictures/{name}-{picture}{found.suffix}"
+                    (source / "gallery" / "pictures").mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(found, source / "gallery" / pictures[picture])
+        mechanisms |= {name: pictures["mechanism"]} if "mechanism" in pictures else {}
         report = source / "_build" / "extra" / "reports" / f"{name}.html"
         if (kept / "report.html").exists():
             report.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(kept / "report.html", report)
         write_if_changed(source / "gallery" / f"{name}.md", _page(root, path, pictures, report=report.exists()))
-    write_if_changed(source / "gallery" / "index.md", _index(root))
+    write_if_changed(source / "gallery" / "index.md", _index(root, mechanisms))
     return problems
+
+
+def store_pictures(source: Path) -> list[str]:
+    """Store the pictures of the last runs with few colours in ``pictures``, and return their names."""
+    (source / "pictures").mkdir(exist_ok=True)
+    found = _drawn(source)
+    for name, path in found.items():
+        Image.open(path).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(
+            source / "pictures" / name, optimize=True
+        )
+    return list(found)
+
+
+def changed_pictures(source: Path) -> list[str]:
+    """Return the names of stored pictures that differ from those of the last runs, and of those that are missing."""
+    changed = []
+    for name, path in _drawn(source).items():
+        stored = source / "pictures" / name
+        images = [Image.open(one).convert("L") for one in (stored, path)] if stored.exists() else []
+        if not images or images[0].size != images[1].size:
+            changed.append(name)
+        else:
+            old, new = (np.asarray(image, dtype=float) / 255 for image in images)
+            changed += [name] if float(np.sqrt(np.mean((old - new) ** 2))) > DIFFERENCE else []
+    return changed
+
+
+def _drawn(source: Path) -> dict[str, Path]:
+    """Return the pictures of the last runs by the names under which they are stored."""
+    runs = source / "_build" / "studies"
+    found = {f"{name}-{x}.png": runs / name / f"{x}.png" for name in studies(source.parent) for x in DRAWN}
+    return {name: path for name, path in found.items() if path.exists()}
 
 
 def _computed(root: Path, path: Path, kept: Path) -> str:
@@ -131,24 +189,23 @@ def _title(path: Path) -> str:
     return path.stem.replace("_", " ").capitalize()
 
 
-def _page(root: Path, path: Path, pictures: list[str], *, report: bool) -> str:
+def _page(root: Path, path: Path, pictures: dict[str, str], *, report: bool) -> str:
     head, rest = _parts(path)
     name, shown = path.stem, path.relative_to(root).as_posix()
     lines = [f"# {_title(path)}", "", head, ""]
-    words = {"mechanism.svg": "The mechanism", "output.svg": "Mean and bands of an output by all methods, or densities"}
-    for picture in pictures:
-        lines += [f"![{words[picture]}](pictures/{name}-{picture})", ""]
+    for picture, file in pictures.items():
+        lines += [f"![{DRAWN[picture]}]({file})", ""]
     if report:
         lines += ["```{raw} html", f'<p><a href="../reports/{name}.html">The report of this study</a></p>', "```", ""]
     lines += [rest, "", "```sh", f"uqmbd run {shown} --out results", "```", ""]
     return "\n".join([*lines, f"```{{literalinclude}} ../../{shown}", ":language: python", "```", ""])
 
 
-def _index(root: Path) -> str:
+def _index(root: Path, mechanisms: dict[str, str]) -> str:
     lines = [
         "# Gallery",
         "",
-        "Each page is a study. Its pictures and its report are those of its run when the site was built.",
+        "Each page shows a study, with pictures of its mechanism and of its results.",
         "",
     ]
     found = studies(root)
@@ -159,14 +216,14 @@ def _index(root: Path) -> str:
             continue
         lines += [f"## {title}", "", "::::{grid} 1 2 2 3", ":gutter: 2", ""]
         for name in chosen:
-            path, picture = found[name], f"pictures/{name}-mechanism.svg"
+            path = found[name]
             published = " (published benchmark)" if path.parent.name == "published" else ""
             lines += [f":::{{grid-item-card}} {_title(path)}{published}", f":link: {name}", ":link-type: doc"]
-            lines += [f":img-top: {picture}"] if (root / "docs" / "gallery" / picture).exists() else []
+            lines += [f":img-top: {mechanisms[name]}"] if name in mechanisms else []
             lines += ["", _parts(path)[0], ":::", ""]
         lines += ["::::", "", "```{toctree}", ":hidden:", "", *chosen, "```", ""]
     lines += [
-        "## What was found",
+        "## Results",
         "",
         "```{toctree}",
         ":maxdepth: 1",
@@ -177,3 +234,19 @@ def _index(root: Path) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def main() -> None:
+    """Store the pictures of the last runs, or compare them with those that are stored."""
+    source = Path(__file__).parents[2]
+    if sys.argv[1:] == ["store"]:
+        print("\n".join(store_pictures(source)))
+    elif sys.argv[1:] == ["compare"]:
+        changed = changed_pictures(source)
+        sys.exit(f"Stored pictures that differ from those of the last runs: {', '.join(changed)}." if changed else 0)
+    else:
+        sys.exit("Usage: python -m uqmbd_site.gallery store|compare")
+
+
+if __name__ == "__main__":
+    main()

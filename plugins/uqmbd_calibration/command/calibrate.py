@@ -18,8 +18,8 @@ class Calibrate:
     name = "calibrate"
     help = (
         "Find the inputs of a study from records of a machine.\n\n"
-        "Writes DIR/calibration.nc, the posterior, and DIR/results.nc and DIR/report.html, in which each method of the "
-        "study is run with the inputs as they were known before, and as the records say."
+        "Writes the posterior to DIR/calibration.nc. Writes DIR/results.nc and DIR/report.html, for which each method "
+        "of the study runs with the inputs before and after calibration."
     )
 
     def run(

@@ -414,7 +414,7 @@ def test_what_is_no_joint_distribution_is_refused(make, words):
 def test_a_mean_that_does_not_exist_is_no_number():
     """Of Pareto's distribution of shape a the mean is ``a / (a - 1)``, whose mean over a from 1 to 2 is infinite."""
     _, second = made(chaospy.J(A, chaospy.Pareto1(A)))
-    with pytest.raises(uqmbd.StudyError, match="the mean of 'q' is computed to .* only"):
+    with pytest.raises(uqmbd.StudyError, match="the error of the computed mean of 'q' is"):
         float(second.mean)
 
 

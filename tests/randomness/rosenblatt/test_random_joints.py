@@ -266,7 +266,7 @@ def test_a_copula_that_cannot_be_taken_apart_is_refused():
     """Arithmetic of two joint distributions is left to chaospy, whose copula of Student is none."""
     a = chaospy.Normal()
     copula = chaospy.TCopula(chaospy.J(chaospy.Uniform(), chaospy.Uniform()), 4, CORRELATION)
-    with pytest.raises(uqmbd.StudyError, match=r"is not taken: of .*TCopula.*, conditional quantiles are not known"):
+    with pytest.raises(uqmbd.StudyError, match=r"is not supported: conditional quantiles of .*TCopula.* are not known"):
         uqmbd.random_vector(("a", "b", "c", "d"), chaospy.J(1 + chaospy.J(a, copula), chaospy.Normal(a, 1)))
 
 

@@ -161,8 +161,8 @@ def amplified(model: Model, v: Array, given: float) -> str:
     bodies = _moved(model, v)
     return (
         f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
-        f"of {float(np.abs(v).max()):.1g} m/s or rad/s of {bodies}, which a pose that is closed to 1e-12 does not "
-        f"determine. State velocities of {bodies} instead, or draw another pose, farther along the motion."
+        f"of {float(np.abs(v).max()):.1g} m/s or rad/s of {bodies}. A pose that satisfies the constraints to 1e-12 "
+        f"does not determine them. State velocities of {bodies} instead, or draw a pose farther along the motion."
     )
 
 

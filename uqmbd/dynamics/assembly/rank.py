@@ -171,8 +171,8 @@ def violated(
             first,
             f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
             "other equations do not imply them. Either the constraints contradict each other (as two drivers of one "
-            "motion, or lengths that do not fit), or the drawn pose is singular, and does not say which motion is "
-            "meant: draw the mechanism in another pose, if only a little farther along the motion",
+            "motion, or lengths that do not fit), or several motions are possible, since the drawn pose is singular: "
+            "draw the mechanism in another pose, if only a little farther along the motion",
         )
     return texts
 

@@ -44,9 +44,9 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
         k = _dependent(held, rows[which])
         if k >= 0:
             raise StudyError(
-                f"{where}: start condition {conditions.names[which[k]]} holds already: at the means of the inputs it "
-                "follows from joints, drivers, stated velocities or the conditions before it, or what it is of does "
-                "not change where the mechanism starts. Leave it out, or give another quantity."
+                f"{where}: start condition {conditions.names[which[k]]} is redundant at the means of the inputs. It "
+                "follows from joints, drivers, stated velocities or the conditions before it, or its quantity cannot "
+                "change at the start. Leave it out, or give another quantity."
             )
 
 

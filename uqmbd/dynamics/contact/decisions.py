@@ -169,9 +169,9 @@ class Decisions:
         if slips is None:
             names = ", ".join(repr(self.model.events[k][0]) for k in limited)
             self.messages[member] = (
-                f"{names}: friction comes to its limit in these contacts at t = {time:.6g} s, and no combination of "
-                "sticking and slipping satisfies the laws of contact and friction from there on. Lower the "
-                "coefficients of friction, or use compliant contacts."
+                f"{names}: friction reaches its limit in these contacts at t = {time:.6g} s. After that, no "
+                "combination of sticking and slipping satisfies the laws of contact and friction. Lower the coefficients "
+                "of friction, or use compliant contacts."
             )
             return z
         modes: dict[int, Mode] = {**before.modes, **dict.fromkeys(slips, "slip")}

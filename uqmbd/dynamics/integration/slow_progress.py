@@ -80,9 +80,9 @@ class Pace:
             wait = f"the rest would take {lasting}"
         self._say(
             f"mechanism {self.model.name!r}: after {spent:.0f} s the integration is at t = {time:.6g} s of "
-            f"{self.end:.6g} s ({share:.2g} %), in {max(taken, 0)} steps since the last look{size}; at this pace "
-            f"{wait}.{body} Usual reasons are very stiff springs, tiny masses, a speed that grows without bound, or an "
-            "end time that is far beyond the periods of the motion; Ctrl-C ends the run."
+            f"{self.end:.6g} s ({share:.2g} %), in {max(taken, 0)} steps since the last check{size}; at this rate "
+            f"{wait}.{body} Usual reasons are very stiff springs, tiny masses, unbounded speeds, or an end time "
+            "far beyond the periods of the motion. Ctrl-C ends the run."
         )
 
     def watch(self, run: Realisations) -> None:

@@ -50,9 +50,8 @@ CHOICES = 300
 """Choices of frames that are tried."""
 
 CHANGING = (
-    "the coefficients of small motions about the steady motion change with time, in whatever frame they are seen "
-    "(as those of an uneven rotor in uneven bearings do), so that it has no eigenvalues; make either side even, or "
-    "simulate it"
+    "the coefficients of small motions about the steady motion change with time in every frame, as for an "
+    "asymmetric rotor in asymmetric bearings; eigenvalues do not exist: make either side symmetric, or simulate it"
 )
 
 

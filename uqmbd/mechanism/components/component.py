@@ -462,8 +462,8 @@ class Component:
         if either:
             return 1
         raise StudyError(
-            f"point_i and point_j are drawn at one place, {ends[0]:g} m, so that it is open which of them is ahead of "
-            "the other on the line; draw them apart, by position= of the bodies or by the points."
+            f"point_i and point_j are drawn at one place, {ends[0]:g} m, which does not determine their order on the "
+            "line; draw them apart, by position= of the bodies or by the points."
         )
 
     def drawn_displacement(self) -> sympy.Expr:

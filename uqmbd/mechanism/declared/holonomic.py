@@ -38,8 +38,8 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
         told = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())
         raise StudyError(
             f"{where}: {told} enters {found}; there a number may depend on random variables, positions and time, not "
-            "on velocities. A speed is prescribed by a driver, what depends on velocities is a force, and an equation "
-            "that is linear in velocities is a uqmbd.extend.VelocityConstraint, a term of a component."
+            "on velocities. To prescribe a speed, use a driver; a force may depend on velocities. An equation that is "
+            "linear in velocities is a uqmbd.extend.VelocityConstraint, a term of a component."
         )
 
 

@@ -94,14 +94,14 @@ def told(part: sympy.Basic) -> str:
     if isinstance(part, sympy.Derivative):
         # .doit() would be wrong: to SymPy positions do not depend on time
         return (
-            f"it contains {text}, and SymPy does not know how bodies move; rates are written as body.velocity, "
-            "body.acceleration, body.angular_velocity or body.point_velocity(local), and the rate of an expression as "
-            "the sum of its derivatives by positions times their velocities."
+            f"it contains {text}, and SymPy does not know how bodies move. Write rates as body.velocity, "
+            "body.acceleration, body.angular_velocity or body.point_velocity(local). The rate of an expression is the "
+            "sum of its derivatives by positions times their velocities."
         )
     if isinstance(part, UNEVALUATED):
         return (
-            f"it contains {text}, which is not evaluated; call .doit() on it, or write what it comes to (a spline "
-            "through samples, or a state of a component of your own, whose rate is known)."
+            f"it contains {text}, which is not evaluated. Call .doit() on it, or write an equivalent: a spline through "
+            "samples, or an auxiliary variable of a custom component, whose rate is known."
         )
     if isinstance(part, sympy.Function):
         # a class of its own is written in small letters

@@ -342,9 +342,9 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
     named = "time" if moving[0] == t else str(moving[0])
     raise StudyError(
         f"{where}: it mixes {named}, which changes while the mechanism moves, with a quantity that a realisation has "
-        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, "
-        f"uqmbd.at_steady({moving[0]}) for that in steady motion, uqmbd.maximum({moving[0]}) or "
-        f"uqmbd.final({moving[0]}) for one of the whole motion, or declare two outputs."
+        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or "
+        f"uqmbd.at_steady({moving[0]}) for that in steady motion. uqmbd.maximum({moving[0]}) and "
+        f"uqmbd.final({moving[0]}) are values of the whole motion. Or declare two outputs."
     )
 
 

@@ -27,8 +27,7 @@ __all__ = [
 ]
 
 OPPOSITE = 1e-9
-"""Versine of the angle that two vectors lack to half a turn (4.5e-5 rad), below which the axis of the smallest rotation
-from one to the other is a fixed one."""
+"""Versine of pi minus the angle of two vectors (4.5e-5 rad), below which the smallest rotation has a fixed axis."""
 
 PARALLEL = 1e-12
 """Difference of two unit vectors that are parallel as drawn."""

@@ -134,9 +134,9 @@ def _integrated(names: tuple[str, ...], transform: Transform, k: int) -> float:
         mean, error, spread = _by_samples(transform, k)
     if not error <= REFUSED * spread:
         raise StudyError(
-            f"random_vector {names}: the mean of {names[k]!r} is computed to {error:.2g} only, of a standard deviation "
-            f"of about {spread:.2g}, because its distribution given the others is not smooth or has a heavy tail. "
-            "Declare what it depends on as random variables, and write the rest as an expression of the mechanism."
+            f"random_vector {names}: the error of the computed mean of {names[k]!r} is {error:.2g}, for a standard "
+            f"deviation of about {spread:.2g}. Its distribution given the others is not smooth or has a heavy tail. "
+            "Declare the variables that it depends on as random variables, and write it as an expression of them."
         )
     if error > STATED * spread:
         logs.methods.warning("mean of %s: %.6g by quadrature, accurate to %.1g", names[k], mean, error)

@@ -81,7 +81,7 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
     worst, label = max(shares, key=lambda pair: pair[0].share)
     return (
         f"Lower rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
-        f"deviation (of {worst.output}, with {label}), which the errors stated below do not hold.",
+        f"deviation (of {worst.output}, with {label}). The errors stated below do not contain it.",
     )
 
 
