@@ -5,8 +5,10 @@ The list holds what a search can judge; the rest is left to readers.
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -93,3 +95,65 @@ def test_no_text_has_phrases_that_were_replaced() -> None:
 def test_allowed_words_are_in_their_files() -> None:
     for name, (word, _) in ALLOWED_WORDS.items():
         assert word in (ROOT / name).read_text(encoding="utf-8"), name
+
+
+MOST_WORDS = 25
+"""Words of a sentence that a user sees; a name in code, a formula and the address of a link count as one or none."""
+
+LONG: dict[str, str] = {
+    "docs/change.md": "cells of its table are lists of folders",
+    "docs/reference/components.md": "cells of its table are lists of components",
+}
+"""Files whose sentences are not counted, and why."""
+
+
+def _sentences(text: str) -> Iterator[str]:
+    """Split text, in Markdown or plain, into sentences: cells of tables, items and paragraphs end them, too."""
+    text = re.sub(r"^(```|~~~).*?^\1", "", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"\$\$.*?\$\$", "", text, flags=re.DOTALL)
+    for block in re.split(r"\n\s*\n|\n(?=\s*(?:[-*#:|]|\d+\.) ?)", text):
+        for cell in block.split("|"):
+            plain = re.sub(r"`[^`]*`|\$[^$]*\$", "code", " ".join(cell.split()))
+            yield from re.split(r"(?<=[.!?:;])\**\s+", re.sub(r"\]\([^)]*\)", "]", plain))
+
+
+def _words(sentence: str) -> int:
+    return len(re.findall(r"[\w’']+(?:-[\w’']+)*", sentence))
+
+
+def _long(text: str) -> list[str]:
+    return [f"{_words(one)} words: {one}" for one in _sentences(text) if _words(one) > MOST_WORDS]
+
+
+def _messages(text: str) -> Iterator[str]:
+    """Yield the strings of a module with the parts that are filled in as one word; without docstrings and patterns."""
+    tree = ast.parse(text)
+    skipped = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    skipped |= {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and "(?" not in node.value:
+            yield node.value
+        elif isinstance(node, ast.JoinedStr):
+            yield "".join(str(x.value) if isinstance(x, ast.Constant) else "x" for x in node.values)
+
+
+def test_long_sentences_are_found() -> None:
+    words = "word " * MOST_WORDS
+    assert not _long(f"One {words.removesuffix('word ')}.") and _long(f"One {words}.")
+    assert not _long(f"- {words}\n- {words}") and not _long(f"| {words} | {words} |") and not _long(f"{words}: {words}")
+    assert list(_messages('"""Doc."""\nraise E(f"no {name} here")\n"""About it."""')) == ["no x here"]
+
+
+def test_no_sentence_that_users_see_is_long() -> None:
+    wrong = {}
+    for name in _files():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        if name in LONG:
+            assert _long(text), f"{name} has no long sentence: take it from the list"
+        elif name.endswith(".md") and not name.startswith(("uqmbd/new/", "studies/benchmarks/", "studies/records/")):
+            wrong[name] = _long(text)
+        elif name.endswith(".py") and name.startswith(("uqmbd/", "plugins/")):
+            wrong[name] = [found for message in _messages(text) for found in _long(message)]
+    assert not any(wrong.values()), "\n".join(f"{name}: {line}" for name, lines in wrong.items() for line in lines)

@@ -66,9 +66,9 @@ def of_study(
     best = round(optimum(left, cost) * samples)
     attrs["control_measured"] = (
         f"a realisation of the control took {cost:.3g} of the time of a realisation of the study: on an equal budget, "
-        f"it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by {gains[1]:.3g} "
-        f"(compared with plain Monte Carlo, medians over outputs and times); with cost={cost:.2g} the control would "
-        f"have {best} realisations"
+        f"it divides the variance of the mean by {gains[0]:.3g} and that of the standard deviation by {gains[1]:.3g}; "
+        "these are medians over outputs and times, compared with plain Monte Carlo; "
+        f"with cost={cost:.2g} the control would have {best} realisations"
     )
     if max(gains) < HARM:
         warnings.warn(f"{problem.label}: {attrs['control_measured']}; plain Monte Carlo would do better.", stacklevel=3)

@@ -397,7 +397,7 @@ REFUSED = {
         lambda: chaospy.Clayton(chaospy.J(chaospy.Normal(0, -1), chaospy.Uniform()), 2.0),
         "no random number is distributed as",
     ),
-    "quantiles that are searched for": (lambda: chaospy.J(A, chaospy.Wald(A)), "searches for them with random steps"),
+    "quantiles that are searched for": (lambda: chaospy.J(A, chaospy.Wald(A)), "by a random search"),
     "without whole numbers": (
         lambda: chaospy.J(0.5 * chaospy.Binomial(3, 0.5), chaospy.Uniform()),
         "takes values that are no whole numbers",

@@ -170,8 +170,8 @@ def violated(
         texts[k] = (
             first,
             f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
-            "other equations do not imply them. Either the constraints contradict each other (as two drivers of one "
-            "motion, or lengths that do not fit), or several motions are possible, since the drawn pose is singular: "
+            "other equations do not imply them. The constraints may contradict each other (as two drivers of one "
+            "motion, or lengths that do not fit). Or several motions are possible, since the drawn pose is singular: "
             "draw the mechanism in another pose, if only a little farther along the motion",
         )
     return texts

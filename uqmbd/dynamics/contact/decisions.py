@@ -170,8 +170,8 @@ class Decisions:
             names = ", ".join(repr(self.model.events[k][0]) for k in limited)
             self.messages[member] = (
                 f"{names}: friction reaches its limit in these contacts at t = {time:.6g} s. After that, no "
-                "combination of sticking and slipping satisfies the laws of contact and friction. Lower the coefficients "
-                "of friction, or use compliant contacts."
+                "combination of sticking and slipping satisfies the laws of contact and friction. Lower the "
+                "coefficients of friction, or use compliant contacts."
             )
             return z
         modes: dict[int, Mode] = {**before.modes, **dict.fromkeys(slips, "slip")}

@@ -72,7 +72,7 @@ class Pace:
         share = 100 * (time - self.begin) / (self.end - self.begin)
         size = f", of {gained / taken:.1g} s each" if gained > 0 and taken > 0 else ""
         name, motion = fastest_body(self.model, state)
-        body = f" {name} moves the fastest: {motion}." if name else ""
+        body = f"{name} moves the fastest: {motion}. " if name else ""
         days = left / 86400
         wait = "it makes no progress"
         if np.isfinite(left):
@@ -81,7 +81,7 @@ class Pace:
         self._say(
             f"mechanism {self.model.name!r}: after {spent:.0f} s the integration is at t = {time:.6g} s of "
             f"{self.end:.6g} s ({share:.2g} %), in {max(taken, 0)} steps since the last check{size}; at this rate "
-            f"{wait}.{body} Usual reasons are very stiff springs, tiny masses, unbounded speeds, or an end time "
+            f"{wait}. {body}Usual reasons are very stiff springs, tiny masses, unbounded speeds, or an end time "
             "far beyond the periods of the motion. Ctrl-C ends the run."
         )
 

@@ -204,12 +204,12 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
     for row in found:
         if len(row.orders) < 2 or not row.std[0] > 0:
             continue
-        goes = "falls" if row.std[-1] < row.std[0] else "goes"
+        goes = "decreases" if row.std[-1] < row.std[0] else "changes"
         first, last = (format_percent(float(row.std[k]), _UNKNOWN) for k in (0, -1))
         words.append(
-            f"From order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to order "
-            f"{row.orders[-1]} ({row.realisations[-1]}) of {row.name}, the difference of the standard deviation to "
-            f"that of {reference} {goes} from {first} to {last} of its maximum."
+            f"{row.name}: from order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to "
+            f"order {row.orders[-1]} ({row.realisations[-1]}), the difference from the standard deviation of "
+            f"{reference} {goes} from {first} to {last} of its maximum."
         )
     return words
 

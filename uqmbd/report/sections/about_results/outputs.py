@@ -48,10 +48,10 @@ def outputs(result: StudyResult) -> Content | None:
     return {
         "outputs": found,
         "statistics": statistics(result),
-        "note": f"Of {format_count(len(names), 'output')}, the {len(full)} most uncertain ones (largest standard "
-        f"deviation as a share of the largest mean) come first and have all figures, here and in the sections below. "
-        f"The other {len(names) - len(full)} are folded, with their bands and numbers; the functions of "
-        "uqmbd.report draw everything of any output.",
+        "note": f"Of {format_count(len(names), 'output')}, the {len(full)} most uncertain ones come first and "
+        "have all figures, here and in the sections below. The measure is the largest standard deviation as a share of "
+        f"the largest mean. The other {len(names) - len(full)} are folded, with their bands and numbers. The "
+        "functions of uqmbd.report draw all figures of an output.",
     }
 
 
@@ -247,13 +247,12 @@ def _convergence_caption(method: Method) -> str:
     design = design_of(method.node.attrs)
     if design.independent:
         return (
-            "Whether there are enough samples: the estimates from the first samples only, and the band that holds the "
-            "true value with 95 % confidence, at the time of the largest standard deviation"
+            "Convergence with the number of samples: estimates from the first samples only, and their 95 % confidence "
+            "intervals, at the time of the largest standard deviation"
         )
     return (
-        f"Whether there are enough samples: the points of a {design.name} design count as a whole only, so the "
-        "estimates are shown against the number of its independent replicates, with the band that holds the true value "
-        "with 95 % confidence, at the time of the largest standard deviation"
+        f"Convergence with the number of independent replicates of the {design.name} design: estimates and their 95 % "
+        "confidence intervals, at the time of the largest standard deviation"
     )
 
 
