@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import sympy
 
+from uqmbd import plugins
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -101,6 +103,22 @@ def test_a_component_page_has_its_figure_arguments_and_equations(pages):
     spring = pages["uqmbd_springs.SpringDamper"]
     assert "uqmbd_springs.SpringDamper.svg" in spring and "`uqmbd.Line`" in spring
     assert r"V = " in spring and r"\mathrm{stiffness}" in spring and "def terms(self, p" in spring
+
+
+@pytest.mark.parametrize("name", sorted(plugins.components()))
+def test_the_example_of_a_component_runs(site, pages, name):
+    """It stands on the page of the component, and makes what the page draws."""
+    component = plugins.component(name)
+    components = importlib.import_module("uqmbd_site.components")
+    code = components.example_code(component)
+    assert all(line in pages[f"{component.__module__.partition('.')[0]}.{name}"] for line in code.splitlines())
+    found = {}
+    exec(compile(code, name, "exec"), found)
+    drawn, shown = components.example_of(component)
+    (made,) = found["mechanism"].components.values()
+    assert str(made.values) == str(shown.values).replace("1/2", "0.5").replace("1/10", "0.1") and len(
+        found["mechanism"].bodies
+    ) == len(drawn.bodies)
 
 
 def test_equations_of_a_component_are_what_it_states(site):

@@ -15,7 +15,7 @@ import sympy
 
 import uqmbd
 
-__all__ = ["component_page", "draw", "equations", "example_of", "with_named_parts"]
+__all__ = ["component_page", "draw", "equations", "example_code", "example_of", "with_named_parts"]
 
 Line: TypeAlias = list[Any]
 """An equation: texts, and expressions of SymPy."""
@@ -29,28 +29,78 @@ WIDEST = 150
 FEWEST = (24, 12, 6)
 """Operations that the name of a part saves, at least: the first number with which no equation is too long."""
 
+WIDTH = 88
+"""Characters of a line of an example."""
+
 PLACES = {"at": ((0.5, 0), (-0.5, 0)), "apart": ((0, 0), (-0.4, 0.1))}
 """Points of body i and body j: where joints are, and where what has a length ends."""
 
 
 def example_of(component: type[uqmbd.Component]) -> tuple[uqmbd.Mechanism, uqmbd.Component]:
     """Return a component between two bodies (in the plane where it can be), with a value for whatever it declares."""
-    kind = uqmbd.Planar if uqmbd.Planar in component.spaces else component.spaces[0]
-    space = kind()
+    space = _space(component)()
     mechanism = uqmbd.Mechanism(component.__name__, space)
-    pose = (1, 0) if "at" in component.drawn_by or component.symbol == "contact" else (1, 0.2)
     bodies: dict[str, Any] = {}
-    for k, role in enumerate(component.bodies):
-        place = [0, 0, 0] if k == 0 and len(component.bodies) > 1 else [*pose, 0]
-        turning: dict[str, Any] = {"inertia": 0.1 if space.dimension == 2 else (0.1, 0.1, 0.1)} if space.turns else {}
-        body = bodies[role] = mechanism.body(role, mass=1, position=place[: space.dimension], **turning)
+    for role, given in _bodies(component).items():
+        body = bodies[role] = mechanism.body(role, **given)
         if space.turns:
             for n, end in enumerate((-0.5, 0.5)):
                 mechanism.output(f"{role}_{n}", body.point((end, *[0] * (space.dimension - 1)))[0], units="m")
-    declared = {key: p for key, p in component.parameters().items() if p.fits(space)}
-    values = {key: value for key, p in declared.items() if (value := _value(component, key, p, space)) is not None}
-    made = component("component", **bodies, **values)
+    made = component("component", **bodies, **_values(component))
     return mechanism, mechanism.add(made)
+
+
+def example_code(component: type[uqmbd.Component]) -> str:
+    """Return Python code that adds a component to a mechanism of one or two bodies."""
+    values, bodies = _values(component), _bodies(component)
+    laws = [value for value in values.values() if isinstance(value, sympy.Expr)]
+    symbols = {str(symbol) for law in laws for symbol in law.free_symbols}
+    functions = {type(part).__name__ for law in laws for part in law.atoms(sympy.Function)}
+    functions |= {"pi" for law in laws if law.has(sympy.pi)}
+    lines = [f"from sympy import {', '.join(sorted(functions))}", ""] if functions else []
+    lines += ["import uqmbd"]
+    lines += [
+        f"from {component.__module__.partition('.')[0]} import {', '.join([component.__name__, *sorted(symbols)])}"
+    ]
+    lines += ["", f'mechanism = uqmbd.Mechanism("example", uqmbd.{_space(component).__name__}())']
+    for role, given in bodies.items():
+        lines += [f"{role} = mechanism.body({', '.join([repr(role), *_arguments(given)])})".replace("'", '"')]
+    arguments = ['"component"', *(f"{role}={role}" for role in bodies), *_arguments(values)]
+    whole = f"mechanism.add({component.__name__}({', '.join(arguments)}))"
+    rows = ["mechanism.add(", f"    {component.__name__}(", *(f"        {x}," for x in arguments), "    )", ")"]
+    return "\n".join(lines + ([whole] if len(whole) <= WIDTH else rows))
+
+
+def _arguments(given: dict[str, Any]) -> list[str]:
+    """Write keyword arguments."""
+    return [
+        f"{key}={sympy.sstr(value) if isinstance(value, sympy.Expr) else repr(value)}".replace("'", '"')
+        for key, value in given.items()
+    ]
+
+
+def _space(component: type[uqmbd.Component]) -> Any:
+    """Return the space of the example: the plane, where the component supports it."""
+    return uqmbd.Planar if uqmbd.Planar in component.spaces else component.spaces[0]
+
+
+def _bodies(component: type[uqmbd.Component]) -> dict[str, dict[str, Any]]:
+    """Return the arguments of the bodies of the example, by role."""
+    space = _space(component)()
+    pose = (1, 0) if "at" in component.drawn_by or component.symbol == "contact" else (1, 0.2)
+    turning: dict[str, Any] = {"inertia": 0.1 if space.dimension == 2 else (0.1, 0.1, 0.1)} if space.turns else {}
+    found = {}
+    for k, role in enumerate(component.bodies):
+        place = [0, 0, 0] if k == 0 and len(component.bodies) > 1 else [*pose, 0]
+        found[role] = {"mass": 1, "position": place[: space.dimension], **turning}
+    return found
+
+
+def _values(component: type[uqmbd.Component]) -> dict[str, Any]:
+    """Return the values of the parameters of the example."""
+    space = _space(component)()
+    declared = {key: p for key, p in component.parameters().items() if p.fits(space)}
+    return {key: value for key, p in declared.items() if (value := _value(component, key, p, space)) is not None}
 
 
 def _value(component: type[uqmbd.Component], key: str, p: uqmbd.Parameter[Any], space: Any) -> Any:
@@ -311,6 +361,8 @@ def component_page(component: type[uqmbd.Component], image: str) -> list[str]:
         lines += [f"In `uqmbd.{shown.__name__}`, in :ref:`symbols of points, axes and turns <symbols>`:", ""]
         for line in found:
             lines += [".. math::", "", f"   {line}", ""]
+    lines += ["Example", "-------", "", ".. code-block:: python", ""]
+    lines += [*(f"   {line}".rstrip() for line in example_code(component).splitlines()), ""]
     source = textwrap.dedent(inspect.getsource(component.terms))
     lines += ["The terms as the component states them, from which the equations of motion are derived:", ""]
     lines += [".. code-block:: python", "", *(f"   {line}".rstrip() for line in source.splitlines()), ""]
