@@ -1,24 +1,25 @@
-"""The Agile Eye: a camera on a spherical five-bar, with the centre of mass of the camera's body not known exactly.
+"""The Agile Eye, a camera on a spherical five-bar: a polynomial chaos of order one misses the spread of its response.
 
-Bodies 2 and 3 turn in the ground about x and y, body 1, which carries the camera, turns on body 2 about y, body 4 on
-body 1 about x, and the z axes of bodies 4 and 3 stay parallel; all axes meet in the origin.  28 coordinates, 22
-kinematic and 4 quaternion constraints, two degrees of freedom.  It starts from rest at the home pose, where all frames
-are the world's, without gravity; two moments are switched on and off smoothly, on body 2 about x and on body 3 about y.
-The camera looks along z of body 1.
+Bodies 2 and 3 rotate in the ground about x and y.  Body 1 carries the camera and rotates on body 2 about y.  Body 4
+rotates on body 1 about x, and the z axes of bodies 4 and 3 stay parallel.  All axes meet in the origin.  The model has
+28 coordinates, 22 kinematic and 4 quaternion constraints, and two degrees of freedom.  It starts from rest in the home
+pose, where all body frames coincide with the world frame.  There is no gravity.  Two moments act, on body 2 about x and
+on body 3 about y; smooth steps switch them on and off.  The camera looks along z of body 1.
 
-The response is nearly even in the offset of the centre of mass.  An expansion of order one is blind to that: it finds
-the mean and misses nearly all of the spread; order two finds most of it.  The standard deviation of the offset, 10 mm,
-is large beside its mean; it is meant to be.
+The centre of mass of the camera body is uncertain.  The response is nearly even in its offset.  An expansion of order
+one therefore finds the mean and misses nearly all of the spread; order two finds most of it.  The standard deviation
+of the offset, 10 mm, is deliberately large compared with its mean.
 
-Much of this is a reconstruction: the source, a dissertation on polynomial chaos, has come down in a damaged copy.
+Many values are reconstructed, because the available copy of the source, a dissertation on polynomial chaos, is damaged:
 
-- inertias: exponents were lost and follow from what thin plates and rings allow (J_xx = J_yy + J_zz and the like), and
-  so does that of the only product of inertia, J_xz = 2.493e-6 kg m^2 of body 4;
-- ``L3`` reads 0.506 m; 0.0506 m fits the inertias;
-- the mass of body 2 reads zero; its centre of mass lies on its fixed axis, so that the mass is without effect;
-- the fifth joint as a hinge would make three equations redundant, and the printed one, on points, is no constraint
-  where the origins coincide: here two axes are parallel;
-- where on their axes the bearings are (``L1`` to ``L3``), which no motion depends on; and that there is no gravity.
+- Exponents of the inertias are missing.  They follow from the limits for thin plates and rings (J_xx = J_yy + J_zz and
+  similar relations).  So does the exponent of the only product of inertia, J_xz = 2.493e-6 kg m^2 of body 4.
+- ``L3`` is printed as 0.506 m; 0.0506 m fits the inertias.
+- The mass of body 2 is printed as zero.  Its centre of mass lies on its fixed axis, so the mass has no effect.
+- A hinge as fifth joint would make three equations redundant.  The printed joint, defined by points, is no constraint
+  where the origins coincide.  This model keeps two axes parallel instead.
+- The positions of the bearings on their axes (``L1`` to ``L3``), which do not affect the motion, and the absence of
+  gravity are assumptions.
 """
 
 from typing import Any
@@ -35,14 +36,14 @@ from uqmbd_springs import Torque
 
 L1 = L2 = 0.06508  # m
 L3 = 0.0506  # m
-SWITCH = 0.01  # half the duration of a switch, s
+SWITCH = 0.01  # half the duration of a step, s
 
 x_cm = uqmbd.RandomVariable("x_cm", chaospy.Normal(0.0, 0.01), units="m")
 y_cm = uqmbd.RandomVariable("y_cm", chaospy.Normal(-4.87e-4, 0.01), units="m")
 
 
 def pulse(on: float, off: float) -> Any:
-    """One between two times, zero else, with smooth switches."""
+    """Return a pulse that is one between two times and zero elsewhere, with smooth steps."""
     return uqmbd.step(uqmbd.t, on - SWITCH, 0, on + SWITCH, 1) - uqmbd.step(uqmbd.t, off - SWITCH, 0, off + SWITCH, 1)
 
 

@@ -1,18 +1,23 @@
-"""A bouncing ball of which neither drop height nor restitution is known exactly: impacts of rigid bodies.
+"""A rigid ball bounces on a plane: jumps between realisations defeat a plain chaos, and event alignment restores it.
 
 A point of 1 kg falls from rest onto a plane; ``height`` is the gap.  Drop height ~ Uniform(0.9, 1.1) m, coefficient of
-restitution ~ Uniform(0.75, 0.85), g = 9.81 m/s^2.  Impacts are at ``t_n = sqrt(2 h / g) (1 + 2 (e + ... + e^(n-1)))``;
-between them the ball flies freely, so that everything is known in closed form.  The first impact comes between 0.43 s
-and 0.47 s, the second between 1.07 s and 1.28 s, the third between 1.55 s and 1.96 s: at 1.9 s some realisations have
-bounced three times and others twice, and the velocity jumps between them.
+restitution ~ Uniform(0.75, 0.85), g = 9.81 m/s^2.  Impacts occur at
+``t_n = sqrt(2 h / g) (1 + 2 (e + ... + e^(n-1)))``.  The ball flies freely between impacts, so the motion has a closed
+form.  The first impact occurs between 0.43 s and 0.47 s.  The second occurs between 1.07 s and 1.28 s, the third
+between 1.55 s and 1.96 s.  At 1.9 s some realisations have bounced three times and others twice, and the velocity jumps
+between them.
 
-No polynomial in the inputs follows a jump: the plain expansion is right until the first realisation meets the plane,
-and wrong, whatever its order, at all times at which some have bounced and others have not; its stated error says so.
-Elements, each with an expansion of its own, confine the error to those that the jump crosses.  At 1.9 s mean and
-standard deviation of the closed form are 0.17989 and 0.06073 m for the height, 0.5619 and 1.2386 m/s for the velocity;
-64 elements of order 2 (1531 realisations) miss them by 0.1 % of the largest standard deviation over time at most, by
-collocation and by Galerkin.  Times of impacts, and the motion between them, are smooth functions of the inputs: the
-event-aligned expansion converges exponentially, with some dozen realisations.
+No polynomial in the inputs approximates a jump.  The plain expansion is accurate until the first realisation reaches
+the plane.  At any order it is inaccurate at all times at which some realisations have bounced and others have not; its
+stated error shows this.
+
+Elements, each with a separate expansion, confine the error to the elements that the jump crosses.  In closed form, mean
+and standard deviation at 1.9 s are 0.17989 and 0.06073 m for the height.  For the velocity they are 0.5619 and 1.2386
+m/s.  Collocation and Galerkin with 64 elements of order 2 (1531 realisations) differ from them by at most 0.1 % of the
+largest standard deviation over time.
+
+Impact times, and the motion between impacts, are smooth functions of the inputs.  The event-aligned expansion therefore
+converges exponentially, with some dozen realisations.
 """
 
 import chaospy

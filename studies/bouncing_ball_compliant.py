@@ -1,14 +1,14 @@
-"""A bouncing ball on a compliant floor: a contact force that is no smooth function of the gap.
+"""A ball bounces on a compliant floor: its contact force is not smooth, and a multi-element chaos resolves the kink.
 
-A point of 1 kg falls from rest at h ~ Uniform(0.9, 1.1) m onto a plane that pushes back with ``k`` times the depth,
-k ~ Normal(1e5, 5e3) N/m, and never pulls; nothing is lost.  ``height`` is the gap, g = 9.81 m/s^2.  A contact lasts
-10 ms, half a period of 20 ms, and is 14 mm deep; the first one begins between 0.43 s and 0.47 s, the second about
-0.91 s later, and by then realisations that fall and others that rise are mixed.
+A point of 1 kg falls from rest at h ~ Uniform(0.9, 1.1) m onto a plane.  The plane pushes back with ``k`` times the
+depth, k ~ Normal(1e5, 5e3) N/m, and never pulls; the contact dissipates no energy.  ``height`` is the gap,
+g = 9.81 m/s^2.  A contact lasts 10 ms, half a period of 20 ms, and is 14 mm deep.  The first contact begins between
+0.43 s and 0.47 s, the second about 0.91 s later.  By then some realisations fall while others rise.
 
-The time of arrival varies by far more than the contact lasts, so a plain expansion breaks down with the first impact:
-it would have to follow a kink that moves through the germ space.  Elements that are so small that within each of them
-all realisations are in contact at about the same time make chaos work again; the stiffness hardly changes the times, so
-that it is the drop height that has to be split.
+The arrival time varies by far more than the duration of a contact.  A plain expansion therefore fails at the first
+impact: it would have to represent a kink that moves through the germ space.  Chaos works again in elements so small
+that all realisations of an element are in contact at about the same time.  The stiffness hardly changes the times, so
+the drop height has to be split.
 """
 
 import chaospy

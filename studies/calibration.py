@@ -1,15 +1,16 @@
-"""A double pendulum that was recorded: what the record says of it, and of how it will swing from elsewhere.
+"""A record of a double pendulum calibrates its mass and damping, and predicts how it swings after another release.
 
-Two rods hang below each other.  Not known exactly are the mass of the lower one (0.5 kg, 10 %) and the dampers in both
-pivots (12 and 6 mN m s, 30 %).  The record is of both angles for 10 s after a release at 0.9 and 0.5 rad, with errors
-of 0.01 rad; another engine made it, with 0.55 kg, 15 and 5 mN m s (`records/README.md`).  Found are 0.5493 +- 0.0005
-kg, 14.8 +- 0.1 and 5.03 +- 0.05 mN m s, by 115 realisations.
+Two rods hang below each other.  Uncertain are the mass of the lower rod (0.5 kg, 10 %) and the dampers in both pivots
+(12 and 6 mN m s, 30 %).  The record contains both angles for 10 s after a release at 0.9 and 0.5 rad, with errors of
+0.01 rad.  Another engine made it, with 0.55 kg, 15 and 5 mN m s (`records/README.md`).  The calibration finds 0.5493 +-
+0.0005 kg, 14.8 +- 0.1 and 5.03 +- 0.05 mN m s, with 115 realisations.
 
-Then the pendulum is released at 1.4 and -0.6 rad: how it swings is predicted with what was known before, and with what
-the record says.
+The study then releases the pendulum at 1.4 and -0.6 rad.  It predicts the motion twice: from the prior, and from the
+posterior that the record gives.
 
-Run with ``uqmbd run studies/calibration.py``.  ``python studies/calibration.py`` calibrates by the record of a pendulum
-with dry friction in its upper pivot, which the model leaves out, too: it says that the model is wrong, and where.
+Run with ``uqmbd run studies/calibration.py``.  ``python studies/calibration.py`` also calibrates with the record of a
+pendulum with dry friction in its upper pivot.  The model has no dry friction; the calibration warns that the model is
+wrong, and lists where.
 """
 
 from pathlib import Path
@@ -30,7 +31,7 @@ NOISE = {"upper angle": 0.01, "joint angle": 0.01}
 
 
 def double_pendulum(upper_angle, lower_angle):
-    """Make the pendulum, released at rest at two angles against the vertical, rad."""
+    """Return the pendulum, released from rest at two angles against the vertical, rad."""
     mass = uqmbd.RandomVariable("lower_mass", chaospy.Normal(0.5, 0.05), units="kg")
     upper_damping, lower_damping = (
         uqmbd.RandomVariable(name, chaospy.LogNormal(mu=float(np.log(median)), sigma=0.3), units="N m s")
@@ -51,7 +52,7 @@ def double_pendulum(upper_angle, lower_angle):
 
 
 def calibrated(name):
-    """Calibrate the pendulum as it was recorded."""
+    """Calibrate the recorded pendulum with the record of this name."""
     record = Record.read(RECORDS / f"{name}.csv", noise=NOISE)
     recorded = uqmbd.Study("recorded", double_pendulum(0.9, 0.5), TIMES)
     return calibrate(recorded, record, seed=1)

@@ -1,17 +1,18 @@
-"""A slider-crank whose piston pin has clearance: the pin rattles in a slightly larger bore of the rod.
+"""A slider-crank with clearance in its piston pin: impacts in the joint limit the accuracy of every chaos.
 
-The slider-crank of ``slider_crank.py`` at the means of its lengths (crank 0.15 m, 0.36 kg; rod 0.35 m, 0.15 kg; slider
-0.10 kg; both links slender), driven at 60 rad/s by a rotation driver, so that the inertia of the slider, not gravity,
-presses the pin against the bore; it starts at the outer dead centre, where the slider is at rest.  Instead of a hinge
-there is a `ClearanceJoint`: a pin of 10 mm radius, fixed in the slider, in a bore of the rod that is larger by the
-clearance, with a Hunt-Crossley contact (stiffness 1e8 N/m^1.5, D = 0.5 s/m) and friction.  Radial clearance ~
-Uniform(0.1, 0.5) mm, coefficient of friction ~ Uniform(0.05, 0.15).  The pin starts pressed against the far side of the
-bore as deep as its acceleration there asks for.
+The mechanism is the slider-crank of ``slider_crank.py`` at its mean lengths: crank 0.15 m, 0.36 kg; rod 0.35 m,
+0.15 kg; slider 0.10 kg; both links slender.  A rotation driver turns it at 60 rad/s, so that the inertia of the slider,
+not gravity, presses the pin against the bore.  It starts at the outer dead centre, where the slider is at rest.
 
-The force reverses twice per turn; there the pin crosses the clearance and hits the other side.  The slider follows that
-of an ideal hinge to within the clearance, which is all that varies: its standard deviation is 0.12 mm after 0.1 s.
-Times of crossings and impacts depend on the clearance, so a plain expansion is poor from the first one (0.01 s) on, and
-says so in its stated errors; elements do better at a price.
+A `ClearanceJoint` replaces the hinge.  A pin of 10 mm radius is fixed in the slider.  The bore in the rod is larger by
+the clearance.  The contact follows the Hunt-Crossley law (stiffness 1e8 N/m^1.5, D = 0.5 s/m) with friction.  Radial
+clearance ~ Uniform(0.1, 0.5) mm, coefficient of friction ~ Uniform(0.05, 0.15).  At the start the pin presses against
+the far side of the bore, at the depth that its acceleration requires.
+
+The force reverses twice per turn; then the pin crosses the clearance and hits the other side.  The slider follows that
+of an ideal hinge to within the clearance, which is the only variation: its standard deviation is 0.12 mm after 0.1 s.
+Times of crossings and impacts depend on the clearance.  A plain expansion is therefore inaccurate from the first
+crossing (0.01 s) on, and its stated errors show this.  Elements are more accurate, at a higher cost.
 """
 
 import chaospy

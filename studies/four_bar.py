@@ -1,10 +1,11 @@
-"""Four-bar linkage with a motor, a spring and an uncertain payload, and a crank pin that has to hold with 99 %.
+"""A four-bar linkage with an uncertain payload: the probability that the force in its crank pin stays below a limit.
 
-A motor turns the crank (0.1 m) at a speed that is not known exactly. Coupler 0.4 m +-2 mm and rocker 0.3 m, slender,
-gravity along -y; at the pivot of the rocker a torsion spring and a damper, at its end a payload. The rocker is drawn
-where the coupler of nominal length reaches; for other lengths assembly closes the joints.
+A motor turns the crank (0.1 m) at an uncertain speed.  The coupler is 0.4 m +-2 mm and the rocker 0.3 m long, both
+slender; gravity acts along -y.  A torsion spring and a damper act at the pivot of the rocker, and its end carries an
+uncertain payload.  The drawing places the rocker where a coupler of nominal length reaches it; assembly closes the
+joints for other lengths.
 
-uqmbd run studies/four_bar.py --require 1% asks whether the force in the crank pin stays below 38 N with 99 %.
+uqmbd run studies/four_bar.py --require 1% tests whether the force in the crank pin stays below 38 N with 99 %.
 """
 
 from math import atan2, cos, pi, sin, sqrt
@@ -25,7 +26,7 @@ stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(5, 0.4), units="N m
 payload = uqmbd.RandomVariable("payload", chaospy.Uniform(0.8, 1.2), units="kg")
 speed = uqmbd.RandomVariable("speed", chaospy.Normal(10, 0.2), units="rad/s")
 
-# as drawn: the crank at 60 degrees; coupler and rocker meet above the line from crank pin to pivot
+# the drawing: crank at 60 degrees; coupler and rocker meet above the line from crank pin to pivot
 pivot = (0.4, 0.0)
 pin = (0.1 * cos(pi / 3), 0.1 * sin(pi / 3))
 dx, dy = pivot[0] - pin[0], pivot[1] - pin[1]
@@ -38,7 +39,7 @@ coupler_angle = atan2(elbow[1] - pin[1], elbow[0] - pin[0])
 
 
 def middle(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """Return the point between two points, where the centre of a slender body is."""
+    """Return the midpoint of two points, which is the centre of a slender body."""
     return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2
 
 
@@ -61,7 +62,7 @@ mechanism.add(Fixed("bolts", rocker, load, point_i=(0.15, 0), point_j=(0, 0)))
 mechanism.add(TorsionSpringDamper("spring", ground, rocker, stiffness=stiffness, damping=0.2, free_angle=rocker_angle))
 mechanism.add(SpeedDriver("motor", ground, crank, speed=speed))
 
-# components of the force, not its size: that has a kink where the force passes zero, which polynomials do not follow
+# components of the force; its norm has a kink where the force passes zero, which polynomials approximate poorly
 force = crank_pin.reaction_force
 mechanism.output("rocker_angle", rocker.angle, units="rad")
 mechanism.output("force_x", force[0], units="N")

@@ -1,13 +1,14 @@
-"""Slider-crank that is run up to speed, and the limits that it has to stay within.
+"""A slider-crank accelerates to full speed: the probability that it overloads its bearing or leaves its guide.
 
-The mechanism of `slider_crank.py` with uncertain lengths, slider mass and speed.  A motor turns the crank from rest, at
-an angular velocity that grows evenly for 0.3 s to 60 rad/s, and stays there.  Three questions: does the force at the
-piston pin stay below what its bearing takes (overload); does the slider stay clear of the end of its guide, whose place
-is uncertain, too (clearance); and when is the bearing overloaded first (first passage)?
+The mechanism is that of `slider_crank.py` with uncertain lengths, slider mass and speed.  A motor turns the crank from
+rest.  Its angular velocity grows linearly for 0.3 s to 60 rad/s and then stays constant.  The study answers three
+questions.  Does the force at the piston pin stay below the capacity of its bearing (overload)?  Does the slider stay
+clear of the end of its guide, whose position is also uncertain (clearance)?  When is the bearing overloaded first
+(first passage)?
 
-The clearance is violated with 1.562 % in closed form, the bearing is overloaded with 2.848 % and either of both happens
-with 4.33 % (2,000,000 samples of a surrogate whose error is 4e-5 N).  With the seeds 0 to 19 the intervals of Monte
-Carlo hold these numbers in 19, 20 and 20 of 20 cases.
+In closed form, the probability of violating the clearance is 1.562 %.  The bearing is overloaded with 2.848 %, and at
+least one of both occurs with 4.33 % (2,000,000 samples of a surrogate whose error is 4e-5 N).  With the seeds 0 to 19
+the intervals of Monte Carlo contain these numbers in 19, 20 and 20 of 20 cases.
 """
 
 import chaospy

@@ -1,14 +1,15 @@
-"""Long times: three mechanisms whose phases drift apart, by plain and by aligned chaos, beside Monte Carlo.
+"""Three mechanisms whose phases drift apart over long times: plain chaos fails, and aligned chaos stays accurate.
 
 - ``slider-crank``: the rotating slider-crank of `slider_crank_rotating.py`, for 100 turns;
 - ``pendulum``: the pendulum of `pendulum.py`, which swings freely, for 500 s;
-- ``governor``: two balls on hinged arms open as their shaft turns faster, and lower the torque of the engine that
-  drives it.  The load and the masses of the balls are not known exactly, so that each realisation finds a speed of its
-  own, after a start that swings.
+- ``governor``: two balls on hinged arms open as their shaft turns faster, and reduce the torque of the engine that
+  drives it.  The load and the masses of the balls are uncertain.  Each realisation therefore settles at a different
+  speed, after an oscillating start.
 
-A polynomial of the inputs follows an output at a fixed time for some turns only: then the phases of realisations are
-too far apart.  At equal phase of a clock they stay alike, and the same nodes hold for all the time.  Run as a script
-it prints a table, and draws the error and the standard deviation over time::
+At a fixed time, a polynomial of the inputs approximates an output for some turns only: then the phases of the
+realisations are too far apart.  At equal phase of a clock the realisations stay similar, and the same nodes suffice for
+all times.  Monte Carlo runs for comparison.  Run as a script it prints a table, and plots the error and the standard
+deviation over time::
 
     OMP_NUM_THREADS=1 python studies/long_time.py [--figure long_time.png]
 """
@@ -40,13 +41,13 @@ from uqmbd_springs import RotationalFriction, Torque
 Array = NDArray[np.float64]
 
 REALISATIONS = 40
-"""Independent ones, against which errors are measured."""
+"""Number of independent realisations that errors are measured against."""
 LIMIT = 0.01
-"""Error, over the largest standard deviation of an output, at which a horizon ends."""
+"""Error relative to the largest standard deviation of an output at which a horizon ends."""
 
 
 def governor() -> uqmbd.Mechanism:
-    """Make an engine with a governor: its torque falls as the balls rise, against a viscous load."""
+    """Return an engine with a governor: its torque falls as the balls rise, against a viscous load."""
     load = uqmbd.RandomVariable("load", chaospy.Normal(0.25, 0.005), units="N m s/rad")
     ball_mass = uqmbd.RandomVariable("ball_mass", chaospy.Normal(1.0, 0.02), units="kg")
     arm, offset, drawn = 0.3, 0.05, 0.6
@@ -70,7 +71,7 @@ def governor() -> uqmbd.Mechanism:
 
 @dataclass(frozen=True)
 class Case:
-    """A mechanism, how long it is followed, and the output that is drawn.
+    """A mechanism, the length of its simulation, and the output in the figure.
 
     Attributes
     ----------
@@ -79,7 +80,7 @@ class Case:
     end, count : float, int
         Last output time, s, and number of output times.
     shown : str
-        Name of an output.
+        Name of the output in the figure.
     """
 
     mechanism: uqmbd.Mechanism
@@ -88,7 +89,7 @@ class Case:
     shown: str
 
     def study(self, end: float | None = None) -> uqmbd.Study:
-        """Make the study, of its length or shorter: times are as dense."""
+        """Return the study up to its last time or an earlier one, with the same density of output times."""
         last = self.end if end is None else end
         times = np.linspace(0, last, 1 + round((self.count - 1) * last / self.end))
         return uqmbd.Study(self.mechanism.name, self.mechanism, times=times, rtol=1e-8, propagators=list(METHODS))
@@ -110,17 +111,17 @@ study = CASES["slider-crank"].study()
 
 @dataclass(frozen=True)
 class Comparison:
-    """What the methods say of a study, and how wrong the chaoses are.
+    """Results of the methods for a study, and errors of the chaoses.
 
     Attributes
     ----------
     study : uqmbd.Study
-        That was computed.
+        The study.
     nodes : dict
         Results of the methods, xarray.DataTree, by name.
     errors : dict
-        Of the chaoses, by name: root mean square over independent realisations, over the largest standard deviation
-        of each output over time, shape (O, T).
+        Errors of the chaoses, by name: root mean square over independent realisations, divided by the largest
+        standard deviation of each output over time, shape (O, T).
     """
 
     study: uqmbd.Study
@@ -133,7 +134,7 @@ class Comparison:
 
 
 def horizon(times: Array, errors: Array, limit: float = LIMIT) -> float:
-    """Return the last time before errors (T,) exceed a limit; inf: they never do."""
+    """Return the last time before errors (T,) exceed a limit; inf if they never do."""
     above = np.flatnonzero(~(errors <= limit))
     return float(times[max(above[0] - 1, 0)]) if len(above) else np.inf
 
@@ -147,23 +148,23 @@ def realisations(of: uqmbd.Study, count: int = REALISATIONS, seed: int = 9) -> t
 
 
 def errors(node: xr.DataTree, inputs: Array, responses: Array) -> Array:
-    """Return the error (O, T) of a chaos at realisations, over the largest standard deviation of these."""
+    """Return the error (O, T) of a chaos at realisations, divided by their largest standard deviation over time."""
     wrong = surrogate(node).evaluate(inputs) - responses
     return np.sqrt((wrong**2).mean(axis=0)) / responses.std(axis=0).max(axis=-1, keepdims=True)
 
 
 def compare(of: uqmbd.Study) -> Comparison:
-    """Compute a study by all its methods, and measure."""
+    """Compute a study by all its methods, and measure the errors of the chaoses."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a plain chaos says that it fails, which is the point here
+        warnings.simplefilter("ignore", UserWarning)  # a plain chaos warns that it fails, which the study shows
         nodes = {method.node_name: of.propagate(method) for method in of.propagators}
     inputs, responses = realisations(of)
     return Comparison(of, nodes, {name: errors(nodes[name], inputs, responses) for name in ("plain", "aligned")})
 
 
 def table(found: Mapping[str, Comparison]) -> Table:
-    """Make a table of horizons, errors and costs."""
-    made = Table(title=f"Against {REALISATIONS} independent realisations; errors over the largest standard deviation")
+    """Return a table of horizons, errors and costs."""
+    made = Table(title=f"Errors against {REALISATIONS} independent realisations, over the largest standard deviation")
     for column in (
         "output",
         "until, s",
@@ -178,7 +179,7 @@ def table(found: Mapping[str, Comparison]) -> Table:
         plain, aligned = (one.errors[method] for method in ("plain", "aligned"))
         ends = zip(one.horizons("plain"), one.horizons("aligned"), strict=True)
         attrs = one.nodes["aligned"].attrs
-        cost = f"{attrs['realisations']} realisations, {attrs['longer']:.3g} times as long, by {attrs['clock']}"
+        cost = f"{attrs['realisations']} realisations, {attrs['longer']:.3g} times as long, clock {attrs['clock']}"
         for k, (output, (first, last)) in enumerate(zip(one.study.mechanism.outputs, ends, strict=True)):
             until = "the end" if np.isinf(last) else f"{last:.4g}"
             made.add_row(
@@ -194,7 +195,7 @@ def table(found: Mapping[str, Comparison]) -> Table:
 
 
 def figure(found: Mapping[str, Comparison], cases: Mapping[str, Case]) -> Figure:
-    """Draw, for each study, the error and the standard deviation over time, and the latter at the end."""
+    """Plot error and standard deviation of each study over time, and the standard deviation near the end."""
     drawn = Figure(figsize=(13.3, 7.5), layout="constrained")
     rows = drawn.subplots(3, len(found), squeeze=False, height_ratios=(1.4, 1, 1))
     for (name, one), upper, middle, lower in zip(found.items(), *rows, strict=True):
@@ -220,7 +221,7 @@ def figure(found: Mapping[str, Comparison], cases: Mapping[str, Case]) -> Figure
         middle.set_xlabel("time, s: largest of each hundredth")
         lower.set_xlabel("time, s: the end")
         if upper is rows[0][0]:
-            upper.set_ylabel("error over the largest\nstandard deviation, %")
+            upper.set_ylabel("error relative to the largest\nstandard deviation, %")
         middle.set_ylabel(f"standard deviation, {units}")
         lower.set_ylabel(f"standard deviation, {units}")
     drawn.legend(*rows[2][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -236,15 +237,15 @@ STYLES = {
 
 
 def largest(times: Array, values: Array, parts: int = 100) -> tuple[Array, Array]:
-    """Return the largest of values (T,) in each of some parts of the times, and the middles of these."""
+    """Return the largest of values (T,) in each of `parts` intervals of the times, and the midpoints of these."""
     pieces = np.array_split(np.arange(len(times)), min(parts, len(times)))
     return np.array([times[k].mean() for k in pieces]), np.array([values[k].max() for k in pieces])
 
 
 def main() -> None:
-    """Print the table, and draw."""
+    """Print the table, and write the figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--figure", type=Path, help="file to draw to (PNG, SVG, PDF)")
+    parser.add_argument("--figure", type=Path, help="file for the figure (PNG, SVG, PDF)")
     options = parser.parse_args()
     found = {name: compare(case.study()) for name, case in CASES.items()}
     Console(width=180).print(table(found))

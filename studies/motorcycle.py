@@ -1,17 +1,17 @@
-"""A motorcycle rides over a bump with random stiffnesses of its suspension.
+"""A motorcycle with uncertain suspension stiffnesses crosses a bump: Galerkin projection of springs with a free length.
 
-Planar model after Sharp with five bodies: frame with rider, upper fork, lower fork with front wheel, swing arm with
-rear wheel, and the rocker of the rear suspension, which a rod of fixed length ties to the swing arm.  The shock between
-frame and rocker has a free length that is not zero.  It rides at 4.4704 m/s; both wheel centres follow the road, which
-has a haversine bump of 0.3048 m by 0.0508 m, the rear one later by the wheelbase.
+The planar model after Sharp has five bodies: frame with rider, upper fork, lower fork with front wheel, swing arm with
+rear wheel, and the rocker of the rear suspension.  A rod of fixed length connects the rocker to the swing arm.  The
+shock between frame and rocker has a non-zero free length.  The motorcycle rides at 4.4704 m/s.  Both wheel centres
+follow the road, which has a haversine bump of 0.3048 m by 0.0508 m; the rear wheel follows later by the wheelbase.
 
-It starts without motion of its suspension.  The free lengths are fixed: that of the shock is given, that of the front
-spring carries the drawn machine at the mean stiffness.  Both stiffnesses are normal with a standard deviation of a
-thirtieth of their mean, and each realisation starts from its own static equilibrium.
+The motion starts with the suspension at rest.  The free lengths are fixed: that of the shock is given, and that of the
+front spring balances the drawn machine at the mean stiffness.  Both stiffnesses are normal with a standard deviation of
+a thirtieth of their mean.  Each realisation starts from its static equilibrium.
 
-Reconstructed, because the printed data contradict themselves: the centres of mass of swing arm (0.25, 0.2578) m and
-rocker (0.4946, 0.1522) m.  Chosen: the front spring acts on the fork axis, which passes through `p2` with the rake
-0.4412 rad; the bump begins at the front wheel at 0.1 s.
+The centres of mass of swing arm (0.25, 0.2578) m and rocker (0.4946, 0.1522) m are reconstructed, because the printed
+data contradict themselves.  Two assumptions complete the model.  The front spring acts on the fork axis, which passes
+through `p2` with the rake 0.4412 rad.  The bump begins at the front wheel at 0.1 s.
 """
 
 import chaospy
@@ -60,7 +60,7 @@ frame, upper_fork, lower_fork, swing_arm, rocker = bodies.values()
 
 
 def on(name, point):
-    """Point of the drawing, in the frame of a body."""
+    """Return a point of the drawing in the frame of a body."""
     centre = parts[name][0]
     return (point[0] - centre[0], point[1] - centre[1])
 
@@ -74,7 +74,7 @@ mechanism.add(Revolute("rocker_pivot", frame, rocker, on("frame", p18), on("rock
 rod_length = float(np.hypot(*np.subtract(p20, p22)))
 mechanism.add(Distance("rod", rocker, swing_arm, on("rocker", p20), on("swing_arm", p22), length=rod_length))
 
-# the front spring carries the drawn machine: its load is that of the front wheel without what hangs below it
+# the front spring balances the drawn machine: its load is that of the front wheel less the parts below the spring
 weights = {name: GRAVITY * mass for name, (_, mass, _) in parts.items()}
 front_load = sum(weights[name] * centre[0] for name, (centre, *_) in parts.items()) / WHEELBASE
 front_free_length = fork_length + (front_load - weights["lower_fork"]) * np.cos(RAKE) / 25000
@@ -119,5 +119,5 @@ study = uqmbd.Study(
     times=np.linspace(0, 1.5, 301),
     propagators=[MonteCarlo(samples=500, seed=1), Collocation(order=2), Galerkin(order=2)],
     start="equilibrium",
-    rtol=1e-8,  # the shock turns a micrometre into 0.06 N, a hundredth of the force's standard deviation
+    rtol=1e-8,  # a micrometre in the shock is 0.06 N, a hundredth of the force's standard deviation
 )

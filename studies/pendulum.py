@@ -1,4 +1,4 @@
-"""A pendulum whose length is not known exactly: the first example."""
+"""A pendulum of uncertain length swings freely: mean and spread of the height of its tip over time."""
 
 import chaospy
 import numpy as np

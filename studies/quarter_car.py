@@ -1,15 +1,15 @@
-"""A quarter car on a random road with twelve random inputs.
+"""A quarter car on a random road, a Karhunen-Loeve expansion of twelve terms: a chaos of twelve random inputs.
 
 The height of the road is a Gaussian process of the distance with the covariance ``s^2 exp(-|x - y| / c)``, s = 10 mm,
-c = 5 m, cut off after twelve terms of its Karhunen-Loeve expansion over the 40 m that are driven at 20 m/s; their
-coefficients are independent and standard normal.  What is left out has a share of the variance that `LEFT_OUT` states.
-The tyre follows the mean height over the 0.2 m of its contact patch, and lifts off where it would pull.
+c = 5 m.  Its Karhunen-Loeve expansion over the 40 m that the car drives at 20 m/s is truncated after twelve terms.  The
+coefficients are independent and standard normal.  `LEFT_OUT` states the truncated share of the variance.  The tyre
+follows the mean height over the 0.2 m of its contact patch, and lifts off instead of pulling.
 
-Twelve terms end at 18 rad/s, below the wheel hop at 70 rad/s.  From 1 s to 2 s they have 99 % of the exact standard
-deviation of the body height, 88 % of the suspension travel, 58 % of the body acceleration and 31 % of the tyre force.
-With 48 terms the travel has 99 %, with 96 the acceleration, with 192 the tyre force; take order 1 for so many inputs.
-Without the contact patch the tyre force has no limit, because the damper of the tyre feels the slope of the road, whose
-variance is infinite.  `studies/benchmarks/random_road.py` prints the table.
+Twelve terms end at 18 rad/s, below the wheel hop at 70 rad/s.  From 1 s to 2 s they reach 99 % of the exact standard
+deviation of the body height and 88 % of that of the suspension travel.  They reach 58 % for the body acceleration and
+31 % for the tyre force.  With 48 terms the travel reaches 99 %, with 96 the acceleration, with 192 the tyre force; use
+order 1 for so many inputs.  Without the contact patch the tyre force has no limit: the damper of the tyre responds to
+the slope of the road, whose variance is infinite.  `studies/benchmarks/random_road.py` prints the table.
 
 Sprung mass 300 kg, unsprung 40 kg, suspension 20 kN/m and 1.2 kN s/m, tyre 180 kN/m and 100 N s/m.
 """
@@ -32,7 +32,7 @@ HALF = SPEED * DURATION / 2
 
 
 def karhunen_loeve(terms):
-    """Frequencies (1/m) and eigenvalues of the covariance over (-HALF, HALF); cosines and sines take turns.
+    """Return frequencies (1/m) and eigenvalues of the covariance over (-HALF, HALF); cosines and sines alternate.
 
     R. G. Ghanem and P. D. Spanos, Stochastic Finite Elements, Springer 1991, section 2.3.3.
     """
@@ -53,20 +53,20 @@ def karhunen_loeve(terms):
 
 
 def random_road(terms, patch=PATCH):
-    """Height of the road under the wheel over time (m): its mean over a contact patch of a length (m)."""
+    """Return the height of the road under the wheel over time (m): its mean over a contact patch (length in m)."""
     place = SPEED * uqmbd.t - HALF
     height = sympy.Integer(0)
     for k, (frequency, value) in enumerate(karhunen_loeve(terms)):
         sign, wave = (1, sympy.cos) if k % 2 == 0 else (-1, sympy.sin)
         size = np.sqrt(HALF + sign * np.sin(2 * frequency * HALF) / (2 * frequency))
         coefficient = uqmbd.RandomVariable(f"road_{k + 1}", chaospy.Normal(0, 1), units="1")
-        mean = np.sinc(frequency * patch / 2 / np.pi)  # of the wave over the patch
+        mean = np.sinc(frequency * patch / 2 / np.pi)  # of the harmonic over the patch
         height += coefficient * float(mean * np.sqrt(value) / size) * wave(frequency * place)
     return height
 
 
 def quarter_car(road):
-    """Sprung and unsprung mass above a road of a height (m)."""
+    """Return the sprung and unsprung mass on a road whose height (m) is given."""
     mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Line(gravity=-9.81))
     wheel = mechanism.body("wheel", mass=40, position=0.3)
     body = mechanism.body("body", mass=300, position=0.8)

@@ -1,9 +1,10 @@
-"""A robot arm that draws a circle under a sampled controller, with masses, payload and friction not known exactly.
+"""A robot arm draws a circle under a sampled controller: uncertain masses, payload and friction make it miss the path.
 
 Two links in a vertical plane carry a payload.  A computed-torque controller at 100 Hz measures the angles and speeds of
-both joints, and commands the torques of their motors, which act 4 ms later, at most 60 N m.  It knows the arm with its
-nominal masses, without friction (J. J. Craig, Introduction to Robotics, 3rd ed., Pearson 2005, section 10.4); what it
-does not know makes the tool miss its path: once round a circle of radius 0.1 m in 2 s, from rest to rest.
+both joints.  It commands the torques of their motors, at most 60 N m, which act 4 ms later.  The controller assumes
+the nominal masses of the arm, without friction (J. J. Craig, Introduction to Robotics, 3rd ed., Pearson 2005, section
+10.4).  The difference between this model and the arm makes the tool miss its path.  The path runs once round a circle
+of radius 0.1 m in 2 s, from rest to rest.
 """
 
 import chaospy
@@ -25,35 +26,35 @@ STIFFNESS, DAMPING = 225.0, 30.0  # of the error of a joint, 1/s^2 and 1/s: crit
 
 
 def phase(time):
-    """Angle on the circle, a number or an expression: once round, by a quintic that begins and ends at rest."""
+    """Return the angle on the circle, a number or an expression: one turn by a quintic from rest to rest."""
     x = time / DURATION
     return 2 * np.pi * x**3 * (10 - 15 * x + 6 * x**2)
 
 
 def path(time):
-    """Where the tool should be."""
+    """Return the commanded position of the tool, m."""
     return CENTRE[0] + RADIUS * np.cos(phase(time)), CENTRE[1] + RADIUS * np.sin(phase(time))
 
 
 def joint_angles(x, y):
-    """Angles of shoulder and elbow (relative) that put the tool there, elbow down."""
+    """Return angles of shoulder and elbow (relative) for a position of the tool, elbow down."""
     elbow = np.arccos((x**2 + y**2 - UPPER**2 - FORE**2) / (2 * UPPER * FORE))
     return np.array([np.arctan2(y, x) - np.arctan2(FORE * np.sin(elbow), UPPER + FORE * np.cos(elbow)), elbow])
 
 
 def reference(time, step=1e-4):
-    """Angles, speeds and accelerations of the joints on the path, the latter two by central differences."""
+    """Return angles, speeds and accelerations of the joints on the path, the latter two by central differences."""
     before, now, after = (joint_angles(*path(t)) for t in (time - step, time, time + step))
     return now, (after - before) / (2 * step), (after - 2 * now + before) / step**2
 
 
 def computed_torque(time, measured):
-    """Torques of shoulder and elbow, N m, shape (realisation, 2), from angles and speeds, shape (realisation, 4)."""
+    """Return torques of shoulder and elbow, N m, shape (realisation, 2), from angles and speeds (realisation, 4)."""
     shoulder, elbow, shoulder_speed, elbow_speed = measured.T
     angles, speeds, wanted = reference(time)
     acceleration = wanted + DAMPING * (speeds - measured[:, 2:]) + STIFFNESS * (angles - measured[:, :2])
     m1, m2, m3 = NOMINAL.values()
-    # moments of inertia and of mass, about the joints, of uniform links and a payload that is a point
+    # moments of inertia and first moments of mass about the joints, for uniform links and a point payload
     own, tip, coupled = (m1 / 3 + m2 + m3) * UPPER**2, (m2 / 3 + m3) * FORE**2, (m2 / 2 + m3) * UPPER * FORE
     lift_1, lift_2 = (m1 / 2 + m2 + m3) * UPPER * GRAVITY, (m2 / 2 + m3) * FORE * GRAVITY
     mixed = tip + coupled * np.cos(elbow)
@@ -111,7 +112,7 @@ controller = uqmbd.Controller(
     initial=dict(zip(("shoulder", "elbow"), computed_torque(0.0, np.array([[first, second, 0, 0]]))[0], strict=True)),
 )
 mechanism.add(controller)
-# a motor on the upper arm turns the forearm, and is turned back by it
+# a motor on the upper arm turns the forearm, which reacts on the upper arm
 mechanism.add(Torque("shoulder_motor", upper, controller.command("shoulder") - controller.command("elbow")))
 mechanism.add(Torque("elbow_motor", fore, controller.command("elbow")))
 
@@ -119,7 +120,7 @@ cosine, sine = sympy.cos(phase(uqmbd.t)), sympy.sin(phase(uqmbd.t))
 outwards, forwards = sympy.Matrix([cosine, sine]), sympy.Matrix([-sine, cosine])
 miss = payload.position - sympy.Matrix(CENTRE) - RADIUS * outwards
 mechanism.output("path_error", 1000 * miss.dot(outwards), units="mm")  # across the path, outwards
-mechanism.output("lead", 1000 * miss.dot(forwards), units="mm")  # along the path, ahead of where it should be
+mechanism.output("lead", 1000 * miss.dot(forwards), units="mm")  # along the path, ahead of the commanded position
 mechanism.output("shoulder_torque", controller.command("shoulder"), units="N m")
 mechanism.output("elbow_torque", controller.command("elbow"), units="N m")
 

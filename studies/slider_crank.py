@@ -1,8 +1,8 @@
-"""Slider-crank with random link lengths.
+"""A slider-crank with random link lengths, driven by a torque: mean and spread of its motion by all methods.
 
-Crank 0.15 m and rod 0.35 m, both slender, slider on the x axis, gravity along -y, the crank at 45 degrees and at rest;
-a torque of 0.1 N m drives it against a viscous damping of 0.005 N m s.
-Crank and rod length are normal with a standard deviation of 2 %; the masses are fixed, so inertias follow the lengths.
+Crank 0.15 m and rod 0.35 m are slender.  The slider moves on the x axis; gravity acts along -y.  The crank starts at 45
+degrees and at rest.  A torque of 0.1 N m drives it against a viscous damping of 0.005 N m s.  Crank and rod length are
+normal with a standard deviation of 2 %.  The masses are fixed, so the inertias depend on the lengths.
 """
 
 import chaospy

@@ -1,16 +1,16 @@
-"""How the order of an expansion changes what the integrator meets: stiffness, singularity, and the trust in the result.
+"""The slider-crank by Galerkin at orders 0 to 6: a higher order does not make the projected equations stiffer.
 
-The study is the slider-crank with Galerkin at orders 0 to 6.  Run as a script it prints one table for it, and with
-``--agile-eye`` one for the Agile Eye too::
+Run as a script it prints a table of stiffness, singularity and accuracy for each order.  With ``--agile-eye`` it also
+prints one for the Agile Eye::
 
     OMP_NUM_THREADS=1 python studies/stiffness.py [--orders 6] [--agile-eye]
 
-Spectra are those of the index-1 equations of motion, linearised on the constraint manifold.  With an orthonormal basis
-N of the null space of the (projected) constraint Jacobian C at a state, nearby states have coordinates
-``u = N^T (q - q0)`` and ``w = N^T (v - v0)``; to first order ``dq = N du`` and ``dv = N dw + L du``, where
-``C L = -(C v)_q N`` keeps the velocity constraints.  Their equations are ``u' = w, w' = N^T a(q, v, t)``.  C and
-``(C v)_q`` are exact; the accelerations are differentiated along these directions by central differences.  A
-realisation is the same with one node and one term.  Auxiliary states are held.
+Spectra are those of the index-1 equations of motion, linearised on the constraint manifold.  Let N be an orthonormal
+basis of the null space of the (projected) constraint Jacobian C at a state.  Nearby states have the coordinates
+``u = N^T (q - q0)`` and ``w = N^T (v - v0)``.  To first order ``dq = N du`` and ``dv = N dw + L du``, where
+``C L = -(C v)_q N`` preserves the velocity constraints.  The equations are ``u' = w, w' = N^T a(q, v, t)``.  C and
+``(C v)_q`` are exact; central differences approximate the derivatives of the accelerations along these directions.  A
+realisation is the special case of one node and one term.  Auxiliary states are constant.
 """
 
 import argparse
@@ -33,9 +33,9 @@ Array = NDArray[np.float64]
 
 ORDERS = 6
 PROBES = 5
-"""States along the motion whose spectra are computed."""
+"""Number of states along the motion at which spectra are computed."""
 STEP = 1e-5
-"""Of the central differences, over the size of a coordinate or velocity."""
+"""Step of the central differences, relative to the magnitude of a coordinate or velocity."""
 
 study = uqmbd.Study(
     "stiffness",
@@ -59,7 +59,7 @@ class Spectra:
 def projection(
     of: uqmbd.Study, order: int
 ) -> tuple[uqmbd.extend.ProjectedEnsemble, list[uqmbd.extend.ProjectedEnsemble]]:
-    """Set up the projected equations of an order, and each realisation at their nodes alone."""
+    """Return the projected equations of an order, and a separate system for each realisation at their nodes."""
     problem = of.problem(Galerkin(order=order))
     space = uqmbd.extend.GermSpace.of(problem.inputs, "rosenblatt")
     rule = uqmbd.extend.gauss_tensor(space, order + 1)
@@ -71,7 +71,7 @@ def projection(
 
 
 def tangent(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: float) -> tuple[Array, Array]:
-    """Directions along the constraints at a state: N and L of the module's text, shape (coordinates, freedom)."""
+    """Return directions along the constraints at a state: N and L of the module docstring, (coordinates, freedom)."""
     where, count = projected.model.layout.slices, projected.terms
     _, multipliers, _ = projected.accelerations(state, time)
     unknowns = projected.ensemble.pack(*projected.split(state), multipliers)
@@ -92,7 +92,7 @@ def tangent(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: float
 
 
 def spectrum(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: float) -> NDArray[np.complex128]:
-    """Eigenvalues of the linearised equations of motion on the constraint manifold, 1/s."""
+    """Return eigenvalues of the linearised equations of motion on the constraint manifold, 1/s."""
     layout = projected.model.layout
     free, count = layout.free, projected.terms
     velocities = layout.coordinates + layout.states + free
@@ -100,7 +100,7 @@ def spectrum(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: floa
     freedom = null.shape[1]
 
     def along(dq: Array, dv: Array) -> Array:
-        """Differentiate the accelerations, in tangent coordinates."""
+        """Differentiate the accelerations in tangent coordinates."""
         both = []
         for sign in (1.0, -1.0):
             moved = state.copy()
@@ -118,7 +118,7 @@ def spectrum(projected: uqmbd.extend.ProjectedEnsemble, state: Array, time: floa
 
 
 def spectra(parts: list[uqmbd.extend.ProjectedEnsemble], times: Array) -> Spectra:
-    """Magnitudes of eigenvalues along the motions of some systems, extremes over all of them."""
+    """Return extreme magnitudes of eigenvalues along the motions, over all systems."""
     probes = np.linspace(0, len(times) - 1, PROBES + 1).astype(int)[1:]
     found: list[Array] = []
     for part in parts:
@@ -129,7 +129,7 @@ def spectra(parts: list[uqmbd.extend.ProjectedEnsemble], times: Array) -> Spectr
 
 
 def horizon(node: xr.DataTree, limit: float) -> str:
-    """Until when the stated error of all outputs is below a part of their standard deviation."""
+    """Return the time until which the stated error of all outputs is below a share of their standard deviation."""
     if node["chaos"].sizes["term"] == 1:
         return "-"
     ends = PolynomialChaos.from_dataset(node["chaos"].to_dataset()).horizon(limit).values()
@@ -138,7 +138,7 @@ def horizon(node: xr.DataTree, limit: float) -> str:
 
 
 def row(of: uqmbd.Study, order: int) -> tuple[str, ...]:
-    """Everything about one order."""
+    """Return the row of one order."""
     explicit = of.propagate(Galerkin(order=order, integrator="dop853"))
     implicit = of.propagate(Galerkin(order=order, integrator="ida", verify=0))
     whole, alone = projection(of, order)
@@ -173,14 +173,14 @@ COLUMNS = (
 CAPTION = (
     "Steps, evaluations and iterations (of the coupled accelerations, per system): explicit integrator. Residuals, "
     "factorisations and Krylov products: IDA. Singular value: the smallest of the projected constraint Jacobian, and "
-    "of all nodes, over time. Constraints: largest root of E[|Phi|^2]. Top order: its largest share in the variance of "
-    "the coordinates. The last two: until when the stated error stays below 1 % and 10 % of the standard deviation of "
-    "every output."
+    "of all nodes, over time. Constraints: largest root of E[|Phi|^2]. Top order: its largest share of the variance of "
+    "the coordinates. Last two columns: time until which the stated error stays below 1 % and 10 % of the standard "
+    "deviation of every output."
 )
 
 
 def table(of: uqmbd.Study, orders: int) -> Table:
-    """Diagnostics of a study over the orders."""
+    """Return diagnostics of a study by order."""
     found = Table(title=f"{of.mechanism.name}, {of.times[-1]:g} s", caption=CAPTION, caption_justify="left")
     for column in COLUMNS:
         found.add_column(column, justify="right")
@@ -193,11 +193,11 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--orders", type=int, default=ORDERS, help=f"highest order (default {ORDERS})")
-    parser.add_argument("--agile-eye", action="store_true", help="the Agile Eye too")
+    parser.add_argument("--agile-eye", action="store_true", help="add the Agile Eye")
     options = parser.parse_args()
     console = Console(width=180)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what they say stands in the last columns
+        warnings.simplefilter("ignore", UserWarning)  # the last columns show these errors
         console.print(table(study, options.orders))
         if options.agile_eye:
             import agile_eye

@@ -1,9 +1,9 @@
-"""Double wishbone suspension with uncertain hard points: camber and half track over wheel travel.
+"""A double wishbone suspension with uncertain hard points: spread of camber and half track over wheel travel.
 
-The right wheel, seen from the front, x outwards and y upwards, m.  The lower arm turns about (0.25, 0.20) on the
-chassis, the upper one about (0.32, 0.40); their ball joints lie 120 mm below and 130 mm above the wheel's centre on the
-upright.  Lengths of the arms have a standard deviation of 0.5 mm, the height of the upper pivot one of 1 mm.  The wheel
-is moved from 60 mm in rebound to 60 mm in bump, so the outputs are those of the geometry alone.
+The view is of the right wheel from the front, x outwards and y upwards, m.  The lower arm rotates about (0.25, 0.20) on
+the chassis, the upper arm about (0.32, 0.40).  Their ball joints on the upright are 120 mm below and 130 mm above the
+wheel centre.  The lengths of the arms have a standard deviation of 0.5 mm, the height of the upper pivot one of 1 mm.
+The wheel moves from 60 mm in rebound to 60 mm in bump, so the outputs depend on the geometry only.
 
 Camber is negative where the top of the wheel leans inwards.
 """
@@ -22,9 +22,9 @@ from uqmbd_montecarlo import MonteCarlo
 CENTRE = (0.70, 0.30)
 LOWER_PIVOT, UPPER_PIVOT = (0.25, 0.20), (0.32, 0.40)
 LOWER_BALL, UPPER_BALL = (-0.08, -0.12), (-0.13, 0.13)
-"""Ball joints on the upright, from the wheel's centre."""
+"""Ball joints on the upright, relative to the wheel centre."""
 PATCH = (0.03, -0.30)
-"""Contact patch, from the wheel's centre."""
+"""Contact patch, relative to the wheel centre."""
 TRAVEL = 0.06
 
 LOWER_LENGTH, UPPER_LENGTH = (

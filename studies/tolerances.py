@@ -1,12 +1,12 @@
-"""Four-bar linkage with toleranced sizes: which of them has to be made better, so that 99 of 100 do their work.
+"""A four-bar linkage with toleranced lengths: the share that violates its limits, and tolerances that reduce it to 1 %.
 
-A crank of 40 mm turns once in a second and drives a rocker of 80 mm by a coupler of 120 mm, on a frame of 100 mm.
-Their lengths are drilled distances with limits of 0.10 to 0.15 mm to either side and a capability of 1.  The coupler
-carries a roller, 20 h11, whose lower edge has to stay 30.6 mm above the frame; the rocker must not swing beyond 128.75
-degrees.
+A crank of 40 mm turns once in a second.  A coupler of 120 mm drives a rocker of 80 mm, on a frame of 100 mm.
+The lengths are drilled distances with limits of 0.10 to 0.15 mm on either side and a capability of 1.  The coupler
+carries a roller, 20 h11.  Two limits apply: the lower edge of the roller stays 30.6 mm above the frame, and the rocker
+does not swing beyond 128.75 degrees.
 
-`uqmbd run studies/tolerances.py` says how many linkages violate either.  `python studies/tolerances.py` says how the
-tolerances have to be allocated, so that one in a hundred does, where a better length costs the more the longer it is.
+`uqmbd run studies/tolerances.py` computes how many linkages violate either limit.  `python studies/tolerances.py`
+allocates the tolerances so that one in a hundred does, where the cost of a tolerance grows with the nominal length.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ from uqmbd_reliability import allocate
 
 
 def length(name, nominal, width):
-    """Make a drilled distance."""
+    """Return a drilled distance."""
     return uqmbd.RandomVariable(name, uqmbd.tolerance(nominal, width, width, cpk=1), units="m")
 
 
@@ -31,7 +31,7 @@ rocker_length = length("rocker", 0.080, 0.00012)
 frame_length = length("frame", 0.100, 0.00015)
 roller = uqmbd.RandomVariable("roller", uqmbd.iso286(0.020, "h11", cpk=1, units="m"), units="m")
 
-# the drawn pose: crank along the frame, the joint of coupler and rocker above it, for all lengths
+# the drawn pose for all lengths: crank along the frame, joint of coupler and rocker above it
 rest = frame_length - crank_length
 coupler_angle = sympy.acos((coupler_length**2 + rest**2 - rocker_length**2) / (2 * coupler_length * rest))
 joint_x = crank_length + coupler_length * sympy.cos(coupler_angle)
@@ -68,7 +68,7 @@ study = uqmbd.Study(
 
 ALLOWED = 0.01
 COSTS = {"crank": 1.0, "rocker": 1.5, "frame": 2.0, "coupler": 2.5, "roller": 0.5}
-"""Of half a width of 0.1 mm; half of it costs twice as much: long distances are expensive, a ground roller is not."""
+"""Costs at a half width of 0.1 mm; halving it doubles them. Long distances are expensive, a ground roller is not."""
 
 if __name__ == "__main__":
     print(allocate(study, None, ALLOWED, cost={name: 1e-4 * price for name, price in COSTS.items()}))

@@ -1,4 +1,4 @@
-"""Write the animation of the README: the slider-crank with 25 realisations, and the bands of its slider's position.
+"""Write the animation of the README: a slider-crank with 25 realisations, and bands of the position of its slider.
 
 ``python studies/pictures/readme.py docs/slider_crank.gif`` takes about a minute.
 """
@@ -23,7 +23,7 @@ FRAMES, SECONDS, COLOURS, DPI = 50, 4.0, 48, 100
 
 
 def mechanism() -> list[Image.Image]:
-    """Draw the mechanism at each time, with a cloud of realisations."""
+    """Draw the mechanism with its realisations at each time."""
     motion = uqmbd.report.motion(study, samples=25, frames=FRAMES)
     with tempfile.TemporaryDirectory() as folder:
         film = uqmbd.report.animate(motion, Path(folder, "film.gif"), seconds=SECONDS, width=5.4)
@@ -31,7 +31,7 @@ def mechanism() -> list[Image.Image]:
 
 
 def bands(height: int) -> list[Image.Image]:
-    """Draw the bands, with a line at each time."""
+    """Draw the bands with a cursor at each time."""
     tree = study.with_propagators([MonteCarlo(samples=500, seed=1)]).run()
     pictures = []
     with plt.rc_context({"font.size": 8}):
@@ -54,7 +54,7 @@ def bands(height: int) -> list[Image.Image]:
 
 
 def main(target: Path) -> None:
-    """Write both, next to each other, as an animated GIF."""
+    """Write mechanism and bands, next to each other, as an animated GIF."""
     left = mechanism()
     right = bands(left[0].height)
     frames = []

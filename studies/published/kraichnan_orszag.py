@@ -1,36 +1,37 @@
-"""The Kraichnan-Orszag problem as what it is: a free rigid body that turns near its middle axis.
+"""The Kraichnan-Orszag problem as a free rigid body near its middle axis: aligned elements stay accurate over time.
 
-The Kraichnan-Orszag problem is the test of polynomial chaos over long times: three equations without damping,
+The Kraichnan-Orszag problem is a standard test of polynomial chaos over long times: three equations without damping,
 
     y1' = y1 y3,    y2' = -y2 y3,    y3' = y2^2 - y1^2,
 
 from y = (1, 0.1 xi, 0), xi ~ Uniform(-1, 1) (X. Wan and G. E. Karniadakis, Journal of Computational Physics 209 (2005)
 617-642).  With z1 = (y1 + y2) / sqrt(2), z2 = (y1 - y2) / sqrt(2), z3 = y3 they read
 
-    z1' = z2 z3,    z2' = z1 z3,    z3' = -2 z1 z2,
+    z1' = z2 z3,    z2' = z1 z3,    z3' = -2 z1 z2.
 
-which are the equations of Euler of a free body with principal moments of inertia A < B < C,
+These are the Euler equations of a free body with principal moments of inertia A < B < C,
 
     A wa' = (B - C) wb wc,    B wb' = (C - A) wc wa,    C wc' = (A - B) wa wb,
 
-in other units of the rates: z1 = sa wa, z2 = sc wc, z3 = -sb wb fulfil them if sa (C - B) / A = sb sc,
+with scaled rates.  z1 = sa wa, z2 = sc wc, z3 = -sb wb satisfy them if sa (C - B) / A = sb sc,
 sc (B - A) / C = sa sb and sb (C - A) / B = 2 sa sc, so that
 
     sa^2 = (B - A) (C - A) / (2 B C),    sb^2 = (C - B) (B - A) / (A C),    sc^2 = (C - B) (C - A) / (2 A B).
 
-Any body with three different moments of inertia will do.  Here it is a sheet of paper of the A series: a uniform
-plate whose sides are as sqrt(2) to 1 has A : B : C = 1 : 2 : 3, the middle axis is parallel to the short side, and
-sa^2 = 1 / 6, sb^2 = 1 / 3, sc^2 = 1 / 2.
+Any body with three different moments of inertia is suitable.  This study uses a sheet of paper of the A series.  A
+uniform plate with sides in the ratio sqrt(2) to 1 has A : B : C = 1 : 2 : 3.  The middle axis is parallel to the short
+side, and sa^2 = 1 / 6, sb^2 = 1 / 3, sc^2 = 1 / 2.
 
 For xi = 0 the body approaches the steady rotation about the middle axis, and never leaves it (y3 = -tanh t).  On either
-side it turns over again and again, about its long side (xi > 0) or about its normal (xi < 0), and the time that this
-takes grows like -log |xi|: a separatrix lies in the middle of the inputs.  With h = 0.1 |xi|, u = (1 + h) t and
-m = ((1 - h) / (1 + h))^2 the exact solution is, in elliptic functions of Jacobi,
+side it turns over repeatedly, about its long side (xi > 0) or about its normal (xi < 0).  The period grows like
+-log |xi|: a separatrix divides the range of the input at its middle.  With h = 0.1 |xi|, u = (1 + h) t and
+m = ((1 - h) / (1 + h))^2 the exact solution in Jacobi elliptic functions is
 
     y1 = ((1 + h) dn u + (1 - h) cn u) / 2,    y2 = +-((1 + h) dn u - (1 - h) cn u) / 2,    y3 = -(1 - h) sn u.
 
-An expansion at equal times fails after some seconds, in many elements later.  At equal phase of the oscillation of y3,
-in elements that get smaller towards the separatrix, the statistics hold to t = 100 and beyond.
+An expansion at equal times fails after some seconds; many elements only delay the failure.  An expansion at equal phase
+of the oscillation of y3 uses elements that become smaller towards the separatrix.  Its statistics stay accurate to
+t = 100 and beyond.
 """
 
 import chaospy
@@ -46,7 +47,7 @@ SCALE_A = np.sqrt((B - A) * (C - A) / (2 * B * C))
 SCALE_B = np.sqrt((C - B) * (B - A) / (A * C))
 SCALE_C = np.sqrt((C - B) * (C - A) / (2 * A * B))
 OFFSET = 0.1
-"""Of y2 at the start, for xi = 1."""
+"""Initial value of y2 for xi = 1."""
 
 
 def body_rates(y1, y2, y3):
@@ -65,7 +66,7 @@ def exact(times, xi):
 
 
 def reference(times, halvings=30, points=48):
-    """Return mean and standard deviation (3, T) of the exact solution, by Gauss rules in parts that halve towards 0."""
+    """Return mean and standard deviation (3, T) of the exact solution, by Gauss rules on parts halving towards 0."""
     ends = 2.0 ** np.arange(-halvings, 1)
     nodes, weights = np.polynomial.legendre.leggauss(points)
     half = np.diff(ends)[:, None] / 2

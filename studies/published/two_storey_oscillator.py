@@ -1,17 +1,18 @@
-"""The frame of two storeys of Yuen: which stiffnesses gave these frequencies and mode shapes.
+"""A frame of two storeys after Yuen: its stiffnesses calibrated from measured frequencies and mode shapes.
 
-Two masses of 1 stand on each other; the stiffness matrix is [[k1 + k2, -k2], [-k2, k2]].  Before, k1 is uniform between
-0.8 and 2.2, k2 between 0.4 and 1.2.  Measured five times are the first eigenvalue (squared angular frequency) with a
-standard deviation of 0.0191, and the ratio of the storeys in the first mode with one of 0.0809.  The case is an example
-of quoFEM, too (Yuen, Bayesian Methods for Structural Dynamics and Civil Engineering, Wiley 2010).
+Two masses of 1 stand on each other; the stiffness matrix is [[k1 + k2, -k2], [-k2, k2]].  The prior of k1 is uniform
+between 0.8 and 2.2, that of k2 between 0.4 and 1.2.  Two quantities are measured five times.  The first eigenvalue
+(squared angular frequency) has a standard deviation of 0.0191; the ratio of the storeys in the first mode has one of
+0.0809.  The case is also an example of quoFEM (Yuen, Bayesian Methods for Structural Dynamics and Civil Engineering,
+Wiley 2010).
 
 | | k1 | k2 | correlation |
 |---|---|---|---|
 | on a grid | 1.0086 +- .0264 | .9907 +- .0416 | .008 |
 | here, 107 realisations | 1.0084 +- .0264 | .9903 +- .0415 | .012 |
 
-Run with ``uqmbd run studies/published/two_storey_oscillator.py``: the second frequency, which nobody measured, before
-and after.
+Run with ``uqmbd run studies/published/two_storey_oscillator.py``.  It predicts the second frequency, which is not
+measured, from the prior and from the posterior.
 """
 
 import chaospy
@@ -28,7 +29,7 @@ RATIOS = (1.68245252, 1.71103903, 1.57876073, 1.58722342, 1.61878479)
 
 
 def frame() -> uqmbd.Mechanism:
-    """Make the frame."""
+    """Return the frame."""
     k1 = uqmbd.RandomVariable("k1", chaospy.Uniform(0.8, 2.2), units="N/m")
     k2 = uqmbd.RandomVariable("k2", chaospy.Uniform(0.4, 1.2), units="N/m")
     mechanism = uqmbd.Mechanism("two storeys", uqmbd.Line())

@@ -1,8 +1,8 @@
-"""The undamped oscillator of Gayton, and of Echard, Gayton and Lemaire: how probably it goes too far.
+"""The undamped oscillator of Gayton, Echard and Lemaire: the small probability that its displacement exceeds a limit.
 
-A mass m hangs between two springs, c1 and c2, at rest; a force F1 pushes from t = 0 to t1, then none.  It must not go
-farther than 3 r, at any time.  Six normal inputs: m (1, 0.05), c1 (1, 0.1), c2 (0.1, 0.01), r (0.5, 0.05), t1 (1, 0.2)
-and F1 (1, 0.2), mean and standard deviation.  With w^2 = (c1 + c2) / m it swings as far as
+A mass m rests between two springs, c1 and c2.  A force F1 pushes it from t = 0 to t1, and then stops.  The displacement
+must not exceed 3 r at any time.  Six inputs are normal: m (1, 0.05), c1 (1, 0.1), c2 (0.1, 0.01), r (0.5, 0.05), t1 (1,
+0.2) and F1 (1, 0.2), mean and standard deviation.  With w^2 = (c1 + c2) / m the amplitude is
 2 F1 / (m w^2) |sin(w t1 / 2)|.
 
 | source | probability | realisations |
@@ -13,14 +13,16 @@ and F1 (1, 0.2), mean and standard deviation.  With w^2 = (c1 + c2) / m it swing
 | closed form, by quadrature | 2.8596e-2 | |
 | here, with the motion integrated | 2.92e-2, standard error 0.14e-2, 95 % interval 2.63e-2 to 3.24e-2 | 1,428 |
 
-Smaller forces make it rarer.  The closed form is computed by quadrature: given the stiffness, the mass and t1 the
-margin is linear in r and F1, so its probability is Phi; a Gauss-Legendre rule of 96^3 nodes within 8.5 deviations
-integrates it over the three (48^3 differ in the seventh digit; importance sampling of the six inputs agrees within
-0.2 %, 1.5 of its standard errors).  Errors (root mean square and largest), the share of intervals that hold the
-probability, and realisations (median and most) are of 200 seeds of `Reliability`'s algorithm on the closed form.  The
-mechanism integrates the motion; its margins differ from the closed form by 4e-6 m at most.
+Smaller forces make the event rarer.  Quadrature evaluates the closed form: for a given stiffness, mass and t1 the
+margin is linear in r and F1, so its probability is Phi.  A Gauss-Legendre rule of 96^3 nodes within 8.5 deviations
+integrates it over these three.  The result of 48^3 nodes differs in the seventh digit.  Importance sampling of the six
+inputs agrees within 0.2 %, 1.5 of its standard errors.
 
-| F1 | probability | error | largest | held | realisations | mechanism, seeds 1 to 4; errors |
+The second table applies the algorithm of `Reliability` to the closed form with 200 seeds.  It lists the error (root
+mean square and largest), the share of intervals that contain the probability, and the realisations (median and
+largest).  The mechanism integrates the motion; its margins differ from the closed form by at most 4e-6 m.
+
+| F1 | probability | error | largest | contained | realisations | mechanism, seeds 1 to 4; errors |
 |---|---|---|---|---|---|---|
 | 0.45, 0.075 | 1.5144e-08 | 4.8% | 15% | 96.0% | 2381, 3000 | 1.437, 1.498, 1.501, 1.481 e-08; -5%, -1%, -1%, -2% |
 | 0.5, 0.0833 | 1.8083e-07 | 5.2% | 14% | 93.0% | 2132, 3000 | 1.810, 1.754, 1.915, 1.956 e-07; +0%, -3%, +6%, +8% |
@@ -29,7 +31,7 @@ mechanism integrates the motion; its margins differ from the closed form by 4e-6
 | 0.8, 0.16 | 2.4173e-03 | 4.9% | 13% | 95.5% | 1364, 2659 | 2.329, 2.589, 2.487, 2.272 e-03; -4%, +7%, +3%, -6% |
 | 1, 0.2 | 2.8596e-02 | 4.9% | 16% | 95.0% | 1128, 1941 | 2.918, 2.750, 2.848, 2.780 e-02; +2%, -4%, -0%, -3% |
 
-Run with ``uqmbd run studies/published/undamped_oscillator.py``; ``python studies/published/undamped_oscillator.py
+Run with ``uqmbd run studies/published/undamped_oscillator.py``.  ``python studies/published/undamped_oscillator.py
 [SEEDS] [SEEDS OF THE MECHANISM]`` computes the second table.
 """
 
@@ -50,7 +52,7 @@ TIMES = np.linspace(0, 8, 81)
 
 
 def oscillator(mean_force=1.0, deviation=0.2):
-    """Return the mechanism, with its requirement."""
+    """Return the mechanism with its requirement."""
 
     def normal(name, mean, std, units):
         return uqmbd.RandomVariable(name, chaospy.Normal(mean, std), units=units)
@@ -74,22 +76,22 @@ def margin(values):
 
 
 def probability(mean_force=1.0, deviation=0.2, points=96, reach=8.5):
-    """Return the probability of the closed form, by quadrature over stiffness, mass and t1."""
+    """Return the probability of the closed form by quadrature over stiffness, mass and t1."""
     nodes, weights = np.polynomial.legendre.leggauss(points)
     z = reach * nodes
     weights = reach * weights * norm.pdf(z)
     stiffness, mass, end = np.meshgrid(1.1 + np.hypot(0.1, 0.01) * z, 1 + 0.05 * z, 1 + 0.2 * z, indexing="ij")
-    travel = np.abs(2 / stiffness * np.sin(np.sqrt(stiffness / mass) * end / 2))  # for a force of one
+    travel = np.abs(2 / stiffness * np.sin(np.sqrt(stiffness / mass) * end / 2))  # for a unit force
     beyond = ndtr((mean_force * travel - 3 * 0.5) / np.hypot(3 * 0.05, deviation * travel))
     return float(np.einsum("i,j,k,ijk->", weights, weights, weights, beyond))
 
 
 FORCES = ((0.45, 0.075), (0.5, 0.5 / 6), (0.55, 0.55 / 6), (0.6, 0.1), (0.8, 0.16), (1.0, 0.2))
-"""Means and deviations of F1."""
+"""Means and standard deviations of F1."""
 
 
 def compared(mean_force, deviation, seeds, mechanism_seeds):
-    """Return a row: the truth, many seeds on the closed form, and few on the mechanism."""
+    """Return a table row: true probability, many seeds with the closed form, and a few with the mechanism."""
     from uqmbd_reliability.analysis import analyse
 
     truth = probability(mean_force, deviation)
@@ -119,7 +121,7 @@ def compared(mean_force, deviation, seeds, mechanism_seeds):
         requirements = node.children["requirements"].to_dataset()
         low, high = requirements["interval"].values[0]
         value = requirements["violation_probability"].item()
-        inside = "" if low <= truth <= high else " (not held)"
+        inside = "" if low <= truth <= high else " (not contained)"
         cells.append(f"{value:.3e} {value / truth - 1:+.0%}, {node.attrs['realisations']}{inside}")
     return "| " + " | ".join(cells) + " |"
 

@@ -1,13 +1,13 @@
-"""Make the records of a double pendulum in this folder, by the engine Exudyn, which shares no code with uqmbd.
+"""Generate the records of a double pendulum in this folder with the engine Exudyn, which shares no code with uqmbd.
 
-Two rods hang below each other and are released from rest.  Dampers act in both pivots; in one record dry friction acts
-in the upper pivot, too.  Measured are the angle of the upper rod against the vertical and the angle between the rods,
-20 times a second for 10 s, with independent normal errors.  Exudyn integrates in redundant coordinates with Lagrange
-multipliers, by the generalised-alpha method with steps of 0.1 ms; halving the steps changes no angle by more than
-1e-5 rad, which the script requires.
+Two rods hang below each other and start from rest.  Dampers act in both pivots; in one record dry friction also acts in
+the upper pivot.  The records contain the angle of the upper rod against the vertical and the angle between the rods.
+The sampling rate is 20 times a second for 10 s, with independent normal errors.  Exudyn integrates redundant
+coordinates with Lagrange multipliers by the generalised-alpha method with steps of 0.1 ms.  The script requires that
+halving the steps changes no angle by more than 1e-5 rad.
 
-Run with ``python make_pendulum.py`` where ``pip install exudyn`` was done; the README of this folder says with which
-version the records were made.
+Run ``python make_pendulum.py`` after ``pip install exudyn``.  The README of this folder states the version that
+generated the records.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from exudyn.itemInterface import (
 )
 
 GRAVITY = 9.81
-LENGTHS, MASSES, INERTIAS = (0.4, 0.3), (0.8, 0.55), (0.0107, 0.0042)  # m, kg, kg m^2 about the middle of each rod
+LENGTHS, MASSES, INERTIAS = (0.4, 0.3), (0.8, 0.55), (0.0107, 0.0042)  # m, kg, kg m^2 about the centre of each rod
 DAMPINGS = (0.015, 0.005)  # N m s, of the upper and the lower pivot
 ANGLES = (0.9, 0.5)  # rad against the vertical, at release
 FRICTION = 0.04  # N m, dry, in the upper pivot, in the second record
@@ -40,7 +40,7 @@ RECORDS = {"double_pendulum": (0.0, 19), "double_pendulum_with_friction": (FRICT
 
 
 def swing(friction: float, steps: int) -> np.ndarray:
-    """Angles of both rods against the vertical at the times, shape (T, 2), with a number of steps between two times."""
+    """Return angles of both rods against the vertical, shape (T, 2), with a number of steps per output time."""
     container = exudyn.SystemContainer()
     system = container.AddSystem()
     ground = system.AddNode(NodePointGround())
@@ -94,7 +94,7 @@ def swing(friction: float, steps: int) -> np.ndarray:
 
 
 def main() -> None:
-    """Write the records beside this script."""
+    """Write the records to the folder of this script."""
     folder = Path(__file__).parent
     for name, (friction, seed) in RECORDS.items():
         exact, finer = swing(friction, 500), swing(friction, 1000)
