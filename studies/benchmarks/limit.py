@@ -41,7 +41,7 @@ from measure import console, table_of
 
 import uqmbd
 from uqmbd.compiled import Kernel, addresses_of, kernel, object_code
-from uqmbd.compiled.explicit import Realisations
+from uqmbd.compiled.explicit import IntegrationState
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd_montecarlo import MonteCarlo
 
@@ -175,14 +175,14 @@ class Phases:
     @contextmanager
     def watched(self) -> Iterator[None]:
         """Tell the parts of an integration apart."""
-        kept = {name: getattr(Realisations, name) for name in ("advance", "project")}
+        kept = {name: getattr(IntegrationState, name) for name in ("advance", "project")}
         for name, method in kept.items():
-            setattr(Realisations, name, self._timed(name, method))
+            setattr(IntegrationState, name, self._timed(name, method))
         try:
             yield
         finally:
             for name, method in kept.items():
-                setattr(Realisations, name, method)
+                setattr(IntegrationState, name, method)
 
     def _timed(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any, **options: Any) -> Any:

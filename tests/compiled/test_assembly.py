@@ -6,18 +6,18 @@ import symengine as se
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from uqmbd.compiled import Equations, Gradients, Turns, Writer, compile_kernel
+from uqmbd.compiled import EquationPrograms, Gradients, ProgramWriter, RotationCoordinates, compile_kernel
 
 NONE = np.zeros(0, dtype=np.int64)
-STILL = Turns(np.zeros((0, 0), dtype=np.int64), NONE, 0)
+STILL = RotationCoordinates(np.zeros((0, 0), dtype=np.int64), NONE, 0)
 
 
 def linear(pattern, certain, solved=None):
     """Equations ``A x + b = 0`` whose entries and values are arguments: x, then the entries, then b."""
     rows, columns = np.nonzero(pattern)
     equations, unknowns = pattern.shape
-    writer = Writer(unknowns + len(rows) + equations)
-    return Equations(
+    writer = ProgramWriter(unknowns + len(rows) + equations)
+    return EquationPrograms(
         program=writer.program(NONE),
         values=unknowns + len(rows) + np.arange(equations),
         gradients=Gradients(rows, columns, unknowns + np.arange(len(rows)), np.ones(len(rows))),
@@ -108,10 +108,10 @@ def spheres():
     x = [se.Symbol(f"_x{k}") for k in range(6)]
     values = [sum(e * e for e in x[:3]) - 1, sum(e * e for e in x[3:]) - 1]
     kernel = compile_kernel(x, [*values, *(2 * e for e in x)])
-    writer = Writer(6)
+    writer = ProgramWriter(6)
     results = writer.call(kernel, np.arange(6)[None]).ravel()
     gradients = Gradients(np.repeat([0, 1], 3), np.arange(6), results[2:], np.ones(6))
-    return Equations(writer.program(NONE), results[:2], gradients, np.arange(2), 2, 6, 1e-9)
+    return EquationPrograms(writer.program(NONE), results[:2], gradients, np.arange(2), 2, 6, 1e-9)
 
 
 @given(st.integers(1, 20), st.integers(0, 2**32 - 1))
@@ -140,7 +140,7 @@ def test_poses_that_want_a_decision_are_told_apart(spheres):
 
 def test_turns_are_bounded_and_brought_to_length_one(spheres):
     """Quaternions: the same, in steps of at most 0.3, each of which ends at length one."""
-    turns = Turns(np.array([[0, 1, 2], [3, 4, 5]]), np.ones(2, dtype=np.int64), 0)
+    turns = RotationCoordinates(np.array([[0, 1, 2], [3, 4, 5]]), np.ones(2, dtype=np.int64), 0)
     drawn = np.array([[3.0, 4, 0, 0, 0, 0.2]])
     found, undecided = spheres.close(turns, NONE, drawn, count=1)
     assert not undecided.any()

@@ -11,10 +11,19 @@ import symengine as se
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from uqmbd.compiled import CoupledSystems, Method, NodalSystems, Part, Realisations, Status, Writer, compile_kernel
+from uqmbd.compiled import (
+    CoupledSystems,
+    ExplicitOptions,
+    ExplicitStatus,
+    IntegrationState,
+    NodalSystems,
+    ProgramPart,
+    ProgramWriter,
+    compile_kernel,
+)
 from uqmbd.compiled.driver import address, aligned, driver
 
-NOTHING = Part((), 0)
+NOTHING = ProgramPart((), 0)
 
 
 def basis(random, nodes, terms):
@@ -138,7 +147,7 @@ def oscillators(seed, nodes, terms):
     random = np.random.default_rng(seed)
     psi, adjoint = basis(random, nodes, terms)
     p = random.uniform(1, 30, nodes)
-    writer = Writer(6)
+    writer = ProgramWriter(6)
     mass, force, rate = writer.call(
         compile_kernel([Q, S, V, T, ZERO, P], [1 + P / 400, -P * Q, Q]), np.arange(6)[None]
     ).ravel()
@@ -159,9 +168,9 @@ def oscillators(seed, nodes, terms):
 
 def integrated(systems, z, times, rtol, legs=((END, np.inf, False),), solved=0.01):
     systems.tolerances(solved * rtol, 1e-3)
-    method = Method(rtol, 1e-3, 4.0, 6.1, 15, 3, 20_000, guarded=False)
+    method = ExplicitOptions(rtol, 1e-3, 4.0, 6.1, 15, 3, 20_000, guarded=False)
     dynamics = systems.dynamics(2, np.array([0]), 3, constrained=False)
-    run = Realisations(dynamics, method, z, np.zeros((len(z), 0)), times, [legs], np.full(len(z), rtol))
+    run = IntegrationState(dynamics, method, z, np.zeros((len(z), 0)), times, [legs], np.full(len(z), rtol))
     run.advance()
     return run
 
@@ -183,7 +192,7 @@ def test_motion_of_coefficients(nodes, terms):
     systems, k, z = oscillators(terms, nodes, terms)
     times = np.linspace(0, END, 7)
     found = integrated(systems, z, times, 1e-9)
-    assert set(found.status[:8].tolist()) == {Status.DONE}
+    assert set(found.status[:8].tolist()) == {ExplicitStatus.DONE}
     assert np.abs(found.result - motion(k, z, times)).max() < 1e-7 * np.abs(z).max()
 
 

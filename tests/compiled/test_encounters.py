@@ -4,14 +4,14 @@ import numpy as np
 import symengine as se
 
 from uqmbd.compiled import (
-    Contacts,
+    ContactPrograms,
     Dynamics,
     Encounters,
-    Method,
-    Realisations,
-    Status,
+    ExplicitOptions,
+    ExplicitStatus,
+    IntegrationState,
+    ProgramWriter,
     Touching,
-    Writer,
     compile_kernel,
 )
 
@@ -21,12 +21,12 @@ END = 3.0
 
 def programs():
     """One coordinate, a contact where it is zero, and a mark where its velocity falls through zero."""
-    writer, state = Writer(5), np.arange(5)[None]
+    writer, state = ProgramWriter(5), np.arange(5)[None]
     (force,) = writer.call(compile_kernel([Q, V, T, ZERO, P], [P * T - 10]), state).ravel()
     motion = writer.part(0, 1)
     gap, speed, one = writer.call(compile_kernel([Q, V, T, ZERO, P], [Q, V, 1 + 0 * Q]), state).ravel()
     rows, nothing = writer.size, np.array([3])
-    contacts = Contacts(
+    contacts = ContactPrograms(
         first=np.array([0, 1, 1]),
         guards=writer.part(1),
         guard=np.array([gap, speed]),
@@ -53,8 +53,8 @@ def started(z, p, times, **changes):
         getattr(encounters, name)[:] = value
     given = dict(far=1e-3, surplus=4.0, stiff=6.1, patience=10**9, refusals=3, attempts=1000, guarded=False)
     legs = [[(END, END / 20, False)]]
-    method = Method(rtol=1e-10, **given)
-    run = Realisations(
+    method = ExplicitOptions(rtol=1e-10, **given)
+    run = IntegrationState(
         dynamics, method, z, np.array(p)[:, None], times, legs, np.full(len(z), 1e-10), contacts, encounters
     )
     run.advance()
@@ -67,7 +67,7 @@ def test_falls_are_stopped_on_the_ground_and_apexes_noted():
     resting = np.zeros((11, 4), dtype=np.int64)
     resting[:, 2] = speeds <= 0  # what does not rise at the start has no apex
     run, encounters = started(np.stack([heights, speeds], axis=1), np.zeros(11), times, resting=resting)
-    assert (run.status == Status.EVENT).all() and (encounters.happened == 0).all()
+    assert (run.status == ExplicitStatus.EVENT).all() and (encounters.happened == 0).all()
     landing = (speeds + np.sqrt(speeds**2 + 20 * heights)) / 10
     np.testing.assert_allclose(run.now, landing, rtol=1e-13)
     np.testing.assert_allclose(run.z[:, 1], speeds - 10 * landing, rtol=1e-12)
@@ -83,7 +83,7 @@ def test_contacts_last_until_their_force_vanishes():
     p = np.linspace(4, 20, 9)
     mode = np.tile([Touching.SMOOTH, Touching.OPEN], (9, 1))
     run, encounters = started(np.zeros((9, 2)), p, np.array([0, 0.2, END]), mode=mode)
-    assert (run.status == Status.EVENT).all() and (encounters.happened == 0).all()
+    assert (run.status == ExplicitStatus.EVENT).all() and (encounters.happened == 0).all()
     np.testing.assert_allclose(run.now, 10 / p, rtol=1e-12)
     assert np.abs(run.z).max() < 1e-14
     assert np.abs(run.result[:, 1]).max() < 1e-14
@@ -96,6 +96,6 @@ def test_a_guard_that_rests_has_to_rise():
     resting[:, 0], rise[:, 0] = 1, speeds
     z = np.stack([np.zeros(16), speeds], axis=1)
     run, encounters = started(z, np.zeros(16), np.array([0, END]), resting=resting, rise=rise)
-    assert (run.status == Status.EVENT).all()
+    assert (run.status == ExplicitStatus.EVENT).all()
     np.testing.assert_allclose(run.now, speeds / 5, rtol=1e-9)
     np.testing.assert_allclose(run.z[:, 1], -speeds, rtol=1e-9)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from uqmbd.compiled import Dynamics, Method, Realisations, Status, Writer, compile_kernel
+from uqmbd.compiled import Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState, ProgramWriter, compile_kernel
 
 Q, V, T, ZERO, P = se.symbols("q v t zero p")
 END = 2.0
@@ -15,7 +15,7 @@ END = 2.0
 
 def dynamics(acceleration):
     kernel = compile_kernel([Q, V, T, ZERO, P], [acceleration])
-    writer = Writer(5)
+    writer = ProgramWriter(5)
     (found,) = writer.call(kernel, np.arange(5)[None]).ravel()
     return Dynamics(1, 1, 2, 1, writer.part(), np.array([1, found]), None, writer.size, 2)
 
@@ -25,11 +25,11 @@ OSCILLATOR = dynamics(-P * Q)
 
 def method(rtol, **changes):
     given = dict(far=1e-3, surplus=4.0, stiff=6.1, patience=15, refusals=3, attempts=20000, guarded=False)
-    return Method(rtol=rtol, **(given | changes))
+    return ExplicitOptions(rtol=rtol, **(given | changes))
 
 
 def integrated(p, z, times, rtol, legs=(((END, np.inf, False),),), of=OSCILLATOR, **changes):
-    run = Realisations(of, method(rtol, **changes), z, p[:, None], times, legs, np.full(len(z), rtol))
+    run = IntegrationState(of, method(rtol, **changes), z, p[:, None], times, legs, np.full(len(z), rtol))
     run.advance()
     return run
 
@@ -51,7 +51,7 @@ def test_closed_form(instants):
     p, z = oscillators(100)
     times = np.linspace(0, END, instants)
     found = integrated(p, z, times, 1e-9)
-    assert (found.status == Status.DONE).all()
+    assert (found.status == ExplicitStatus.DONE).all()
     scale = np.abs(z).max() * np.sqrt(p.max())
     assert np.abs(found.result - oscillation(p, z, times)).max() < 1e-7 * scale
 
@@ -111,11 +111,11 @@ def test_legs_of_each():
     p = np.random.default_rng(0).uniform(0.1, 1.9, 50)
     times = np.linspace(0, END, 41)
     legs = [((x, np.inf, True), (END, np.inf, False)) for x in p]
-    run = Realisations(step, method(1e-6), np.zeros((50, 2)), p[:, None], times, legs, np.full(50, 1e-6))
+    run = IntegrationState(step, method(1e-6), np.zeros((50, 2)), p[:, None], times, legs, np.full(50, 1e-6))
     run.advance()
-    assert (run.status == Status.JUMP).all()
+    assert (run.status == ExplicitStatus.JUMP).all()
     assert np.array_equal(run.now, p)
-    run.status[:] = Status.RUNNING
+    run.status[:] = ExplicitStatus.RUNNING
     run.advance()
     past = np.maximum(times - p[:, None], 0)
     assert np.abs(run.result[..., 0] - past**2 / 2).max() < 1e-13
@@ -125,13 +125,13 @@ def test_stiff_ones_are_told():
     stiff = dynamics(-1e4 * V - P * Q)
     p, z = oscillators(10)
     found = integrated(p, z, np.array([0, END]), 1e-4, of=stiff)
-    assert (found.status == Status.STIFF).all()
+    assert (found.status == ExplicitStatus.STIFF).all()
     assert (found.now < END).all()
 
 
 def test_a_pole_is_told():
     pole = dynamics(V**2 * P)  # v' = p v^2: infinite at t = 1 / p
     found = integrated(np.full(3, 2.0), np.array([[0.0, 1.0]] * 3), np.array([0, END]), 1e-6, of=pole)
-    assert set(found.status.tolist()) <= {Status.SMALL, Status.MANY}
+    assert set(found.status.tolist()) <= {ExplicitStatus.SMALL, ExplicitStatus.MANY}
     assert np.abs(found.now - 0.5).max() < 1e-3
     assert (found.column == 1).all()

@@ -86,9 +86,9 @@ def test_kernels_call_what_is_registered(target: str) -> None:
 
 def crowded() -> str:
     """A function that holds more values than any processor has registers: more than a page of them."""
-    from uqmbd.compiled.writer import Writer
+    from uqmbd.compiled.writer import FunctionWriter
 
-    w = Writer()
+    w = FunctionWriter()
     values = [w.load(k) for k in range(80)]
     for k in range(80):
         w.store(k, w.call("sin", w.multiply(values[k], values[79 - k])))

@@ -6,7 +6,7 @@ import symengine as se
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqmbd.compiled import Columns, Writer, compile_kernel
+from uqmbd.compiled import Columns, ProgramWriter, compile_kernel
 
 X = se.symbols("x0:3")
 KERNEL = compile_kernel(X[:2], [X[0] + X[1], 2 * X[0] - X[1] ** 2])
@@ -14,7 +14,7 @@ KERNEL = compile_kernel(X[:2], [X[0] + X[1], 2 * X[0] - X[1] ** 2])
 
 def program():
     """Two instances of the kernel, sums of their results, an empty sum, and a copy."""
-    writer = Writer(3)
+    writer = ProgramWriter(3)
     found = writer.call(KERNEL, np.array([[0, 1], [2, 0]]))
     sums = writer.sums([[found[0, 0], found[1, 1], 2], [], [1]])
     return writer.program(np.concatenate([found.ravel(), sums]))
@@ -38,7 +38,7 @@ def test_program(count, seed):
 def test_columns_pass_unchanged(count, inputs, results, seed):
     random = np.random.default_rng(seed)
     x, which = random.normal(size=(count, inputs)), random.integers(inputs, size=results)
-    assert np.array_equal(Writer(inputs).program(which)(x), x[:, which])
+    assert np.array_equal(ProgramWriter(inputs).program(which)(x), x[:, which])
 
 
 def test_program_survives_pickling():
@@ -70,7 +70,7 @@ def test_wrong_number_of_arguments():
 def test_arguments_of_another_length_are_refused(rows):
     """They would be taken again from the first on; that is what `Columns` says."""
     x, y = se.symbols("x y")
-    writer = Writer(2)
+    writer = ProgramWriter(2)
     program = writer.program(writer.call(compile_kernel([x, y], [x * y]), np.array([[0, 1]])))
     with pytest.raises(ValueError, match=f"for 5 states was given {rows} rows"):
         program(np.ones((5, 1)), np.ones((rows, 1)))

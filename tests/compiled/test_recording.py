@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import chebyshev
 
 from tests.mechanisms import pendulum
-from uqmbd.compiled import PLACES, Course, Fitted, Need, PartTable, recording
+from uqmbd.compiled import PLACES, FittedPolynomials, Need, PartTable, StepHistory, recording
 from uqmbd.dynamics import Ensemble, integrate
 from uqmbd.dynamics.linear import excess
 from uqmbd.propagation.observed_model import observed_model
@@ -22,7 +22,7 @@ def steps(edges, members=1):
     count = len(edges) - 1
     states = (begin[:, None] + PLACES * (end - begin)[:, None])[:, :, None]
     owner = np.repeat(np.arange(members), count)
-    return Course(owner, np.arange(len(owner)), begin, end, end, np.zeros(len(owner), dtype=bool), states)
+    return StepHistory(owner, np.arange(len(owner)), begin, end, end, np.zeros(len(owner), dtype=bool), states)
 
 
 def refined(course, needs, *functions, share=1e-9):
@@ -40,7 +40,7 @@ def refined(course, needs, *functions, share=1e-9):
 def fitted(values, begin, end, column=0):
     """Polynomials through values (E, O, 8)."""
     series = chebyshev.chebfit(NODES, values.reshape(-1, 8).T, 7).T.reshape(values.shape)
-    return Fitted(column, np.arange(len(values)), begin, end, values, series)
+    return FittedPolynomials(column, np.arange(len(values)), begin, end, values, series)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -159,7 +159,7 @@ def test_states_between_the_places_are_on_the_constraints(method, rtol):
     ensemble = Ensemble(observed_model(pendulum(loaded=True), 0.0), np.array([[1.0, 1.0]]))
     path = integrate(ensemble, np.array([0.0, 2.0]), rtol, method, between=True).path
     count = len(path.owner)
-    course = Course(
+    course = StepHistory(
         path.owner, np.arange(count), path.ends[:, 0], path.ends[:, 1], path.ends[:, 1], path.kept, path.states
     )
     states, times = course.states_of(np.arange(count), np.full(count, 0.13), np.full(count, 0.9))

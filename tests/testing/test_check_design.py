@@ -8,10 +8,10 @@ from scipy.stats import qmc
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.randomness.designs.registry import BuiltIn
+from uqmbd.randomness.designs.registry import BuiltInDesigns
 from uqmbd.testing import check_design
 
-CORE = BuiltIn().uqmbd_designs()
+CORE = BuiltInDesigns().uqmbd_designs()
 
 
 @pytest.mark.parametrize("design", CORE, ids=lambda design: design.name)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from uqmbd.compiled.assembly import Equations, Gradients, Turns
+from uqmbd.compiled.assembly import EquationPrograms, Gradients, RotationCoordinates
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
-from uqmbd.compiled.encounters import Contacts, Encounters, Touching
-from uqmbd.compiled.explicit import ORDER, STAGES, Constraints, Dynamics, Method, Realisations, Status
+from uqmbd.compiled.encounters import ContactPrograms, Encounters, Touching
+from uqmbd.compiled.explicit import (
+    ORDER,
+    STAGES,
+    Constraints,
+    Dynamics,
+    ExplicitOptions,
+    ExplicitStatus,
+    IntegrationState,
+)
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
-from uqmbd.compiled.programs import Columns, Part, Program, Writer
-from uqmbd.compiled.recording import FINE, PLACES, SERIES, Course, Fitted, Need, PartTable, Path
+from uqmbd.compiled.programs import Columns, Program, ProgramPart, ProgramWriter
+from uqmbd.compiled.recording import FINE, PLACES, SERIES, FittedPolynomials, Need, PartTable, RecordedPath, StepHistory
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.waves import wave_values
@@ -27,31 +35,31 @@ __all__ = [
     "STAGES",
     "Columns",
     "Constraints",
-    "Contacts",
+    "ContactPrograms",
     "CoupledSystems",
-    "Course",
+    "StepHistory",
     "Dynamics",
     "Encounters",
-    "Equations",
-    "Fitted",
+    "EquationPrograms",
+    "FittedPolynomials",
     "Gradients",
     "Kernel",
-    "Method",
+    "ExplicitOptions",
     "Need",
     "NodalSystems",
     "Operation",
-    "Part",
+    "ProgramPart",
     "PartTable",
-    "Path",
+    "RecordedPath",
     "Program",
-    "Realisations",
+    "IntegrationState",
     "SegmentTable",
-    "Status",
+    "ExplicitStatus",
     "Store",
     "Target",
     "Touching",
-    "Turns",
-    "Writer",
+    "RotationCoordinates",
+    "ProgramWriter",
     "addresses_of",
     "cache_folder",
     "cached",

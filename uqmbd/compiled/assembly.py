@@ -20,7 +20,7 @@ from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.programs import Addressed, Columns, Program
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Equations", "Gradients", "Turns"]
+__all__ = ["EquationPrograms", "Gradients", "RotationCoordinates"]
 
 
 class Gradients(NamedTuple):
@@ -46,7 +46,7 @@ class Gradients(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Turns(Addressed):
+class RotationCoordinates(Addressed):
     """Coordinates of rotations; the first `dimension` coordinates give the size of the mechanism."""
 
     coordinates: Index  # (body, 2 or 4); (body, 0) without rotations
@@ -54,17 +54,17 @@ class Turns(Addressed):
     dimension: int
 
     @cached_property
-    def structure(self) -> c.Turns:
+    def structure(self) -> c.TurnsStruct:
         """What the driver reads."""
         tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.coordinates, self.free)]
         bodies, size = self.coordinates.shape
-        found = c.Turns(*map(address, tables), bodies if size else 0, size, self.dimension)
+        found = c.TurnsStruct(*map(address, tables), bodies if size else 0, size, self.dimension)
         found.kept = tables
         return found
 
 
 @dataclass(frozen=True)
-class Equations(Addressed):
+class EquationPrograms(Addressed):
     """Equations whose values and gradients a program computes."""
 
     program: Program  # its first arguments are the unknowns
@@ -75,7 +75,9 @@ class Equations(Addressed):
     unknowns: int  # number
     shortest: float  # length from which a gradient is scaled to one
 
-    def close(self, turns: Turns, cosines: Index, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
+    def close(
+        self, turns: RotationCoordinates, cosines: Index, *sources: Array | Columns, count: int
+    ) -> tuple[Array, Mask]:
         """Solve by damped Gauss-Newton; return unknowns (K, unknown) and a mask (K,) of the undecided poses.
 
         The sources hold the arguments of the program (K, argument), the unknowns first; `turns` bounds a step.  The
@@ -108,15 +110,15 @@ class Equations(Addressed):
         return aligned(driver().assembly_memory(ctypes.addressof(self.structure)))
 
     @cached_property
-    def structure(self) -> c.Equations:
+    def structure(self) -> c.EquationsStruct:
         """What the driver reads."""
         program = self.program.part.structure
         tables = self._tables
-        found = c.Equations(
+        found = c.EquationsStruct(
             program,
             *(self.program.rows, len(self.values), len(self.solved), self.certain, self.unknowns),
             *(len(self.gradients.rows), len(tables["below"])),
-            *(address(tables[name]) for name, *_ in c.Equations._fields_ if name in tables),
+            *(address(tables[name]) for name, *_ in c.EquationsStruct._fields_ if name in tables),
             self.shortest,
         )
         found.kept = program, tables

@@ -13,7 +13,7 @@ import numpy as np
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.explicit import Constraints, Dynamics
-from uqmbd.compiled.programs import Part, Step
+from uqmbd.compiled.programs import ProgramPart, ProgramStep
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
@@ -39,10 +39,10 @@ class NodalSystems:
     width: int  # length of a state
     coordinates: int  # number of accelerations, which are the first unknowns
     parameters: int  # number
-    values: Part  # from a state to the entries of A and b
-    drift: Part  # from a state to the residuals of the constraints
-    factor: Part  # from the entries to the factors
-    solve: Part  # from the factors and a right-hand side to the solution
+    values: ProgramPart  # from a state to the entries of A and b
+    drift: ProgramPart  # from a state to the residuals of the constraints
+    factor: ProgramPart  # from the entries to the factors
+    solve: ProgramPart  # from the factors and a right-hand side to the solution
     rows: int  # of the work array
     right: int  # first row of the right-hand side
     guess: int  # first row of the vector that A is multiplied by
@@ -98,7 +98,7 @@ class CoupledSystems:
         tables = systems.starts, systems.columns, systems.entries, systems.motion, systems.constraints, systems.rates
         self._tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.solution, *tables)]
         self._parts = [x.structure for x in (systems.values, systems.drift, systems.factor, systems.solve)]
-        self.structure = c.Coupled(
+        self.structure = c.CoupledStruct(
             *(terms, nodes, systems.width, systems.coordinates, size, len(systems.rates)),
             *map(address, (self.psi, self.adjoint, self.work)),
             *(systems.rows, systems.width),
@@ -203,7 +203,7 @@ class CoupledSystems:
         rate[n + rated] = rows(begin + systems.size * blocks, len(rated))
         rate[velocities:] = rows(begin, n)
         # what velocities exceed is found with the coordinates, and nobody asks for residuals
-        nothing, no_rows = Part((), 0), np.zeros(0, dtype=np.int64)
+        nothing, no_rows = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
         excess = self._part("coupled_excess", end)
         constraints = Constraints(nothing, excess, nothing, nothing, no_rows, 0, rows(end, 2 * n).ravel())
         return Dynamics(
@@ -221,9 +221,9 @@ class CoupledSystems:
             cost=10 * len(self.work),
         )
 
-    def _part(self, name: str, to: int) -> Part:
+    def _part(self, name: str, to: int) -> ProgramPart:
         method = ctypes.cast(getattr(driver(), name), ctypes.c_void_p).value or 0
-        return Part((Step(None, 1, None, None, 0, to, method, self._address),), 0)
+        return ProgramPart((ProgramStep(None, 1, None, None, 0, to, method, self._address),), 0)
 
     def _take(self, time: float, state: Array) -> None:
         width = self.systems.width

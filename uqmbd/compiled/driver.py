@@ -25,22 +25,22 @@ __all__ = [
     "POOL",
     "RECORDED",
     "SOURCES",
-    "Contacts",
-    "Coupled",
-    "Course",
-    "Encounters",
-    "Equations",
-    "Fitted",
-    "Parts",
-    "Pool",
-    "Problem",
-    "Program",
-    "Seen",
-    "Segments",
-    "Source",
-    "Step",
-    "Tableau",
-    "Turns",
+    "ContactsStruct",
+    "CoupledStruct",
+    "CourseStruct",
+    "EncountersStruct",
+    "EquationsStruct",
+    "FittedStruct",
+    "PartsStruct",
+    "PoolStruct",
+    "ProblemStruct",
+    "ProgramStruct",
+    "SeenStruct",
+    "SegmentsStruct",
+    "SourceStruct",
+    "StepStruct",
+    "TableauStruct",
+    "TurnsStruct",
     "address",
     "aligned",
     "driver",
@@ -54,7 +54,7 @@ _from_buffer: Any = ctypes.c_char.from_buffer
 _INT, _DOUBLE, _POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 
 
-class Step(ctypes.Structure):
+class StepStruct(ctypes.Structure):
     """``Step`` of program.h."""
 
     _fields_ = (
@@ -64,25 +64,25 @@ class Step(ctypes.Structure):
     )
 
 
-class Program(ctypes.Structure):
+class ProgramStruct(ctypes.Structure):
     """``Program`` of program.h."""
 
     _fields_ = (("steps", _POINTER), ("count", _INT), ("scratch", _INT))
 
 
-class Source(ctypes.Structure):
+class SourceStruct(ctypes.Structure):
     """``Source`` of program.h."""
 
     _fields_ = (("data", _POINTER), *((name, _INT) for name in ("stride", "columns", "divisor", "modulus", "to")))
 
 
-class Tableau(ctypes.Structure):
+class TableauStruct(ctypes.Structure):
     """``Tableau`` of dop853.h."""
 
     _fields_ = tuple((name, _POINTER) for name in ("starts", "index", "weights", "moments"))
 
 
-class Problem(ctypes.Structure):
+class ProblemStruct(ctypes.Structure):
     """``Problem`` of dop853.h."""
 
     _fields_ = (
@@ -90,12 +90,12 @@ class Problem(ctypes.Structure):
             (name, _INT)
             for name in ("terms", "blocks", "width", "coordinates", "velocities", "parameters", "time", "rows")
         ),
-        ("motion", Program),
+        ("motion", ProgramStruct),
         ("rate", _POINTER),
         *((name, _INT) for name in ("turning", "turn")),
         ("turns", _POINTER),
-        ("values", Program),
-        *((name, Program) for name in ("drift", "place", "move")),
+        ("values", ProgramStruct),
+        *((name, ProgramStruct) for name in ("drift", "place", "move")),
         *((name, _POINTER) for name in ("surplus", "residuals")),
         *((name, _INT) for name in ("positions", "equations")),
         ("tableau", _POINTER),
@@ -120,18 +120,18 @@ RECORDED = ("path", "path_ends", "path_kept", "path_owner", "recorded")
 """Arrays of a pool with the steps that were recorded."""
 
 
-class Pool(ctypes.Structure):
+class PoolStruct(ctypes.Structure):
     """``Pool`` of dop853.h."""
 
     _fields_ = tuple((name, _POINTER) for name in (*POOL, *RECORDED, "encounters"))
 
 
-class Contacts(ctypes.Structure):
+class ContactsStruct(ctypes.Structure):
     """``Contacts`` of events.h."""
 
     _fields_ = (
         *(("events", _INT), ("directions", _INT), ("first", _POINTER)),
-        *(("guards", Program), ("guard", _POINTER), ("contact", Program)),
+        *(("guards", ProgramStruct), ("guard", _POINTER), ("contact", ProgramStruct)),
         *((name, _POINTER) for name in ("gap", "law", "speed", "bias", "slope")),
         *(("size", _INT), ("entries", _INT)),
         *((name, _POINTER) for name in ("rows", "columns", "values", "right")),
@@ -145,20 +145,20 @@ ENCOUNTERS = (
 """Arrays of what happens to contacts."""
 
 
-class Encounters(ctypes.Structure):
+class EncountersStruct(ctypes.Structure):
     """``Encounters`` of events.h."""
 
     _fields_ = (*((name, _POINTER) for name in ENCOUNTERS), ("room", _INT), ("watched", _INT))
 
 
-class Coupled(ctypes.Structure):
+class CoupledStruct(ctypes.Structure):
     """``Coupled`` of coupled.h."""
 
     _fields_ = (
         *((name, _INT) for name in ("terms", "nodes", "width", "coordinates", "size", "rates")),
         *((name, _POINTER) for name in ("psi", "adjoint", "work")),
         *((name, _INT) for name in ("rows", "time")),
-        *((name, Program) for name in ("values", "drift", "factor", "solve")),
+        *((name, ProgramStruct) for name in ("values", "drift", "factor", "solve")),
         ("outside", _POINTER),
         *((name, _INT) for name in ("right", "guess")),
         *((name, _POINTER) for name in ("solution", "starts", "columns", "entries", "motion", "constraints", "rate")),
@@ -167,11 +167,11 @@ class Coupled(ctypes.Structure):
     )
 
 
-class Equations(ctypes.Structure):
+class EquationsStruct(ctypes.Structure):
     """``Equations`` of assembly.h."""
 
     _fields_ = (
-        ("program", Program),
+        ("program", ProgramStruct),
         *((name, _INT) for name in ("rows", "equations", "solved", "certain", "unknowns", "entries", "lower")),
         *((name, _POINTER) for name in ("values", "starts", "columns", "from_", "factors")),
         *((name, _POINTER) for name in ("next", "ends", "others", "rows_of")),
@@ -180,7 +180,7 @@ class Equations(ctypes.Structure):
     )
 
 
-class Turns(ctypes.Structure):
+class TurnsStruct(ctypes.Structure):
     """``Turns`` of assembly.h."""
 
     _fields_ = (
@@ -189,7 +189,7 @@ class Turns(ctypes.Structure):
     )
 
 
-class Segments(ctypes.Structure):
+class SegmentsStruct(ctypes.Structure):
     """``Segments`` of segments.c."""
 
     _fields_ = (
@@ -198,7 +198,7 @@ class Segments(ctypes.Structure):
     )
 
 
-class Course(ctypes.Structure):
+class CourseStruct(ctypes.Structure):
     """``Course`` of parts.c."""
 
     _fields_ = (
@@ -208,12 +208,12 @@ class Course(ctypes.Structure):
     )
 
 
-class Seen(ctypes.Structure):
+class SeenStruct(ctypes.Structure):
     """``Seen`` of parts.c."""
 
     _fields_ = (
         *((name, _INT) for name in ("parameters", "inputs", "many")),
-        ("outputs", Program),
+        ("outputs", ProgramStruct),
         *((name, _POINTER) for name in ("results", "block", "values")),
     )
 
@@ -225,7 +225,7 @@ PARTS = (
 """Arrays of what is known of parts of steps."""
 
 
-class Parts(ctypes.Structure):
+class PartsStruct(ctypes.Structure):
     """``Parts`` of parts.c."""
 
     _fields_ = (
@@ -237,7 +237,7 @@ class Parts(ctypes.Structure):
     )
 
 
-class Fitted(ctypes.Structure):
+class FittedStruct(ctypes.Structure):
     """``Fitted`` of peaks.c."""
 
     _fields_ = (
@@ -289,8 +289,20 @@ class _Driver:
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
         kinds = (
-            *(Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters, Equations, Turns),
-            *(Segments, Course, Seen, Parts, Fitted),
+            *(
+                StepStruct,
+                ProgramStruct,
+                SourceStruct,
+                TableauStruct,
+                ProblemStruct,
+                PoolStruct,
+                CoupledStruct,
+                ContactsStruct,
+                EncountersStruct,
+                EquationsStruct,
+                TurnsStruct,
+            ),
+            *(SegmentsStruct, CourseStruct, SeenStruct, PartsStruct, FittedStruct),
         )
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))

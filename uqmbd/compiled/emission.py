@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from uqmbd.compiled.tables import Tables
-from uqmbd.compiled.writer import Masks, Writer
+from uqmbd.compiled.writer import FunctionWriter, Masks
 
 __all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
 
@@ -61,7 +61,7 @@ def operations_text(
     Each operation makes one value, numbered from `first` on; `reads` and `writes` are the numbers of the arguments and
     results in order, and `native` is the number of lanes that the processor computes at once.
     """
-    w = Writer()
+    w = FunctionWriter()
     values = {x: k for k, x in enumerate(reads)}
     names: dict[int, str] = {}
 
@@ -102,7 +102,7 @@ def expressions_text(
     The replacements (symbol, expression) are those of `symengine.cse`; `native` is the number of lanes that the
     processor computes at once; a table is looked up as ``name(row, argument, *terms)``.
     """
-    w = Writer()
+    w = FunctionWriter()
     meaning = dict(replacements)
     rows = {symbol: k for k, symbol in enumerate(arguments)}
     known: dict[Any, str] = {}
@@ -224,7 +224,7 @@ def _real(e: Any) -> float:
         raise NotCompiled(f"{e}, which is no real number") from None
 
 
-def _written(w: Writer, masks: Masks, e: Any, values: list[str]) -> str:
+def _written(w: FunctionWriter, masks: Masks, e: Any, values: list[str]) -> str:
     """Write an expression whose parts are written."""
     if values and all(value.startswith("splat (double") for value in values):
         with contextlib.suppress(NotCompiled):  # as the comparison of numbers
@@ -253,7 +253,7 @@ def _written(w: Writer, masks: Masks, e: Any, values: list[str]) -> str:
     return rule(w, masks, kind, values)
 
 
-def _quotient(w: Writer, above: list[str], below: list[str]) -> str:
+def _quotient(w: FunctionWriter, above: list[str], below: list[str]) -> str:
     def product(values: list[str]) -> str:
         result = values[0] if values else w.number(1.0)
         for value in values[1:]:
@@ -263,7 +263,7 @@ def _quotient(w: Writer, above: list[str], below: list[str]) -> str:
     return w.divide(product(above), product(below)) if below else product(above)
 
 
-def _power(w: Writer, e: Any, values: list[str]) -> str:
+def _power(w: FunctionWriter, e: Any, values: list[str]) -> str:
     base, exponent = e.args
     if type(base).__name__ == "Exp1":
         return w.call("exp", values[0])
@@ -287,10 +287,10 @@ def _may_be_unreal(e: Any) -> bool:
     return type(e).__name__ in _PARTIAL
 
 
-Rule = Callable[[Writer, Masks, str, list[str]], str]
+Rule = Callable[[FunctionWriter, Masks, str, list[str]], str]
 
 
-def _compared(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _compared(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     a, b = values
     if a in masks or b in masks:  # of truth values: the search for common subexpressions writes ``x == True``
         return _same_truth(w, masks, kind, a, b)
@@ -300,7 +300,7 @@ def _compared(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     return masks.noted(w.compare(holds, a, b), w.compare(_OPPOSITE[kind], a, b))
 
 
-def _same_truth(w: Writer, masks: Masks, kind: str, a: str, b: str) -> str:
+def _same_truth(w: FunctionWriter, masks: Masks, kind: str, a: str, b: str) -> str:
     """Compare truth values."""
     if masks.defined(a, b):
         differ = masks.noted(w.made(f"xor MASK {a}, {b}"))
@@ -311,7 +311,7 @@ def _same_truth(w: Writer, masks: Masks, kind: str, a: str, b: str) -> str:
     return masks.noted(differ, same) if kind == "Unequality" else masks.noted(same, differ)
 
 
-def _connected(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _connected(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     result = values[0]
     for value in values[1:]:
         if masks.defined(result, value):
@@ -325,12 +325,12 @@ def _connected(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     return result
 
 
-def _not(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _not(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     (value,) = values
     return masks.noted(masks.false(w, value), None if masks.defined(value) else value)
 
 
-def _piecewise(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _piecewise(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     undefined = w.number(float("nan"))
     result = undefined
     for value, condition in reversed(list(zip(values[::2], values[1::2], strict=True))):
@@ -340,14 +340,14 @@ def _piecewise(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
     return result
 
 
-def _sign(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _sign(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     (x,) = values
     zero = w.number(0.0)
     negative = w.select(w.compare("olt", x, zero), w.number(-1.0), x)  # zero and NaN stay what they are
     return w.select(w.compare("ogt", x, zero), w.number(1.0), negative)
 
 
-def _extreme(w: Writer, masks: Masks, kind: str, values: list[str]) -> str:
+def _extreme(w: FunctionWriter, masks: Masks, kind: str, values: list[str]) -> str:
     result = values[0]
     for value in values[1:]:
         result = w.intrinsic("maximum" if kind == "Max" else "minimum", result, value)

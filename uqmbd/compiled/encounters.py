@@ -10,10 +10,10 @@ import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address
-from uqmbd.compiled.programs import Addressed, Part
+from uqmbd.compiled.programs import Addressed, ProgramPart
 from uqmbd.typing import Index
 
-__all__ = ["Contacts", "Encounters", "Touching"]
+__all__ = ["ContactPrograms", "Encounters", "Touching"]
 
 ROOM = 64
 """Marks of a realisation that are noted before somebody takes them, besides those of one step."""
@@ -31,13 +31,13 @@ class Touching(IntEnum):
 
 
 @dataclass(frozen=True)
-class Contacts(Addressed):
+class ContactPrograms(Addressed):
     """Events of a mechanism, as programs on the work array of its `Dynamics`; rows are rows of that array."""
 
     first: Index  # (event + 1,): first direction of each event, then the end; an event without directions is a marker
-    guards: Part  # from a state to its guards
+    guards: ProgramPart  # from a state to its guards
     guard: Index  # (event,): rows of the guards
-    contact: Part  # from a state to the quantities of its contacts and its index-1 system
+    contact: ProgramPart  # from a state to the quantities of its contacts and its index-1 system
     gap: Index  # (event,): rows of the gaps
     law: Index  # (event, 2): rows of the coefficients of restitution and of friction
     speed: Index  # (direction,): rows of the relative velocities
@@ -50,10 +50,10 @@ class Contacts(Addressed):
     right: Index  # (size,): rows of its right-hand side
 
     @cached_property
-    def structure(self) -> c.Contacts:
+    def structure(self) -> c.ContactsStruct:
         """What the driver reads."""
         parts = self.guards.structure, self.contact.structure
-        found = c.Contacts(
+        found = c.ContactsStruct(
             *(len(self.guard), len(self.speed), address(self.first)),
             *(parts[0], address(self.guard), parts[1]),
             *map(address, (self.gap, self.law, self.speed, self.bias, self.slope)),
@@ -71,7 +71,7 @@ class Encounters:
     its gap (or of the normal force, while the contact lasts), then that of its friction.
     """
 
-    def __init__(self, contacts: Contacts, count: int, *, watched: bool = True) -> None:
+    def __init__(self, contacts: ContactPrograms, count: int, *, watched: bool = True) -> None:
         events, directions = len(contacts.guard), len(contacts.speed)
         # (M, event): state of each contact, see `Touching`; (M, direction): direction of sliding where it slips
         self.mode, self.heading = np.zeros((count, events), dtype=np.int64), np.zeros((count, directions))
@@ -91,6 +91,8 @@ class Encounters:
         self.watched = watched
 
     @cached_property
-    def structure(self) -> c.Encounters:
+    def structure(self) -> c.EncountersStruct:
         """What the driver reads and writes."""
-        return c.Encounters(*(address(getattr(self, name)) for name in c.ENCOUNTERS), self.room, int(self.watched))
+        return c.EncountersStruct(
+            *(address(getattr(self, name)) for name in c.ENCOUNTERS), self.room, int(self.watched)
+        )

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
-from uqmbd.compiled.encounters import Contacts, Encounters
-from uqmbd.compiled.programs import Part
-from uqmbd.compiled.recording import PLACES, Recorder
+from uqmbd.compiled.encounters import ContactPrograms, Encounters
+from uqmbd.compiled.programs import ProgramPart
+from uqmbd.compiled.recording import PLACES, StepRecorder
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
-__all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "Method", "Realisations", "Status"]
+__all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "ExplicitOptions", "IntegrationState", "ExplicitStatus"]
 
 STAGES = 12
 ORDER = 8
@@ -36,7 +36,7 @@ BUDGET = 40_000
 can interrupt."""
 
 
-class Status(IntEnum):
+class ExplicitStatus(IntEnum):
     """What becomes of a realisation; as in dop853.h."""
 
     RUNNING = 0
@@ -59,10 +59,10 @@ Leg = tuple[float, float, bool]
 class Constraints:
     """Residuals of the constraints and the projection onto them, as programs on the work array of `Dynamics`."""
 
-    values: Part  # the part of the motion before its solution
-    drift: Part  # to the residuals
-    place: Part  # after motion or values, and drift: corrections of coordinates
-    move: Part  # the same of velocities
+    values: ProgramPart  # the part of the motion before its solution
+    drift: ProgramPart  # to the residuals
+    place: ProgramPart  # after motion or values, and drift: corrections of coordinates
+    move: ProgramPart  # the same of velocities
     residuals: Index  # (equation,): rows of the residuals, those in position before those in velocity
     positions: int  # number of residuals in position
     surplus: Index  # (2 coordinate,): rows of the corrections
@@ -84,7 +84,7 @@ class Dynamics:
     velocities: int  # index of the first velocity in a state
     width: int  # length of a state
     parameters: int  # number
-    motion: Part  # from a state to its rate
+    motion: ProgramPart  # from a state to its rate
     rate: Index  # (width,): rows of the rate
     constraints: Constraints | None  # None: there are none
     rows: int  # of the work array
@@ -97,13 +97,13 @@ class Dynamics:
     cost: int = 1  # of a rate, in evaluations of eight realisations (estimate)
 
 
-_NOTHING, _NO_ROWS = Part((), 0), np.zeros(0, dtype=np.int64)
+_NOTHING, _NO_ROWS = ProgramPart((), 0), np.zeros(0, dtype=np.int64)
 NONE = Constraints(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NO_ROWS, 0, _NO_ROWS)
 """No constraints."""
 
 
 @dataclass(frozen=True)
-class Method:
+class ExplicitOptions:
     """Tolerances and limits of an explicit integration."""
 
     rtol: float  # relative tolerance
@@ -117,7 +117,7 @@ class Method:
 
 
 @cache
-def tableau() -> tuple[c.Tableau, tuple[NDArray[Any], ...]]:
+def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
     """Make the coefficients, which are SciPy's, without their zeros; and what must live as long."""
     from scipy.integrate import DOP853 as method
 
@@ -137,10 +137,10 @@ def tableau() -> tuple[c.Tableau, tuple[NDArray[Any], ...]]:
     index = [np.append(i, np.full(k, i[-1] if k else 0)).astype(np.int64) for i, k in zip(index, zeros, strict=True)]
     moments = np.concatenate([method.C[:STAGES], [1.0], method.C_EXTRA])
     kept = (starts, np.concatenate(index), weights, moments)
-    return c.Tableau(*map(address, kept)), kept
+    return c.TableauStruct(*map(address, kept)), kept
 
 
-class Realisations:
+class IntegrationState:
     """State of an integration of M realisations: arrays that the driver and the code in Python share.
 
     Initial states `z` are (M, width), `parameters` (M, parameter), output `times` (T,) with the start first, and
@@ -152,13 +152,13 @@ class Realisations:
     def __init__(
         self,
         dynamics: Dynamics,
-        method: Method,
+        method: ExplicitOptions,
         z: Array,
         parameters: Array,
         times: Array,
         legs: Sequence[Sequence[Leg]],
         floor: Array,
-        contacts: Contacts | None = None,
+        contacts: ContactPrograms | None = None,
         encounters: Encounters | None = None,
         *,
         recording: bool = False,
@@ -175,7 +175,7 @@ class Realisations:
         self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
         integers = np.zeros((14, count), dtype=np.int64)
-        # status: see `Status`
+        # status: see `ExplicitStatus`
         self.leg, self.last_leg, self.first, self.column, self.status, self.attempts, self.refused = integers[:7]
         self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
         layouts = {id(own): own for own in legs}
@@ -197,9 +197,9 @@ class Realisations:
         self.off = np.zeros((count, self._equations + 1))
         # (M, T): whether interpolation has led far off the constraints
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
-        self.recorder = Recorder(count, width, recording=recording)
+        self.recorder = StepRecorder(count, width, recording=recording)
 
-    def advance(self, members: Index | None = None, watch: Callable[[Realisations], None] | None = None) -> None:
+    def advance(self, members: Index | None = None, watch: Callable[[IntegrationState], None] | None = None) -> None:
         """Let members run, or all, until none is running; the rows of one problem run together.
 
         `watch` is called now and then, less than 0.1 s apart where the mechanism is small.
@@ -210,7 +210,7 @@ class Realisations:
         problem, pool = self._problem, self._pool
         functions = driver()
         workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
-        while np.any(self.status[queue] == Status.RUNNING):
+        while np.any(self.status[queue] == ExplicitStatus.RUNNING):
             self.evaluations += functions.advance(
                 ctypes.addressof(problem),
                 ctypes.addressof(pool),
@@ -258,7 +258,7 @@ class Realisations:
         self.now[member], self.z[member] = self.node_times[member, -1], self.nodes[member, -1]
         self.fresh[member] = 1
 
-    def moved(self, member: int, dynamics: Dynamics) -> Realisations:
+    def moved(self, member: int, dynamics: Dynamics) -> IntegrationState:
         """Make one of them go on with other equations; its results are still written here."""
         new, one = copy(self), slice(member, member + 1)
         for name in c.POOL:
@@ -270,7 +270,7 @@ class Realisations:
         new.recorder = self.recorder.of(member)
         new.off = np.zeros((1, new._equations + 1))
         new.steps[:], new.first[:] = 0, new.column
-        self.status[member] = Status.DONE
+        self.status[member] = ExplicitStatus.DONE
         return new
 
     @property
@@ -279,22 +279,22 @@ class Realisations:
         return 0 if constraints is None else len(constraints.residuals)
 
     @cached_property
-    def _pool(self) -> c.Pool:
+    def _pool(self) -> c.PoolStruct:
         happening = None if self.encounters is None else self.encounters.structure
         place = 0 if happening is None else ctypes.addressof(happening)
         recorded = (address(getattr(self.recorder, name)) for name in c.RECORDED)
-        found = c.Pool(*(address(getattr(self, name)) for name in c.POOL), *recorded, place)
+        found = c.PoolStruct(*(address(getattr(self, name)) for name in c.POOL), *recorded, place)
         found.kept = happening
         return found
 
     @cached_property
-    def _problem(self) -> c.Problem:
+    def _problem(self) -> c.ProblemStruct:
         d, m = self.dynamics, self.method
         k = d.constraints or NONE
         parts = [part.structure for part in (d.motion, k.values, k.drift, k.place, k.move)]
         coefficients, firsts = tableau(), np.ascontiguousarray(d.turns[:, :1], dtype=np.int64)
         contacts = None if self.contacts is None else self.contacts.structure
-        found = c.Problem(
+        found = c.ProblemStruct(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
             *(parts[0], address(d.rate), *d.turns.shape, address(firsts), *parts[1:]),
             *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),

@@ -73,7 +73,7 @@ class Kernel:
         elif out.size:
             program, results, step = self._native
             count = out.size // self.outputs
-            source = c.Source(address(rows), self.inputs, self.inputs, 1, count, 0)
+            source = c.SourceStruct(address(rows), self.inputs, self.inputs, 1, count, 0)
             work = aligned(self.inputs + self.outputs)
             driver().evaluate(
                 *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
@@ -83,7 +83,7 @@ class Kernel:
         return out
 
     @cached_property
-    def _native(self) -> tuple[c.Program, Any, c.Step]:
-        step = c.Step(self.address, 0, 0, 1, self.inputs, self.outputs, 0, self.inputs)
+    def _native(self) -> tuple[c.ProgramStruct, Any, c.StepStruct]:
+        step = c.StepStruct(self.address, 0, 0, 1, self.inputs, self.outputs, 0, self.inputs)
         results = np.arange(self.inputs, self.inputs + self.outputs)
-        return c.Program(ctypes.addressof(step), 1, 0), results, step
+        return c.ProgramStruct(ctypes.addressof(step), 1, 0), results, step

@@ -16,11 +16,11 @@ from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.typing import Array, Index
 
-__all__ = ["Addressed", "Columns", "Part", "Program", "Step", "Writer"]
+__all__ = ["Addressed", "Columns", "ProgramPart", "Program", "ProgramStep", "ProgramWriter"]
 
 
 @dataclass(frozen=True)
-class Step:
+class ProgramStep:
     """A kernel for `count` instances, or a method, or (without both) sums of rows."""
 
     kernel: Kernel | None
@@ -51,10 +51,10 @@ class Addressed:
 
 
 @dataclass(frozen=True)
-class Part(Addressed):
+class ProgramPart(Addressed):
     """A sequence of steps on a work array."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ProgramStep, ...]
     scratch: int  # row from which arguments may be gathered
 
     @property
@@ -64,10 +64,10 @@ class Part(Addressed):
         return kernels + sum(len(s.reads) for s in self.steps if s.reads is not None)
 
     @cached_property
-    def structure(self) -> c.Program:
+    def structure(self) -> c.ProgramStruct:
         """The steps as the driver wants them."""
         table = self._table()
-        found = c.Program(ctypes.addressof(table), len(self.steps), self.scratch)
+        found = c.ProgramStruct(ctypes.addressof(table), len(self.steps), self.scratch)
         found.kept = table  # whoever keeps the structure keeps what it points to: another thread may make one, too
         return found
 
@@ -78,17 +78,17 @@ class Part(Addressed):
             if s.kernel is not None:
                 code, inputs, outputs = s.kernel.address, s.kernel.inputs, s.kernel.outputs
             tables = address(s.reads), address(s.starts)
-            rows.append(c.Step(code, *tables, s.count, inputs, outputs, s.first, s.to, s.method, s.context))
-        return (c.Step * max(1, len(rows)))(*rows)
+            rows.append(c.StepStruct(code, *tables, s.count, inputs, outputs, s.first, s.to, s.method, s.context))
+        return (c.StepStruct * max(1, len(rows)))(*rows)
 
 
-class Writer:
+class ProgramWriter:
     """Writer of programs that share a work array, whose first `inputs` rows are the arguments."""
 
     def __init__(self, inputs: int) -> None:
         self.inputs, self.rows = inputs, inputs
         self.widest = 1
-        self.steps: list[Step] = []
+        self.steps: list[ProgramStep] = []
 
     def call(self, kernel: Kernel, reads: Index) -> Index:
         """Call a kernel for arguments that stand in rows `reads` (instance, argument); rows of the results, alike."""
@@ -99,7 +99,7 @@ class Writer:
             first = int(flat[0]) if len(flat) else 0
             table = None if np.array_equal(flat, np.arange(first, first + len(flat))) else flat
             self.widest = max(self.widest, kernel.inputs)
-            self.steps.append(Step(kernel, count, table, None, first, to))
+            self.steps.append(ProgramStep(kernel, count, table, None, first, to))
         return np.arange(to, self.rows, dtype=np.int64).reshape(count, kernel.outputs)
 
     def room(self, rows: int) -> Index:
@@ -113,7 +113,7 @@ class Writer:
         starts = np.array([0, *itertools.accumulate(map(len, terms))], dtype=np.int64)
         reads = np.array([x for sum_ in terms for x in sum_] or [0], dtype=np.int64)
         if terms:
-            self.steps.append(Step(None, len(terms), reads, starts, 0, to))
+            self.steps.append(ProgramStep(None, len(terms), reads, starts, 0, to))
         return np.arange(to, self.rows, dtype=np.int64)
 
     @property
@@ -121,9 +121,9 @@ class Writer:
         """Rows of the work array, with room for arguments that are gathered."""
         return self.rows + self.widest
 
-    def part(self, begin: int = 0, end: int | None = None) -> Part:
+    def part(self, begin: int = 0, end: int | None = None) -> ProgramPart:
         """Lay out some of the steps for the driver; nothing may be written any more."""
-        return Part(tuple(self.steps[begin:end]), self.rows)
+        return ProgramPart(tuple(self.steps[begin:end]), self.rows)
 
     def program(self, results: Index) -> Program:
         """Make a program of all steps, with rows of its results."""
@@ -135,7 +135,7 @@ class Writer:
 class Program:
     """Steps, and the rows of their results."""
 
-    part: Part
+    part: ProgramPart
     inputs: int  # number of arguments, in the first rows
     rows: int  # of the work array
     results: Index = field(repr=False)  # rows
@@ -223,7 +223,7 @@ class Program:
             if count % max(1, length * divisor) if isinstance(source, Columns) else length not in (1, count):
                 each = f", each for {divisor} states in a row" if isinstance(source, Columns) else ""
                 raise ValueError(f"a program for {count} states was given {length} rows of arguments{each}")
-            # the fields of a `Source`: a table of integers takes half the time of structures
+            # the fields of a `SourceStruct`: a table of integers takes half the time of structures
             rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
         assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"

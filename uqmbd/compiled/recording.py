@@ -21,7 +21,17 @@ from uqmbd.compiled.programs import Program
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["FINE", "PLACES", "SERIES", "Course", "Fitted", "Need", "PartTable", "Path", "Recorder"]
+__all__ = [
+    "FINE",
+    "PLACES",
+    "SERIES",
+    "StepHistory",
+    "FittedPolynomials",
+    "Need",
+    "PartTable",
+    "RecordedPath",
+    "StepRecorder",
+]
 
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
@@ -47,7 +57,7 @@ _MEAN = np.linalg.solve(_VANDER(2 * PLACES - 1, 7).T, [1 / (1 - k * k) if k % 2 
 of Clenshaw and Curtis."""
 
 
-class Path(NamedTuple):
+class RecordedPath(NamedTuple):
     """Recorded steps of realisations, in the order in which they were taken; later steps replace earlier ones."""
 
     owner: Index  # (P,): realisation of each step
@@ -55,16 +65,16 @@ class Path(NamedTuple):
     kept: Mask  # (P,): whether contacts last
     states: Array  # (P, 8, width): interpolated at `PLACES` from begin to end, on the constraints
 
-    def placed(self, numbers: Index) -> Path:
+    def placed(self, numbers: Index) -> RecordedPath:
         """Return the steps of realisations that have other numbers elsewhere; those with negative ones are left out."""
         owner = numbers[self.owner]
         some = owner >= 0
         if some.all():
             return self._replace(owner=owner)
-        return Path(owner[some], self.ends[some], self.kept[some], self.states[some])
+        return RecordedPath(owner[some], self.ends[some], self.kept[some], self.states[some])
 
     @classmethod
-    def joined(cls, paths: Iterable[Path | None]) -> Path | None:
+    def joined(cls, paths: Iterable[RecordedPath | None]) -> RecordedPath | None:
         """Join several; None where there is none."""
         found = [path for path in paths if path is not None]
         found = [path for path in found if len(path.owner)] or found[:1]
@@ -73,12 +83,12 @@ class Path(NamedTuple):
         return cls(*(np.concatenate(parts) for parts in zip(*found, strict=True))) if found else None
 
 
-class Recorder:
+class StepRecorder:
     """Buffer for the steps of `count` realisations with states of length `width`; stores none unless `recording`."""
 
     def __init__(self, count: int, width: int, *, recording: bool) -> None:
         self.room = max(min(ROOM // (len(PLACES) * max(1, width)), LEAST * count), LEAST) if recording else 0
-        self.width, self.owner, self.taken = width, np.arange(count), list[Path]()
+        self.width, self.owner, self.taken = width, np.arange(count), list[RecordedPath]()
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -87,7 +97,7 @@ class Recorder:
         self.path_owner, self.recorded = np.zeros(self.room, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self.begin, self.since, self.latest = 0, 0, -1
 
-    def of(self, member: int) -> Recorder:
+    def of(self, member: int) -> StepRecorder:
         """Make the recorder of one of the realisations, which goes on elsewhere; what was recorded stays together."""
         other = copy(self)
         other.owner, other.room = self.owner[member : member + 1].copy(), min(self.room, LEAST)
@@ -106,27 +116,27 @@ class Recorder:
         some = slice(self.since, end)
         self.begin, self.latest = end, len(self.taken)
         owner, kept = self.owner[self.path_owner[some]], self.path_kept[some] != 0
-        self.taken.append(Path(owner, self.path_ends[some], kept, self.path[some]))
+        self.taken.append(RecordedPath(owner, self.path_ends[some], kept, self.path[some]))
         if end + LANES > self.room:
             self._begin_anew()
 
     def passed(self, member: int, ends: Array, states: Array) -> None:
         """Record what somebody else has led a member through: states (1, 8, width) at `PLACES`, ends (1, 2)."""
         if self.room:
-            self.taken.append(Path(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
+            self.taken.append(RecordedPath(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
 
     @property
-    def found(self) -> Path | None:
+    def found(self) -> RecordedPath | None:
         """All steps that were recorded; None: none is."""
         if not self.room:
             return None
         none = np.zeros((0, len(PLACES), self.width))
-        first = Path(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
-        return Path.joined([first, *self.taken])
+        first = RecordedPath(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
+        return RecordedPath.joined([first, *self.taken])
 
 
 @dataclass(frozen=True)
-class Course:
+class StepHistory:
     """Steps of realisations, in ascending order of realisation and time."""
 
     owner: Index  # (P,): realisation of each step; ascending
@@ -138,13 +148,13 @@ class Course:
     states: Array  # (row, 8, width): at the nodes of the polynomial
 
     @cached_property
-    def structure(self) -> c.Course:
+    def structure(self) -> c.CourseStruct:
         """As the driver takes it."""
         integers = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.owner, self.row)]
         times = [np.ascontiguousarray(x, dtype=float) for x in (self.begin, self.end, self.last)]
         rest = [self.kept.astype(np.int8), np.ascontiguousarray(self.states, dtype=float), PLACES, _WEIGHTS]
         kept = integers + times + rest
-        found = c.Course(self.states.shape[2], *map(address, kept))
+        found = c.CourseStruct(self.states.shape[2], *map(address, kept))
         found.held = kept
         return found
 
@@ -165,7 +175,7 @@ class Course:
         arrays = [np.ascontiguousarray(x, dtype=float) for x in (block, values, low, high)]
         steps, part, work = np.ascontiguousarray(steps), outputs.part.structure, aligned(outputs.rows)
         sizes = arrays[0].shape[1], arrays[1].shape[1], found.shape[1]
-        given = c.Seen(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
+        given = c.SeenStruct(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
         places = (ctypes.addressof(x) for x in (self.structure, given))
         driver().observe_parts(*places, len(steps), *map(address, (steps, *arrays[2:], found, work)))
         return found
@@ -211,7 +221,7 @@ class PartTable:
         self.outputs, self.share, self.room = outputs, share, 0
         self.known = np.zeros(len(needs))
 
-    def begin_with(self, course: Course, step: Index, low: Array, high: Array) -> None:
+    def begin_with(self, course: StepHistory, step: Index, low: Array, high: Array) -> None:
         """Begin with parts of steps (E,), in order."""
         self.course, self.count, self.seen = course, len(step), 0
         self._make_room(0)
@@ -252,9 +262,9 @@ class PartTable:
         self.count = driver().refine_parts(ctypes.addressof(structure), begun, self.count)
         return self.count > self.seen
 
-    def _structure(self) -> c.Parts:
+    def _structure(self) -> c.PartsStruct:
         kept = *self.needs, SERIES, _FINE, _MEAN
-        found = c.Parts(
+        found = c.PartsStruct(
             ctypes.addressof(self.course.structure),
             *(len(self.first), self.outputs, len(self.needs[0])),
             *map(address, kept),
@@ -272,7 +282,7 @@ class PartTable:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedPolynomials:
     """Polynomials of one expression on parts of steps."""
 
     column: int  # index of the expression
@@ -283,11 +293,11 @@ class Fitted:
     coefficients: Array  # (P, O, 8): of their Chebyshev series
 
     @cached_property
-    def structure(self) -> c.Fitted:
+    def structure(self) -> c.FittedStruct:
         """As the driver takes it."""
         arrays = self.values, self.coefficients, self.begin, self.end, _FINE, PLACES
         kept = [np.ascontiguousarray(x, dtype=float) for x in arrays]
-        found = c.Fitted(self.values.shape[1], self.column, *map(address, kept))
+        found = c.FittedStruct(self.values.shape[1], self.column, *map(address, kept))
         found.held = kept
         return found
 

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.compiled.driver import Segments, address, aligned, driver
+from uqmbd.compiled.driver import SegmentsStruct, address, aligned, driver
 from uqmbd.typing import Array, Index
 
 __all__ = ["SegmentTable"]
@@ -102,8 +102,8 @@ class SegmentTable:
         return np.ascontiguousarray(basis, dtype=float)
 
     @cached_property
-    def _driven(self) -> Segments:
+    def _driven(self) -> SegmentsStruct:
         """The table as the driver takes it; it lives no longer than this."""
         sizes = len(self.used), self.used.shape[1], self.edges.shape[1], self.counts.shape[2]
         arrays = self.edges, self.used, self.counts, self.starts, self.coefficients
-        return Segments(*sizes, *map(address, arrays))
+        return SegmentsStruct(*sizes, *map(address, arrays))

@@ -9,10 +9,10 @@ import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["Table", "Tables", "table_constants"]
+__all__ = ["IntervalTable", "Tables", "table_constants"]
 
 
-class Table(Protocol):
+class IntervalTable(Protocol):
     """Table of numbers by interval: `edges` (n,), ascending, and `rows` (n + 1, 1 + M, number).
 
     A row holds the numbers below the table, in an interval, or above the table; the first number is the begin of the
@@ -36,11 +36,11 @@ class Table(Protocol):
         """Look up arguments (K,) with terms (K, M) by NumPy, shape (K, number), which a kernel is compared with."""
 
 
-Tables = Mapping[str, Table]
+Tables = Mapping[str, IntervalTable]
 """Tables by the names of the functions that look them up; the name tells the numbers."""
 
 
-def table_constants(name: str, table: Table) -> str:
+def table_constants(name: str, table: IntervalTable) -> str:
     """Write the numbers of a table as constants of a module: byte by byte, which LLVM reads faster than numbers."""
     text = ""
     for kind, array in (("edges", table.edges), ("rows", table.rows)):

@@ -11,9 +11,9 @@ import itertools
 import struct
 from collections.abc import Sequence
 
-from uqmbd.compiled.tables import Table, table_constants
+from uqmbd.compiled.tables import IntervalTable, table_constants
 
-__all__ = ["LANES", "Masks", "Writer"]
+__all__ = ["LANES", "Masks", "FunctionWriter"]
 
 LANES = 8
 """Realisations in a row."""
@@ -30,7 +30,7 @@ BLOCK = 400
 Blocks halve the compile time of the longest functions, with code of the same speed (measured)."""
 
 
-class Writer:
+class FunctionWriter:
     """The body of one function: its lines, in which KIND and MASK stand for the types of vectors.
 
     Whether these are whole rows is known only when all is written.
@@ -40,7 +40,7 @@ class Writer:
         self.lines: list[str] = []
         self.called: dict[str, int] = {}  # number of arguments of each function of the C library
         self.intrinsics: dict[str, int] = {}
-        self.tables: dict[str, Table] = {}
+        self.tables: dict[str, IntervalTable] = {}
         self._room = 0  # vectors that are passed to the function that looks up tables, and taken from it
         self._known: dict[str, str] = {}
 
@@ -107,7 +107,7 @@ class Writer:
         listed = ", ".join(f"KIND {x}" for x in values)
         return self.made(f"call KIND @lanes.{name}({listed})")
 
-    def look_up(self, name: str, table: Table, values: Sequence[str]) -> list[str]:
+    def look_up(self, name: str, table: IntervalTable, values: Sequence[str]) -> list[str]:
         """Return the numbers of a table at an argument, which terms follow where it has any."""
         knots, terms, numbers = len(table.edges), table.rows.shape[1] - 1, table.rows.shape[2]
         self.tables[name] = table
@@ -223,7 +223,7 @@ class Masks:
         """Whether masks hold, or surely do not, everywhere."""
         return all(self.surely_false[name] is None for name in names)
 
-    def false(self, w: Writer, name: str) -> str:
+    def false(self, w: FunctionWriter, name: str) -> str:
         """Return where a mask surely does not hold."""
         return self.surely_false[name] or w.made(f"xor MASK {name}, splat (i1 true)")
 

@@ -10,7 +10,7 @@ from uqmbd.dynamics.build import build, constraining, kinematic_model
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.ensemble import Ensemble, referenced
 from uqmbd.dynamics.equations import (
-    Derived,
+    BlockSymbols,
     Instance,
     Layout,
     MechanismTerms,
@@ -55,7 +55,7 @@ __all__ = [
     "Capability",
     "Check",
     "Counters",
-    "Derived",
+    "BlockSymbols",
     "Ensemble",
     "Equilibrium",
     "Instance",

@@ -2,7 +2,7 @@
 
 A function is its code object, its defaults, what its closure holds, and the globals that it names; a class is its bases
 and attributes.  Packages whose versions are in every key of the cache (`LIBRARIES`) are known by names.  Anything that
-has no such content, as an object of a compiled library, is `Unknown`.
+has no such content, as an object of a compiled library, is `NoDigest`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import cache, cached_property, partial, partialmethod
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-__all__ = ["Unknown", "code_of", "is_library", "unpatched"]
+__all__ = ["NoDigest", "code_of", "is_library", "unpatched"]
 
 LIBRARIES = frozenset({"numpy", "pluggy", "scipy", "sympy", "symengine", "uqmbd", *sys.stdlib_module_names})
 """Packages whose versions, or sources, are in every key."""
@@ -64,7 +64,7 @@ Content = tuple[object, Sequence[Any]]
 """What is plain, and parts that have a content in turn."""
 
 
-class Unknown(Exception):  # noqa: N818 - no error: there is no digest
+class NoDigest(Exception):  # noqa: N818 - no error: there is no digest
     """Something has no content that is known."""
 
 
@@ -98,10 +98,10 @@ def code_of(value: Any) -> Content | None:
         owner = getattr(value, "__objclass__", None)
         module = owner.__module__ if owner is not None else getattr(value, "__module__", None)
         if not is_library(module) or isinstance(getattr(value, "__self__", None), types.MethodWrapperType):
-            raise Unknown
+            raise NoDigest
         return ("compiled", module, value.__qualname__), ()
     if isinstance(value, ModuleType):
-        raise Unknown  # what is taken of it is not known
+        raise NoDigest  # what is taken of it is not known
     return None
 
 
@@ -110,7 +110,7 @@ def _function(value: FunctionType) -> Content:
     wrapped = [x for x in map(_held, value.__closure__ or ()) if isinstance(x, (FunctionType, partial, type))]
     if is_library(scope.get("__name__")):
         if value.__name__ in IMPURE:
-            raise Unknown
+            raise NoDigest
         # what the core holds beside functions are names and signatures of these
         cells = wrapped if scope["__name__"].startswith("uqmbd.") else [_held(x) for x in value.__closure__ or ()]
         return ("library", scope["__name__"], value.__qualname__, _head(code) if cells else ()), cells
@@ -126,7 +126,7 @@ def _class(value: type) -> Content:
     name = (value.__module__, value.__qualname__)
     if is_library(value.__module__):
         if value.__module__.startswith("uqmbd.") and not _as_written(value):
-            raise Unknown
+            raise NoDigest
         return ("class", *name), ()
     own = {key: x for key, x in vars(value).items() if key not in UNSEEN and not isinstance(x, SLOTS)}
     return ("class", *name, sorted(own)), [*value.__mro__[1:], type(value), *(own[key] for key in sorted(own))]
@@ -139,7 +139,7 @@ def _taken(value: Any, attributes: frozenset[str], *, known: bool) -> Iterator[A
     elif is_library(value.__name__):
         yield value.__name__
     elif not known or "__getattr__" in vars(value) or is_library(value.__name__, LIBRARIES):
-        raise Unknown
+        raise NoDigest
     else:
         for name in sorted(attributes & vars(value).keys()):
             yield name
@@ -178,10 +178,10 @@ def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
             # the lowest bit of the first says how it is called
             loaded.add(code.co_names[argument >> 1 if op == LOADS[0] else argument])
         elif op == IMPORT and not is_library(code.co_names[argument]):
-            raise Unknown
+            raise NoDigest
     attributes = set(code.co_names)
     if attributes & IMPURE:
-        raise Unknown
+        raise NoDigest
     for inner in code.co_consts:
         if isinstance(inner, CodeType):
             more, others = _names(inner)

@@ -20,7 +20,7 @@ import scipy
 import sympy
 from sympy.core.singleton import Singleton
 
-from uqmbd.dynamics.code_digest import Content, Unknown, code_of, is_library, unpatched
+from uqmbd.dynamics.code_digest import Content, NoDigest, code_of, is_library, unpatched
 from uqmbd.mechanism import (
     AngleSymbol,
     Component,
@@ -70,7 +70,7 @@ def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) 
         digests = Digests(mechanism)
         about = digests.of((*others, rows, scipy.__version__, *digests.mechanism()))
         return hashlib.sha256(about + digests.code()).hexdigest()
-    except Unknown:
+    except NoDigest:
         return None
 
 
@@ -118,7 +118,7 @@ class Digests:
         """Name a body, the ground or a component."""
         name = self.owners.get(id(value))
         if name is None:
-            raise Unknown
+            raise NoDigest
         return name
 
     def code(self) -> bytes:
@@ -136,7 +136,7 @@ class Digests:
         if found is None:
             head, parts = self.parts(value)
             if id(value) in self.open:
-                raise Unknown  # a value that holds itself
+                raise NoDigest  # a value that holds itself
             self.open.add(id(value))
             content = repr((head, len(parts))).encode() + b"".join([self.of(x) for x in parts])
             self.open.discard(id(value))
@@ -167,16 +167,16 @@ class Digests:
         if (content := code_of(value)) is not None:
             return ("code", self.number(value, content)), ()
         if isinstance(value, CONTAINERS):
-            raise Unknown  # of a class that may hold more than its attributes
+            raise NoDigest  # of a class that may hold more than its attributes
         if is_dataclass(value):
             names = [x.name for x in fields(value)]
             if vars_of(value).keys() - set(names):
-                raise Unknown
+                raise NoDigest
             return ("data", names), [kind, *(getattr(value, x) for x in names)]
         if is_library(kind.__module__) and vars_of(value):
-            raise Unknown
+            raise NoDigest
         if any(vars(one).get("__slots__") for one in kind.__mro__):
-            raise Unknown
+            raise NoDigest
         return ("object", sorted(vars_of(value))), [kind, *(x for _, x in sorted(vars_of(value).items()))]
 
     def number(self, value: Any, content: Content) -> int:
@@ -200,7 +200,7 @@ class Digests:
         if isinstance(kind, Singleton):
             return ("singleton", kind.__name__), ()
         if not value.args or not isinstance(kind.__module__, str):
-            raise Unknown
+            raise NoDigest
         return (kind.__module__, kind.__name__), value.args if is_library(kind.__module__) else [kind, *value.args]
 
     def symbol(self, value: Any) -> Content:
@@ -212,10 +212,10 @@ class Digests:
             return ("symbol", value._hashable_content()), ()
         about = (kind.__module__, kind.__qualname__, value.name)
         if not is_library(kind.__module__):
-            raise Unknown
+            raise NoDigest
         if isinstance(value, RandomVariable):
             if value not in self.inputs:
-                raise Unknown
+                raise NoDigest
             return about, ()
         if isinstance(value, StateSymbol):
             return (*about, self.owner(value.owner), value.quantity, value.index), ()
@@ -227,11 +227,11 @@ class Digests:
             return (*about, self.owner(value.component), value.label), ()
         if isinstance(value, ScalarSymbol):
             return (*about, value.quantity, value.number, value.at), ()
-        raise Unknown
+        raise NoDigest
 
 
 def vars_of(value: Any) -> dict[str, Any]:
     """Return the attributes of an object; one whose attributes are elsewhere is not known."""
     if not hasattr(value, "__dict__"):
-        raise Unknown
+        raise NoDigest
     return dict(vars(value))

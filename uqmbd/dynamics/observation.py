@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.compiled import Columns, Kernel, Program, Writer, cached, compile_kernel
+from uqmbd.compiled import Columns, Kernel, Program, ProgramWriter, cached, compile_kernel
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact import ContactEvaluator, states_in_contact
 from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
@@ -122,7 +122,7 @@ def _program(model: Model, outputs: OutputMap) -> Program:
     layout, programs = model.layout, model.system.programs
     n, width = layout.coordinates, layout.width
     ends = np.cumsum([width + 2, model.block_parameters, len(model.inputs)])
-    writer = Writer(int(ends[-1]))
+    writer = ProgramWriter(int(ends[-1]))
     arguments, parameters, inputs = np.split(np.arange(ends[-1]), ends[:-1])
     quaternions, zero, residual = model.quaternions(), width + 1, np.zeros(0, dtype=np.int64)
     if quaternions.size:

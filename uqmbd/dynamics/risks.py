@@ -15,7 +15,7 @@ import sympy
 from uqmbd.dynamics.equations import Limit, ParameterMap, limits_of, signs_of, squares_of
 from uqmbd.errors import Finding, Severity
 from uqmbd.mechanism import Mechanism, is_tensor_of_body
-from uqmbd.randomness import JointInput, Law, RandomVariable
+from uqmbd.randomness import AffineDistribution, JointInput, RandomVariable
 from uqmbd.wording import format_percent
 
 __all__ = ["Risk", "range_findings", "risks"]
@@ -134,7 +134,7 @@ def _exact(limit: Limit, expression: sympy.Expr) -> float | None:
     if len(variable.joint.names) > 1 or not expression.is_polynomial(variable):
         return None
     coefficients = sympy.Poly(expression, variable).all_coeffs()
-    law = Law.of(variable.distribution)
+    law = AffineDistribution.of(variable.distribution)
     if len(coefficients) != 2 or law.discrete:
         return None
     slope, offset = (float(x) for x in coefficients)

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.bodies import Body, BodyTerms, Pose, inertia_entries, mass_number, orientation
+from uqmbd.mechanism.bodies import Body, BodyPose, BodyTerms, inertia_entries, mass_number, orientation
 from uqmbd.mechanism.components import settle
 from uqmbd.mechanism.declared import Described, require_known
 from uqmbd.mechanism.expressions import as_symbolic, check_dimensions, numbers, shown
@@ -52,7 +52,7 @@ def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: A
         return None if value is None else found
 
     origin = (0,) * d
-    pose = Pose(
+    pose = BodyPose(
         q=(*(vector("position", d, "world axes", origin) or ()), *turned),
         velocity=vector("velocity", d, "world axes"),
         angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes"),

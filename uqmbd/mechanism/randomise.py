@@ -30,7 +30,7 @@ LISTED = 40
 
 
 @dataclass(frozen=True)
-class Quantity:
+class RandomisedQuantity:
     """A number, a vector or an inertia of a body or a component, and what its values may be."""
 
     owner: str
@@ -66,7 +66,7 @@ class Quantity:
 
 
 @dataclass
-class Law:
+class VariationLaw:
     """How a number varies: by a standard deviation, by a distribution of a factor, or by one that is made for it."""
 
     where: str
@@ -137,7 +137,7 @@ def randomise(
     where = f"mechanism {mechanism.name!r}: randomise({pattern!r})"
     law = _law(where, relative, absolute, distribution)
     chosen = _chosen(where, mechanism, pattern)
-    changes: list[tuple[Quantity, Any]] = []
+    changes: list[tuple[RandomisedQuantity, Any]] = []
     found: list[RandomVariable] = []
     for quantity, indices in chosen:
         if quantity.unused:
@@ -162,7 +162,7 @@ def randomise(
     return found
 
 
-def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Law:
+def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> VariationLaw:
     """Check how numbers are to vary."""
     distribution = adopted(where, distribution)
     own = is_distribution(distribution) or callable(distribution)
@@ -186,25 +186,25 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Law:
         if not number or not 0 < float(value) < math.inf:
             raise StudyError(f"{where}: {key} is {shown(value)}; expected a standard deviation, more than 0.")
         given[key] = float(value)
-    return Law(where, given["relative"], given["absolute"], distribution)
+    return VariationLaw(where, given["relative"], given["absolute"], distribution)
 
 
-def _quantities(mechanism: Described) -> Iterator[Quantity]:
+def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
     """Yield what may become random: inertia of bodies, and numbers of components."""
     for body in mechanism.bodies.values():
-        yield Quantity(body.name, "mass", body.terms, "kg", minimum=0)
-        yield Quantity(body.name, "com", body.terms, "m", stated=False)
+        yield RandomisedQuantity(body.name, "mass", body.terms, "kg", minimum=0)
+        yield RandomisedQuantity(body.name, "com", body.terms, "m", stated=False)
         if body.terms.values["inertia"]:
-            yield Quantity(body.name, "inertia", body.terms, "kg m^2", minimum=0)
+            yield RandomisedQuantity(body.name, "inertia", body.terms, "kg m^2", minimum=0)
     for component in mechanism.components.values():
         effective = known_effects(component, mechanism.space, mechanism.effective)
         for key, p in component.parameters().items():
             if p.kind in KINDS and component.values.get(key) not in (None, ()) and p.fits(mechanism.space):
                 stated, unused = key in component.given, not p.required and key not in effective
-                yield Quantity(component.name, key, component, p.units, p.minimum, p.maximum, stated, unused)
+                yield RandomisedQuantity(component.name, key, component, p.units, p.minimum, p.maximum, stated, unused)
 
 
-def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Quantity, list[int]]]:
+def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[RandomisedQuantity, list[int]]]:
     """Return what patterns match, and which of its numbers."""
     patterns = [pattern] if isinstance(pattern, str) else pattern
     if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
@@ -236,7 +236,7 @@ def _ends(minimum: float, maximum: float) -> str:
     return range_text(minimum, maximum) if math.isfinite(minimum) or math.isfinite(maximum) else "any number"
 
 
-def _numbers(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, list[RandomVariable]]:
+def _numbers(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw) -> tuple[Any, list[RandomVariable]]:
     """Return the new value of a scalar or a vector, and its random variables."""
     entries, names = quantity.entries, quantity.names()
     variables: list[RandomVariable] = []
@@ -259,7 +259,7 @@ def _numbers(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, lis
     return (tuple(entries) if isinstance(value, (tuple, list)) else entries[0]), variables
 
 
-def _tensor(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, list[RandomVariable]]:
+def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw) -> tuple[Any, list[RandomVariable]]:
     """Return an inertia tensor whose second moments of mass, along its principal axes, are multiplied by factors.
 
     With the second moments ``S`` the tensor is ``trace(S) I - S``: that of a body whatever the factors, if positive.
@@ -306,7 +306,7 @@ def _reason(value: sympy.Expr) -> str:
     return f"is no plain number ({shown(value)})"
 
 
-def _warn(where: str, law: Law, changes: Sequence[tuple[Quantity, Any]]) -> None:
+def _warn(where: str, law: VariationLaw, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
     """Tell what is left as it is, and of what the old number may have gone elsewhere."""
     if law.left:
         warnings.warn(f"{where}: left as it is: {'; '.join(law.left)}.", StudyWarning, stacklevel=5)
@@ -320,7 +320,7 @@ def _warn(where: str, law: Law, changes: Sequence[tuple[Quantity, Any]]) -> None
         )
 
 
-def _settle(mechanism: Described, changes: Sequence[tuple[Quantity, Any]]) -> None:
+def _settle(mechanism: Described, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
     """Put new values in, and let all components compute again what they made of the old ones; all or nothing."""
     holders: list[tuple[str, Component]] = [(f"body {x.name!r}", x.terms) for x in mechanism.bodies.values()]
     holders += [(f"{type(x).__name__} {x.name!r}", x) for x in mechanism.components.values()]

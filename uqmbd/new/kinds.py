@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from uqmbd.plugins import Kind
+    from uqmbd.plugins import HookKind
 
 __all__ = ["PLUGIN_KINDS", "PluginKind"]
 
@@ -26,7 +26,7 @@ class PluginKind:
     offers: Literal["class", "function"] = "class"  # what the package offers
 
     @property
-    def registered(self) -> Kind | None:
+    def registered(self) -> HookKind | None:
         """Its hook, and what the classes of it have in common; none for what is given to a component as it is."""
         from uqmbd.plugins import KINDS
 

@@ -21,7 +21,7 @@ environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributio
 from __future__ import annotations
 
 from uqmbd.plugins.command import Command, command_line
-from uqmbd.plugins.hooks import KINDS, Kind, hookimpl, integrator_problem
+from uqmbd.plugins.hooks import KINDS, HookKind, hookimpl, integrator_problem
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged, offered_by_core, registered_name
 from uqmbd.plugins.registry import (
     checks,
@@ -43,7 +43,7 @@ from uqmbd.plugins.registry import (
 __all__ = [
     "KINDS",
     "Command",
-    "Kind",
+    "HookKind",
     "PluginInfo",
     "Registry",
     "checks",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pluggy
 
-__all__ = ["COMMANDS_GROUP", "GROUP", "KINDS", "Kind", "hookimpl", "integrator_problem", "plugin_manager"]
+__all__ = ["COMMANDS_GROUP", "GROUP", "KINDS", "HookKind", "hookimpl", "integrator_problem", "plugin_manager"]
 
 GROUP = "uqmbd"
 """Entry points of modules that implement hooks."""
@@ -77,7 +77,7 @@ class _Hooks:
         """
 
 
-class Kind(NamedTuple):
+class HookKind(NamedTuple):
     """What the classes of one hook have in common."""
 
     hook: str
@@ -127,9 +127,9 @@ def command_problem(cls: type) -> str:
 
 
 KINDS = {
-    "components": Kind("uqmbd_components", "component", "uqmbd.Component", False),
-    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.extend.Propagator", True),
-    "integrators": Kind(
+    "components": HookKind("uqmbd_components", "component", "uqmbd.Component", False),
+    "propagators": HookKind("uqmbd_propagators", "propagator", "uqmbd.extend.Propagator", True),
+    "integrators": HookKind(
         "uqmbd_integrators",
         "integrator",
         None,
@@ -139,7 +139,7 @@ KINDS = {
         ("auto", "ida", "dop853"),
         integrator_problem,
     ),
-    "designs": Kind(
+    "designs": HookKind(
         "uqmbd_designs",
         "sampling design",
         None,
@@ -148,10 +148,10 @@ KINDS = {
         ("independent", "extendable"),
         ("random", "latin-hypercube", "sobol", "halton"),
     ),
-    "readers": Kind("uqmbd_readers", "reader of model files", None, True, "read"),
-    "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
-    "checks": Kind("uqmbd_checks", "check of studies", None, False, "find"),
-    "commands": Kind(
+    "readers": HookKind("uqmbd_readers", "reader of model files", None, True, "read"),
+    "report_sections": HookKind("uqmbd_report_sections", "report section", None, False, "render"),
+    "checks": HookKind("uqmbd_checks", "check of studies", None, False, "find"),
+    "commands": HookKind(
         "uqmbd_commands",
         "command",
         None,

@@ -13,7 +13,7 @@ import pluggy
 
 from uqmbd.isolation import Isolated, last_line
 from uqmbd.names import lineage
-from uqmbd.plugins.hooks import GROUP, KINDS, Kind, plugin_manager
+from uqmbd.plugins.hooks import GROUP, KINDS, HookKind, plugin_manager
 
 __all__ = ["PluginInfo", "Registry", "load", "merged", "offered_by_core", "registered_name"]
 
@@ -154,7 +154,7 @@ def _misplaced(hook: str, entry_point: importlib.metadata.EntryPoint, known: set
     )
 
 
-def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[list[tuple[str, type]], list[str]]:
+def _call(manager: pluggy.PluginManager, plugin: object, kind: HookKind) -> tuple[list[tuple[str, type]], list[str]]:
     """Call one hook of one plugin: the named classes that can be used, and what is wrong with the others."""
     others = [other for other in manager.get_plugins() if other is not plugin]
     result: Any = None
@@ -183,7 +183,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[li
     return offered, problems
 
 
-def registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
+def registered_name(cls: Any, kind: HookKind) -> tuple[str, str]:
     """Return the name by which a class is registered, or what keeps it from being registered."""
     if not inspect.isclass(cls):
         return "", "which is not a class"

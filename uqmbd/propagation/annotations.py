@@ -11,10 +11,10 @@ from typing import Any, ClassVar, Protocol
 from uqmbd.arguments import Bounds, bounded, each, fits, is_one, members, refusal, several
 from uqmbd.errors import StudyError
 
-__all__ = ["Bounds", "Method", "check_options", "option_types", "plain"]
+__all__ = ["Bounds", "MethodClass", "check_options", "option_types", "plain"]
 
 
-class Method(Protocol):
+class MethodClass(Protocol):
     """Method as a class: its registered name; its fields are its options."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]

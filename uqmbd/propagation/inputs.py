@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Model
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "idle_inputs", "nothing_random"]
+__all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "unused_inputs", "nothing_random"]
 
 
 def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
@@ -74,7 +74,7 @@ def affordable(inputs: int, planned: int) -> bool:
     return 0 < inputs < max(AT_LEAST, planned // SHARE)
 
 
-def idle_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> tuple[str, ...]:
+def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> tuple[str, ...]:
     """Return the names of the inputs on which no output, with or without a time, and no requirement depends.
 
     Each is changed alone, from one point; those without effect are changed at `POINTS` others, too. Failed realisations

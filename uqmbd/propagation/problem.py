@@ -14,7 +14,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.progress import Progress, stage
-from uqmbd.propagation.annotations import Method
+from uqmbd.propagation.annotations import MethodClass
 from uqmbd.propagation.execution import (
     Arrays,
     History,
@@ -360,7 +360,7 @@ class Problem(ProblemData):
 
     def node(
         self,
-        propagator: Method,
+        propagator: MethodClass,
         statistics: xr.Dataset,
         samples: xr.Dataset | None = None,
         *,

@@ -15,8 +15,8 @@ from uqmbd.propagation.execution import (
     Arrays,
     Checkpoint,
     Chunk,
-    Clock,
-    Kept,
+    ChunkStore,
+    CostClock,
     Known,
     Ledger,
     Observed,
@@ -47,7 +47,7 @@ class Runner:
     """Where finished chunks are stored."""
     ledger: Ledger | None = None
     """What a run with a budget may compute, and what it has computed for other sizes of the method."""
-    clock: Clock = field(default_factory=Clock)
+    clock: CostClock = field(default_factory=CostClock)
     """Called, it returns seconds; it counts what an interrupted run has spent on what need not be computed again."""
     spending: Spending = field(default_factory=Spending)
     """What the method spends, in parts."""
@@ -126,9 +126,9 @@ class Runner:
         """Return the executor for realisations: threads where they are computed without the interpreter."""
         return executor_for(self.executor, unlocked=problem.unlocked)
 
-    def kept(self, problem: ProblemData) -> Kept:
+    def kept(self, problem: ProblemData) -> ChunkStore:
         """Return the chunks of a problem that are known already."""
-        return Kept(
+        return ChunkStore(
             kind=problem.kind,
             partial=problem.chosen is not None,
             margins=not problem.answers_requirements,

@@ -6,7 +6,14 @@ The only place that imports chaospy.
 from __future__ import annotations
 
 from uqmbd.randomness.designs import Design, SamplingDesign, Seed, design_problem, sampling_design, sampling_designs
-from uqmbd.randomness.distributions import Law, adopted, distribution_about, is_distribution, strays, tabulated
+from uqmbd.randomness.distributions import (
+    AffineDistribution,
+    adopted,
+    distribution_about,
+    is_distribution,
+    strays,
+    tabulated,
+)
 from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
@@ -35,7 +42,7 @@ __all__ = [
     "GermBox",
     "GermSpace",
     "JointInput",
-    "Law",
+    "AffineDistribution",
     "Quadrature",
     "RandomVariable",
     "SamplingDesign",

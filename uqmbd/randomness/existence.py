@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.randomness.distributions import Law, Tail, heaviest_tail, is_dependent, tail_of
+from uqmbd.randomness.distributions import AffineDistribution, Tail, heaviest_tail, is_dependent, tail_of
 from uqmbd.randomness.joint import JointInput
-from uqmbd.randomness.variable import Joint
+from uqmbd.randomness.variable import JointDistribution
 from uqmbd.typing import Array
 
 __all__ = ["exists", "moment_orders"]
@@ -50,11 +50,11 @@ def moment_orders(inputs: JointInput) -> dict[str, float]:
 
 
 def _order(distribution: Any) -> float:
-    law = Law.of(distribution)
+    law = AffineDistribution.of(distribution)
     return np.inf if law.discrete else heaviest_tail(law).moments
 
 
-def _dependent(joint: Joint) -> Sequence[float]:
+def _dependent(joint: JointDistribution) -> Sequence[float]:
     """Orders of inputs that depend on each other, each with the others at their medians."""
     import chaospy
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.names import natural_order
-from uqmbd.randomness.distributions import Law, is_dependent
+from uqmbd.randomness.distributions import AffineDistribution, is_dependent
 from uqmbd.randomness.rosenblatt import in_blocks
 from uqmbd.randomness.variable import RandomVariable
 from uqmbd.typing import Array
@@ -147,7 +147,7 @@ class JointInput:
             if is_dependent(group.distribution):
                 values[:, columns] = group.transform.inverse(uniform[:, columns])
                 continue
-            laws = [Law.of(v.distribution) for v in group.members()]
+            laws = [AffineDistribution.of(v.distribution) for v in group.members()]
             if any(law.mends for law in laws):
                 for column, law in zip(columns, laws, strict=True):
                     quantiles = law.quantile(uniform[:, column])

@@ -18,11 +18,11 @@ from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import stated_tolerance
 from uqmbd.typing import Distribution
 
-__all__ = ["Joint", "RandomVariable", "random_vector", "uniform_variable"]
+__all__ = ["JointDistribution", "RandomVariable", "random_vector", "uniform_variable"]
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class JointDistribution:
     """A distribution of one or more dependent variables, with their names: what members of one group share."""
 
     distribution: Any
@@ -56,7 +56,7 @@ class Joint:
         return supports_of(self.transform.law)
 
     @cached_property
-    def separated(self) -> tuple[Joint, ...]:
+    def separated(self) -> tuple[JointDistribution, ...]:
         """Return whole numbers that depend on no other variable, each alone, and the rest.
 
         Return the joint itself if there are none. Names are those of their members. Raise StudyError if such a variable
@@ -74,10 +74,10 @@ class Joint:
             return (self,)
         rest = sorted(set(owners) - alone)
         others = list({id(owners[k][1]): owners[k][1] for k in rest}.values())
-        parts = [Joint(others[0] if len(others) == 1 else chaospy.J(*others), *self._labels(rest))]
+        parts = [JointDistribution(others[0] if len(others) == 1 else chaospy.J(*others), *self._labels(rest))]
         for k in sorted(alone):
             try:
-                parts.append(Joint(rewritten(owners[k][1]), *self._labels([k])))
+                parts.append(JointDistribution(rewritten(owners[k][1]), *self._labels([k])))
             except StudyError as error:
                 raise StudyError(f"Input {self.names[k]!r}: {error}.") from None
         return tuple(parts)
@@ -125,7 +125,7 @@ class RandomVariable(Symbolic, Symbol):
 
     units: str
     distribution: Any
-    joint: Joint
+    joint: JointDistribution
     component: int
 
     @checked
@@ -140,7 +140,7 @@ class RandomVariable(Symbolic, Symbol):
                 f"{where}: units is {units!r}, but {distribution} is in {stated.units}. Nothing is converted: give the "
                 f"size in the units of the mechanism, as in uqmbd.iso286(0.030, 'H7', units='m')."
             )
-        return cls._member(Joint(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
+        return cls._member(JointDistribution(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
 
     if not TYPE_CHECKING:  # the arguments are those of ``__new__``
 
@@ -148,7 +148,7 @@ class RandomVariable(Symbolic, Symbol):
             """Accept the arguments of ``__new__``; a symbol is made there."""
 
     @classmethod
-    def _member(cls, joint: Joint, component: int) -> RandomVariable:
+    def _member(cls, joint: JointDistribution, component: int) -> RandomVariable:
         self: RandomVariable = sympy.Symbol.__xnew__(cls, joint.names[component], real=True)
         self.units = joint.units[component]
         self.joint = joint
@@ -225,7 +225,7 @@ def random_vector(
     unit = tuple(check_units(x, where) for x in given)
     if len(unit) != len(names):
         raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
-    return Joint(distribution, names, unit).members()
+    return JointDistribution(distribution, names, unit).members()
 
 
 def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> RandomVariable:
@@ -348,7 +348,7 @@ def mean_of(distribution: Any) -> np.ndarray:
     """
     import chaospy
 
-    from uqmbd.randomness.distributions import Law, heaviest_tail, is_dependent
+    from uqmbd.randomness.distributions import AffineDistribution, heaviest_tail, is_dependent
     from uqmbd.randomness.germs import discretise, discretise_quantiles
 
     if isinstance(distribution, chaospy.CopulaDistribution):
@@ -359,7 +359,7 @@ def mean_of(distribution: Any) -> np.ndarray:
     if len(distribution) > 1 and not is_dependent(distribution):
         return np.concatenate([mean_of(d) for d in distribution])
     if len(distribution) == 1:
-        law = Law.of(distribution)
+        law = AffineDistribution.of(distribution)
         if law.cut is None and law.mends:
             return law.shift + law.scale * mean_of(law.core)
         if law.cut is not None and heaviest_tail(law).moments > 1:

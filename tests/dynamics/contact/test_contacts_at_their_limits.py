@@ -11,7 +11,7 @@ import sympy
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.contact.coulomb import Touch
-from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.lasting import Lasting, contact_motion
 from uqmbd.dynamics.contact.limits import contacts_at_limit, slipping_together
 from uqmbd.dynamics.contact.redundant import HELD, reserves, roomiest, unmoving
@@ -227,7 +227,7 @@ def contacts_of(delassus, free, mu):
     law = np.column_stack([np.zeros(count), mu])[None]
     first = tuple(range(0, 2 * count + 1, 2))
     n = len(free)
-    return Contacts(
+    return ContactQuantities(
         np.zeros((1, count)), first, law, zero, zero, np.eye(n)[None], np.array(free, dtype=float)[None],
         np.array(delassus, dtype=float)[None], np.array(delassus, dtype=float)[None],
     )  # fmt: skip

@@ -16,7 +16,7 @@ import sympy
 
 import uqmbd
 from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
-from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.lasting import contact_forces, lasting_contacts
 from uqmbd_contact import PlaneImpact
@@ -97,7 +97,7 @@ def contacts_of(mass, across, along, velocity, e, mu):
     first = tuple(range(0, (1 + tangents) * count + 1, 1 + tangents))
     law = np.column_stack([e, mu])[None]
     none = np.zeros((1, len(rows)))
-    return Contacts(
+    return ContactQuantities(
         np.zeros((1, count)), first, law, (rows @ velocity)[None], none, rows[None], np.zeros((1, n)), answer[None],
         (rows @ answer)[None],
     )  # fmt: skip
@@ -177,7 +177,7 @@ def check_rest(count, samples, seed):
         rows = np.concatenate([across[:, None], along[:, None]], axis=1).reshape(-1, 3)
         speed = np.column_stack([np.zeros(count), sliding * rng.uniform(0.1, 1, count)]).reshape(1, -1)
         found = lasting_contacts(
-            Contacts(
+            ContactQuantities(
                 np.zeros((1, count)), tuple(range(0, 2 * count + 1, 2)), np.column_stack([0 * mu, mu])[None], speed,
                 np.zeros_like(speed), rows[None], free[None], np.linalg.solve(mass, rows.T)[None],
                 (rows @ np.linalg.solve(mass, rows.T))[None],

@@ -7,7 +7,7 @@ import pytest
 import scipy.optimize
 
 import uqmbd
-from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.lasting import lasting_contacts
 from uqmbd_contact import PlaneImpact
 from uqmbd_springs import Torque
@@ -42,7 +42,7 @@ def test_forces_on_a_disc_in_a_vee_satisfy_the_laws():
         applied = np.append(rng.normal(size=2) * 20, rng.normal() * 0.5) + (0, -20, 0)
         free, answer = np.linalg.solve(mass, applied), np.linalg.solve(mass, rows.T)
         found = lasting_contacts(
-            Contacts(
+            ContactQuantities(
                 np.zeros((1, 2)), (0, 2, 4), np.column_stack([0 * mu, mu])[None], np.zeros((1, 4)), np.zeros((1, 4)),
                 rows[None], free[None], answer[None], (rows @ answer)[None],
             ),

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqmbd.compiled import Writer
+from uqmbd.compiled import ProgramWriter
 from uqmbd.dynamics.linear.residual import RowResiduals
 
 
@@ -15,7 +15,7 @@ def test_residuals_by_rows(size, seed):
     rows, columns = np.nonzero(random.random((size, size)) < 0.5)
     entries, right = random.integers(7, size=len(rows)), random.integers(-1, 7, size=size)
     given_values, x = random.normal(size=(9, 7)), random.normal(size=(9, size))
-    writer = Writer(7 + size)
+    writer = ProgramWriter(7 + size)
     program = writer.program(
         RowResiduals(rows, columns, entries, right).write(writer, np.arange(7), np.arange(7, 7 + size))
     )

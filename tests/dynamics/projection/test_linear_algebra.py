@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import nodal
 from uqmbd.dynamics.projection import ida as projected_ida
-from uqmbd.dynamics.projection.ensemble import Coupled
+from uqmbd.dynamics.projection.ensemble import ProjectedSystem
 from uqmbd_galerkin import Galerkin
 from uqmbd_springs import SpringDamper
 
@@ -179,7 +179,7 @@ def test_coupled_system_is_solved_as_a_dense_one(mechanisms, project, monkeypatc
         monkeypatch.setattr(nodal, "worth_while", lambda operations: False)
         projected.model.system.programs.others.clear()
     state = projected.start.state
-    coupled = Coupled(projected.model, projected.psi, projected.adjoint, projected.ensemble.block)
+    coupled = ProjectedSystem(projected.model, projected.psi, projected.adjoint, projected.ensemble.block)
     assert coupled.compiled == compiled
     coupled.systems.structure.worth = 0.0 if way == "direct" else -1.0
     found, _ = coupled.solve(state, 0.0, 1e-12)
@@ -217,7 +217,7 @@ def test_accelerations_do_not_depend_on_what_was_solved_before(crank, seed, powe
     wild = crank.start.state.copy()
     velocities = crank.split(wild)[2]
     velocities += 10**power * rng.normal(size=velocities.shape)
-    fresh, used = (Coupled(crank.model, crank.psi, crank.adjoint, crank.ensemble.block) for _ in range(2))
+    fresh, used = (ProjectedSystem(crank.model, crank.psi, crank.adjoint, crank.ensemble.block) for _ in range(2))
     expected, _ = fresh.solve(state, 0.0, 1e-10)
     for _ in range(often):
         used.solve(wild, 0.0, 1e-10)

@@ -20,7 +20,7 @@ import uqmbd
 from uqmbd.dynamics import Ensemble, integrate, margins_of, scalars_of
 from uqmbd.dynamics.summaries import resolved
 from uqmbd.dynamics.summaries.domain import DEEPEST, exponential_types
-from uqmbd.dynamics.summaries.motion import Motion
+from uqmbd.dynamics.summaries.motion import SteppedMotion
 from uqmbd.dynamics.summaries.resolved import ROUGH
 from uqmbd.mechanism import domain_of
 from uqmbd.propagation.observed_model import observed_model
@@ -372,7 +372,7 @@ PERIODIC = {
 def test_slow_outputs_of_time_are_not_looked_at(kind, monkeypatch):
     """Their summaries are the same to the bit as if they were, and those of mpmath; a look is at some at once."""
     looked, most = [], [0]
-    observed = Motion.observed
+    observed = SteppedMotion.observed
 
     def counted(motion, outputs, steps, *args):
         most[0] = max(most[0], len(steps))
@@ -380,7 +380,7 @@ def test_slow_outputs_of_time_are_not_looked_at(kind, monkeypatch):
         looked.extend(np.flatnonzero(parts >= 1 / resolved.FINEST).tolist())  # a look is at that many parts
         return observed(motion, outputs, steps, *args)
 
-    monkeypatch.setattr(Motion, "observed", counted)
+    monkeypatch.setattr(SteppedMotion, "observed", counted)
     mechanism, _ = moving()
     expression = PERIODIC[kind](sympy, uqmbd.t)
     mechanism.output("top", uqmbd.maximum(expression))

@@ -15,7 +15,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.propagation.budget import Amount, Terms
+from uqmbd.propagation.budget import Amount, BudgetTerms
 from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
@@ -76,7 +76,7 @@ class Counting(Executor):
 def within(study, executor, **terms):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return run_methods(study, study.propagators, executor, terms=Terms(clock=executor.clock, **terms))
+        return run_methods(study, study.propagators, executor, terms=BudgetTerms(clock=executor.clock, **terms))
 
 
 def same(first, second):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.propagation.budget import Amount, Terms
+from uqmbd.propagation.budget import Amount, BudgetTerms
 from uqmbd.propagation.budget.sized import Sized
 from uqmbd.propagation.studies.run_methods import run_methods
 from uqmbd.results import SampleStore
@@ -68,7 +68,7 @@ def within(folder: Path, executor: Two, *, resume: bool = False, **terms: Any) -
     study = fall()
     with executor.pool, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        asked = Terms(clock=executor.clock, **terms)
+        asked = BudgetTerms(clock=executor.clock, **terms)
         outcome = run_methods(study, study.propagators, executor, folder=folder, terms=asked, resume=resume)
     (node,) = outcome.nodes
     return node, json.loads(outcome.attrs["budget"])["methods"]["monte-carlo"]

@@ -17,7 +17,7 @@ import pytest
 import uqmbd
 from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution import Packed, compute_chunk, in_order, pool
-from uqmbd.propagation.execution.transport import Answer, machine_type
+from uqmbd.propagation.execution.transport import Reply, machine_type
 from uqmbd.results import STATUS_MEANINGS, load, save
 from uqmbd.status import Status
 from uqmbd_joints import Distance
@@ -188,7 +188,7 @@ def test_answers_say_who_has_computed():
 
     problem.using(executor=Here()).realise(np.full((64, 1), 1.0))
     (answer,) = said
-    assert isinstance(answer, Answer)
+    assert isinstance(answer, Reply)
     assert answer.worker.process == os.getpid() and answer.worker.machine == machine_type()
     names = [name for name, _ in answer.worker.versions]
     assert names[:3] == ["uqmbd", "Python", "numpy"]

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution import Packed, in_order
-from uqmbd.propagation.execution.transport import Answer, Seen, versions
+from uqmbd.propagation.execution.transport import Reply, WorkerRegistry, versions
 from uqmbd.propagation.execution.transport.identity import this_worker
 
 MODEL = Packed.of({"factor": 0.1})
@@ -126,11 +126,11 @@ class Simulated(Executor):
         wanted, work, packed, piece = arguments
         who = replace(ME, host="simulated", process=name)
         if kind == "stranger":
-            return False, Answer(replace(who, versions=(("uqmbd", "0.0"),)), "refused")
+            return False, Reply(replace(who, versions=(("uqmbd", "0.0"),)), "refused")
         if packed.data is not None:
             has.add(packed.digest)
         if packed.digest not in has:
-            return False, Answer(who, "missing")
+            return False, Reply(who, "missing")
         if piece in self.killers or self.random.random() < self.deaths:
             return True, None
         return False, replace(function(*arguments), worker=who)
@@ -322,7 +322,7 @@ def test_results_that_wait_are_bounded_in_bytes():
 
 def test_workers_that_leave_are_forgotten():
     """An adaptive cluster has had a thousand workers, of which three are left."""
-    seen = Seen(versions())
+    seen = WorkerRegistry(versions())
     for k in range(1000):
         seen.done(replace(ME, process=k), 0.1)
     assert seen.count > 100

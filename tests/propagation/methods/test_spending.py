@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.errors import StudyError
 from uqmbd.extend import statistics_dataset
-from uqmbd.propagation.execution import Clock
+from uqmbd.propagation.execution import CostClock
 from uqmbd.propagation.execution.cost import PARTS, Spending
 from uqmbd.propagation.methods import run_method
 from uqmbd_collocation import Collocation
@@ -26,7 +26,7 @@ NAMES = [f"wall_time_{part.replace(' ', '_')}" for part in (*PARTS, "other")]
 
 
 @dataclass
-class Fake(Clock):
+class Fake(CostClock):
     """A clock that stands, but for what it is told; each reading takes a second where `step` is one."""
 
     now: float = 0.0
@@ -73,7 +73,7 @@ def study(*, more: bool = False, scale: float = 1.0) -> uqmbd.Study:
     return uqmbd.Study("line", mechanism, [0.0, 0.5, 1.0])
 
 
-def run(method: uqmbd.extend.Propagator, clock: Clock, **options: bool) -> xr.DataTree:
+def run(method: uqmbd.extend.Propagator, clock: CostClock, **options: bool) -> xr.DataTree:
     return run_method(method, study(**options).problem(method).using(clock=clock))
 
 

@@ -20,7 +20,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.propagation.reduction.reduced import Order
+from uqmbd.propagation.reduction.reduced import ReductionOrder
 from uqmbd.results import SampleStore, save
 from uqmbd.results.storage.journal import Journal
 from uqmbd_joints import Distance
@@ -60,7 +60,7 @@ class Here(Executor):
             return future
         self.chunks += 1
         if self.apart:
-            args = tuple(_elsewhere(x) if isinstance(x, Order) else x for x in args)
+            args = tuple(_elsewhere(x) if isinstance(x, ReductionOrder) else x for x in args)
         found = fn(*args, **kwargs)
         handed = found.result
         self.computed += getattr(handed, "computed", False)
@@ -69,7 +69,7 @@ class Here(Executor):
         return future
 
 
-def _elsewhere(order: Order) -> Order:
+def _elsewhere(order: ReductionOrder) -> ReductionOrder:
     nowhere = Path("/nowhere")
     return replace(
         order,
@@ -329,7 +329,7 @@ class Deadly(Here):
     """Its workers die of one chunk."""
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if any(isinstance(x, Order) and x.first == 128 for x in args):
+        if any(isinstance(x, ReductionOrder) and x.first == 128 for x in args):
             future: Future[Any] = Future()
             future.set_exception(BrokenExecutor("killed"))
             return future

@@ -17,7 +17,7 @@ from scipy.special import erfinv, ndtri
 import uqmbd
 import uqmbd.progress
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.randomness.distributions import Law
+from uqmbd.randomness.distributions import AffineDistribution
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 
@@ -55,7 +55,7 @@ def holds(distribution, ppf, cdf, mean, std, bounds, accuracy=1e-7):
     assert isinstance(variable.distribution, chaospy.Distribution)
     assert variable.mean == pytest.approx(mean, abs=1e-8 * spread)
     assert np.abs(joint.from_uniform(LEVELS[:, None])[:, 0] - quantiles).max() < 1e-9 * spread
-    law = Law.of(variable.distribution)
+    law = AffineDistribution.of(variable.distribution)
     assert np.abs(law.cdf(quantiles) - cdf(quantiles)).max() < 1e-9
     at = space.from_uniform(LEVELS[:, None])
     assert np.abs(space.to_inputs(at)[:, 0] - quantiles).max() < accuracy * spread

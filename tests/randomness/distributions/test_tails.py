@@ -9,7 +9,7 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor
-from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.randomness.distributions.decomposed import AffineDistribution
 from uqmbd.randomness.distributions.tails import heaviest_tail
 
 INFINITE = {
@@ -34,7 +34,7 @@ INFINITE = {
 
 @pytest.mark.parametrize(("distribution", "order"), INFINITE.values(), ids=INFINITE)
 def test_no_finite_moments(distribution, order):
-    tail = heaviest_tail(Law.of(distribution))
+    tail = heaviest_tail(AffineDistribution.of(distribution))
     assert tail.power_law and tail.moments == pytest.approx(order, rel=0.05)
     inputs = JointInput.of([uqmbd.RandomVariable("gap", distribution), uqmbd.RandomVariable("ok", chaospy.Normal())])
     with pytest.raises(uqmbd.StudyError, match=r"Input 'gap'.*Use Monte Carlo.*or truncate it: chaospy\.Trunc"):

@@ -10,7 +10,7 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.randomness.distributions.decomposed import AffineDistribution
 from uqmbd.randomness.germs.stieltjes import discretise, discretise_quantiles
 
 
@@ -122,7 +122,7 @@ def test_a_kernel_density():
 
 def test_singular_at_both_ends_and_known_in_closed_form():
     """Kumaraswamy's distribution: the moment of order n is ``b B(1 + n / a, b)``, here 8/15 and 128/315."""
-    found = discretise(Law.of(chaospy.Kumaraswamy(0.5, 0.5)))
+    found = discretise(AffineDistribution.of(chaospy.Kumaraswamy(0.5, 0.5)))
     mean = found.shift + found.scale * found.alpha[0]
     variance = found.scale**2 * found.beta[1]
     assert mean == pytest.approx(8 / 15, abs=1e-12)
@@ -130,12 +130,14 @@ def test_singular_at_both_ends_and_known_in_closed_form():
 
 
 def test_recurrences_of_a_discretised_uniform_and_gamma_distribution_are_the_classical_ones():
-    legendre, laguerre = (discretise(Law.of(d), 20) for d in (chaospy.Uniform(3, 4), chaospy.Gamma(2, 5)))
+    legendre, laguerre = (
+        discretise(AffineDistribution.of(d), 20) for d in (chaospy.Uniform(3, 4), chaospy.Gamma(2, 5))
+    )
     k = np.arange(1, 20)
     assert np.allclose(legendre.beta[1:], k**2 / (4 * k**2 - 1), rtol=1e-12)
     assert np.allclose(laguerre.beta[1:] * laguerre.scale**2, 25 * k * (k + 1), rtol=1e-10)
     assert np.allclose(laguerre.alpha * laguerre.scale + laguerre.shift, 5 * (2 * np.arange(20) + 2), rtol=1e-10)
-    rough = discretise_quantiles(Law.of(chaospy.Uniform(3, 4)), 8)
+    rough = discretise_quantiles(AffineDistribution.of(chaospy.Uniform(3, 4)), 8)
     assert np.allclose(rough.beta[1:], legendre.beta[1:8], rtol=1e-5)
 
 

@@ -37,7 +37,7 @@ def met(
     Return poses, the auxiliary states there, and for each realisation the reason why a condition does not hold, or an
     empty text.  The independent equations are `rows`; None: all.
     """
-    search = _Search(model, q, s, time, parameters, rows)
+    search = _ConditionSearch(model, q, s, time, parameters, rows)
     search.run()
     messages = search.messages()
     failed = np.flatnonzero([bool(m) for m in messages])
@@ -50,23 +50,25 @@ def met(
     return search.q, search.s, messages
 
 
-def _wound(model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index) -> tuple[_Search, Mask]:
+def _wound(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index
+) -> tuple[_ConditionSearch, Mask]:
     """Search without what drivers prescribe, and with it from there: so whole turns that a driver hides are made.
 
     Told as well is where the constraints close.
     """
     driven = [k for k, owner in enumerate(model.owners) if owner in model.turned]
-    loose = _Search(model, q, s, time, parameters, np.setdiff1d(rows, driven))
+    loose = _ConditionSearch(model, q, s, time, parameters, np.setdiff1d(rows, driven))
     loose.closing = np.setdiff1d(loose.closing, driven)
     loose.run()
-    found = _Search(model, loose.q, loose.s, time, parameters, rows)
+    found = _ConditionSearch(model, loose.q, loose.s, time, parameters, rows)
     every = np.arange(len(q))
     found.q, found.s, closed = found._closed(every, loose.q)
     found.run()
     return found, closed
 
 
-class _Search:
+class _ConditionSearch:
     """The iteration for K realisations."""
 
     def __init__(self, model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None) -> None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import Equations, Gradients, Turns, Writer
+from uqmbd.compiled import EquationPrograms, Gradients, ProgramWriter, RotationCoordinates
 from uqmbd.dynamics.equations import Model, Statement
 from uqmbd.typing import Array, Index, Mask
 
@@ -24,8 +24,8 @@ entry which of the quaternion's it is, and its sign."""
 
 
 class _Closing(NamedTuple):
-    equations: Equations
-    turns: Turns
+    equations: EquationPrograms
+    turns: RotationCoordinates
     cosines: Index
 
 
@@ -54,7 +54,7 @@ def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: 
     known, key = model.evaluators["velocity"].others, ("speeds", model.layout.kept.tobytes(), statements, conditions)
     if key not in known:
         known[key] = _speeds(model, conditions)
-    found: Equations = known[key]
+    found: EquationPrograms = known[key]
     numbers = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
     more = (-parameters[:, numbers], values, slopes, np.ones((1, 1)))
     return found.least(q, s, *_rest(model, 2, time, parameters), *more, count=len(q))
@@ -86,7 +86,7 @@ def _closing(model: Model, rows: Index) -> _Closing:
     gradients = _gradients(evaluator.index, "phi_q", results)
     held = np.isin(gradients.columns, model.held)
     gradients = gradients._replace(columns=np.where(held, -1, gradients.columns))
-    equations = Equations(
+    equations = EquationPrograms(
         program=writer.program(np.zeros(0, dtype=np.int64)),
         values=_values(evaluator.index, "phi", results, layout.constraints),
         gradients=gradients,
@@ -97,10 +97,10 @@ def _closing(model: Model, rows: Index) -> _Closing:
     )
     quaternions = model.quaternions()
     free = np.array([not np.isin(x, model.held).any() for x in quaternions], dtype=np.int64)
-    return _Closing(equations, Turns(quaternions, free, model.dimension), cosines)
+    return _Closing(equations, RotationCoordinates(quaternions, free, model.dimension), cosines)
 
 
-def _speeds(model: Model, conditions: int) -> Equations:
+def _speeds(model: Model, conditions: int) -> EquationPrograms:
     evaluator, layout = model.evaluators["velocity"], model.layout
     stated, n = sum(len(x.parameters) for x in model.statements), layout.coordinates
     added = stated + conditions
@@ -118,7 +118,7 @@ def _speeds(model: Model, conditions: int) -> Equations:
     rows = np.repeat(np.arange(len(lines)), [len(line) for line in lines]) + len(values)
     places, factors, columns = np.array([x for line in lines for x in line], dtype=float).reshape(-1, 3).T
     more = Gradients(rows, columns.astype(np.int64), places.astype(np.int64), factors)
-    return Equations(
+    return EquationPrograms(
         program=writer.program(np.zeros(0, dtype=np.int64)),
         values=np.concatenate([values, given[:added]]),
         gradients=gradients.beside(more),
@@ -143,11 +143,11 @@ def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]
     ]
 
 
-def _begun(model: Model, more: int) -> tuple[Writer, Index, Index]:
+def _begun(model: Model, more: int) -> tuple[ProgramWriter, Index, Index]:
     """Begin a program: rows of a state, the time and zero, and of the parameters of the blocks, then so many more."""
     state, inputs = model.layout.width + 2, model.layout.width + 2 + model.block_parameters
     rows = np.arange(inputs)
-    return Writer(inputs + more), rows[:state], rows[state:]
+    return ProgramWriter(inputs + more), rows[:state], rows[state:]
 
 
 def _values(index: dict[str, tuple[Index, tuple[Index, ...]]], name: str, results: Index, count: int) -> Index:

@@ -10,7 +10,7 @@ import numpy as np
 from uqmbd.compiled import Encounters, Touching
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.chatter import Chatter
-from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.lasting import (
     CLOSED,
@@ -78,12 +78,12 @@ class Decisions:
         """Speed that is none, m/s."""
         return max(float(self.chatter.slow(np.array([member]))[0]), float(self.starting[member]))
 
-    def contacts(self, member: int, time: float, z: Array) -> Contacts:
+    def contacts(self, member: int, time: float, z: Array) -> ContactQuantities:
         """Contacts of one state."""
         return self.evaluator(np.array([time]), z[None], self.batch.block[member : member + 1])
 
     # -- events ------------------------------------------------------------------------------------------------------
-    def after(self, member: int, guard: int, time: float, z: Array, contacts: Contacts) -> Array:
+    def after(self, member: int, guard: int, time: float, z: Array, contacts: ContactQuantities) -> Array:
         """Return the state after an event from the state (width,) right before it, at a time in s.
 
         The contacts are those of that state; `guard` is the guard that has fallen, see `Encounters`.
@@ -123,7 +123,9 @@ class Decisions:
         self._changed(member, time, before, contacts)
         return z
 
-    def _still_touching(self, member: int, time: float, z: Array, contacts: Contacts) -> tuple[Array, Contacts]:
+    def _still_touching(
+        self, member: int, time: float, z: Array, contacts: ContactQuantities
+    ) -> tuple[Array, ContactQuantities]:
         """Put a state onto the contacts that have lasted so far: the driver does so to first order."""
         modes = self._modes(member)
         normals = [contacts.normal(k) for k in modes]
@@ -134,14 +136,14 @@ class Decisions:
             contacts = self.contacts(member, time, z)
         return z, contacts
 
-    def _changed(self, member: int, time: float, before: Mapping[int, Mode], contacts: Contacts) -> None:
+    def _changed(self, member: int, time: float, before: Mapping[int, Mode], contacts: ContactQuantities) -> None:
         """Note which of the contacts that last begin to stick or to slip; several may at once."""
         after = self._modes(member)
         for k, mode in before.items():
             if k in after and after[k] != mode and contacts.rubs(k):
                 self.records.add(member, time, k, after[k])
 
-    def _slipping(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
+    def _slipping(self, member: int, time: float, z: Array, event: int, contacts: ContactQuantities) -> Array:
         """State after friction has come to its limit in a contact that sticks.
 
         All contacts that are at their limit are decided together.  At one instant this ends: what follows the first
@@ -181,7 +183,7 @@ class Decisions:
         self.at_limit[member] = AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips))
         return z
 
-    def _unloaded(self, member: int, time: float, z: Array, contacts: Contacts) -> bool:
+    def _unloaded(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> bool:
         """Load redundant contacts in another way, where one is not pressed any more; whether that is possible."""
         lasting = self.lasting[member]
         if len(lasting.modes) < 2 or self._again(member, time):
@@ -208,7 +210,7 @@ class Decisions:
         """Contacts that stick without a reserve of friction, by a decision at this time."""
         return self.at_limit[member].held if self._again(member, time) else frozenset()
 
-    def _ahead(self, member: int, time: float, z: Array, motion: ContactMotion, span: float) -> Contacts:
+    def _ahead(self, member: int, time: float, z: Array, motion: ContactMotion, span: float) -> ContactQuantities:
         """Contacts a short time later, with the present motion."""
         layout = self.model.layout
         later, block = z + 0.0, self.batch.block[member : member + 1]
@@ -220,7 +222,7 @@ class Decisions:
         later[self.velocities :] += span * a
         return self.contacts(member, time + span, later)
 
-    def _hit(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
+    def _hit(self, member: int, time: float, z: Array, event: int, contacts: ContactQuantities) -> Array:
         """Impact: new velocities, or a contact that lasts."""
         gaps, lasting = contacts.guard[0], self._modes(member)
         closed = [k for k in self.bodies if k == event or k in lasting or gaps[k] <= CLOSED * self.length[member]]
@@ -238,7 +240,7 @@ class Decisions:
                     self.records.add(member, time, k, self.model.events[k][1])
         return self.settle(member, time, z)
 
-    def pushed(self, member: int, time: float, z: Array, contacts: Contacts) -> Array:
+    def pushed(self, member: int, time: float, z: Array, contacts: ContactQuantities) -> Array:
         """State after a jump of velocities that speeds impose, which has led to `z`; contacts that are pressed hold."""
         closed = [
             k for k in self.bodies if k in self._modes(member) or contacts.guard[0, k] <= CLOSED * self.length[member]
@@ -254,7 +256,9 @@ class Decisions:
         self._changed(member, time, before, contacts)
         return z
 
-    def _impact(self, member: int, time: float, contacts: Contacts, closed: list[int]) -> tuple[Array, set[int]] | None:
+    def _impact(
+        self, member: int, time: float, contacts: ContactQuantities, closed: list[int]
+    ) -> tuple[Array, set[int]] | None:
         """Jump of the velocities, and what is hit; None, with a message, where no impulses satisfy the laws."""
         found = impact(contacts, closed, 1e-3 * self.slow(member))
         if found is None:
@@ -308,7 +312,7 @@ class Decisions:
     def _modes(self, member: int) -> dict[int, Mode]:
         return self.lasting[member].modes if member in self.lasting else {}
 
-    def _keep(self, member: int, lasting: Lasting, contacts: Contacts) -> None:
+    def _keep(self, member: int, lasting: Lasting, contacts: ContactQuantities) -> None:
         """Remember what lasts, and tell the driver."""
         e = self.encounters
         e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0

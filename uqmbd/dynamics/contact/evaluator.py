@@ -11,11 +11,11 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import System, index1_system
 from uqmbd.typing import Array, Index
 
-__all__ = ["ContactEvaluator", "Contacts"]
+__all__ = ["ContactEvaluator", "ContactQuantities"]
 
 
 @dataclass(frozen=True)
-class Contacts:
+class ContactQuantities:
     """All contact quantities of T states."""
 
     guard: Array  # (T, event): gaps, and the guards of events that are no contacts
@@ -28,10 +28,10 @@ class Contacts:
     answer: Array  # (T, coordinate + multiplier, direction): the same per force (jumps of velocity per impulse)
     delassus: Array  # (T, direction, direction): rates of the relative velocities per force
 
-    def select(self, states: Index) -> Contacts:
+    def select(self, states: Index) -> ContactQuantities:
         """Take some of the states."""
         taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name != "first"}
-        return Contacts(first=self.first, **taken)
+        return ContactQuantities(first=self.first, **taken)
 
     @property
     def coordinates(self) -> int:
@@ -69,7 +69,7 @@ class ContactEvaluator:
         values = self.model.evaluators["contact"](state_arguments(times, states), blocks)
         return self.model.result("contact", "guard", values)
 
-    def __call__(self, times: Array, states: Array, blocks: Array) -> Contacts:
+    def __call__(self, times: Array, states: Array, blocks: Array) -> ContactQuantities:
         """Evaluate states (T, width) at times (T,) with parameters (T, parameter)."""
         model, n, arguments = self.model, self.n, state_arguments(times, states)
         found = model.evaluate("contact", arguments, blocks)
@@ -80,7 +80,7 @@ class ContactEvaluator:
         solved = _solved(self.system.matrix(values), right)
         answer = solved[:, :, 1:]
         delassus = found["slope"] @ answer[:, :n]
-        return Contacts(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
+        return ContactQuantities(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
 
 
 def _solved(matrix: Array, right: Array) -> Array:

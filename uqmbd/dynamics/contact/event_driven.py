@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import Encounters, Realisations, Status, Touching
+from uqmbd.compiled import Encounters, ExplicitStatus, IntegrationState, Touching
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.decisions import Decisions
-from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
@@ -63,7 +63,7 @@ class EventDrivenMotion:
         self.encounters = Encounters(contacts, count)
         self.encounters.length[:] = self.length = length
         rtol = max(rtol, 1e-13)
-        self.run = Realisations(
+        self.run = IntegrationState(
             dynamics,
             replace(explicit_method(rtol, guarded=False, attempts=STEPS), patience=2**62),
             batch.start.state,
@@ -111,9 +111,12 @@ class EventDrivenMotion:
         run.advance(watch=self.pace.watch)
         self._note()
         status = run.status
-        events = np.flatnonzero(status == Status.EVENT)
-        status[status == Status.NOTED] = Status.RUNNING
-        for code, why in ((Status.MANY, f"more than {STEPS} steps"), (Status.SMALL, "the step size fell to {:.1g} s")):
+        events = np.flatnonzero(status == ExplicitStatus.EVENT)
+        status[status == ExplicitStatus.NOTED] = ExplicitStatus.RUNNING
+        for code, why in (
+            (ExplicitStatus.MANY, f"more than {STEPS} steps"),
+            (ExplicitStatus.SMALL, "the step size fell to {:.1g} s"),
+        ):
             for m in np.flatnonzero(status == code).tolist():
                 reason = why.format(run.tried[m])
                 self.messages[m] = (
@@ -124,14 +127,16 @@ class EventDrivenMotion:
             others = self._happened(events)
             self._guard(self._going(others))
             self._restart(self._going(events))
-        elif not np.any(status == Status.RUNNING) and len(waiting := np.flatnonzero(status == Status.JUMP)):
+        elif not np.any(status == ExplicitStatus.RUNNING) and len(
+            waiting := np.flatnonzero(status == ExplicitStatus.JUMP)
+        ):
             # controllers are called when all who have not failed are there
             time = float(run.now[waiting].min())
             some = waiting[run.now[waiting] == time]
             self._stop(some, time)
             self._guard(self._going(some))
             self._restart(self._going(some))
-        return bool(np.any((status == Status.RUNNING) | (status == Status.JUMP)))
+        return bool(np.any((status == ExplicitStatus.RUNNING) | (status == ExplicitStatus.JUMP)))
 
     def _going(self, members: Index) -> Index:
         """Those that have not failed."""
@@ -140,7 +145,7 @@ class EventDrivenMotion:
     def _failed(self) -> None:
         for m, message in enumerate(self.messages):
             if message:
-                self.run.status[m] = Status.DONE
+                self.run.status[m] = ExplicitStatus.DONE
 
     def _inside(self, members: Index) -> Array:
         """Return the times of members, not at the ends of legs, where what is prescribed may jump."""
@@ -150,7 +155,7 @@ class EventDrivenMotion:
         found: Array = np.clip(run.now[members], begin + delta, end - delta)
         return found
 
-    def _contacts(self, members: Index) -> Contacts:
+    def _contacts(self, members: Index) -> ContactQuantities:
         return self.evaluator(self._inside(members), self.run.z[members], self.batch.block[members])
 
     # -- the start ---------------------------------------------------------------------------------------------------
@@ -195,7 +200,9 @@ class EventDrivenMotion:
         if len(at):
             going = self._going(members)
             run.result[going, at[0]] = run.z[going]
-        run.status[members] = np.where(run.status[members] == Status.JUMP, Status.RUNNING, run.status[members])
+        run.status[members] = np.where(
+            run.status[members] == ExplicitStatus.JUMP, ExplicitStatus.RUNNING, run.status[members]
+        )
         self._failed()
 
     def _told(self, members: Index, reasons: dict[int, str]) -> None:
@@ -257,7 +264,7 @@ class EventDrivenMotion:
         if member in self.decisions.lasting:
             self.decisions.turned(member)
 
-    def _bounced(self, members: Index, contacts: Contacts) -> Mask:
+    def _bounced(self, members: Index, contacts: ContactQuantities) -> Mask:
         """Let those bounce who hit in flight, at one contact, and leave it fast; which they are."""
         run, e, rows = self.run, self.encounters, np.arange(len(members))
         events, length = e.happened[members] // 2, self.length[members]
@@ -304,7 +311,9 @@ class EventDrivenMotion:
         self.since[members] = run.now[members]
         self.restarts[members] += 1
         run.fresh[members], run.rejected[members], run.refused[members] = 1, 0, 0
-        run.status[members] = np.where(run.status[members] == Status.DONE, Status.DONE, Status.RUNNING)
+        run.status[members] = np.where(
+            run.status[members] == ExplicitStatus.DONE, ExplicitStatus.DONE, ExplicitStatus.RUNNING
+        )
         self._end_legs(members)
         if self.restarted is not None:
             self.restarted()
@@ -351,14 +360,16 @@ class EventDrivenMotion:
         run = self.run
         end = run.leg_ends[np.minimum(run.leg[members], run.last_leg[members])]
         near = 1e-12 * np.maximum(1.0, np.maximum(np.abs(run.begin[members]), np.abs(end)))
-        for row in np.flatnonzero((run.status[members] == Status.RUNNING) & (run.now[members] >= end - near)).tolist():
+        for row in np.flatnonzero(
+            (run.status[members] == ExplicitStatus.RUNNING) & (run.now[members] >= end - near)
+        ).tolist():
             m, leg = int(members[row]), int(run.leg[members[row]])
             last = int(np.searchsorted(self.times, end[row] + near[row], side="right"))
             run.result[m, run.column[m] : last], run.column[m] = run.z[m], last
             run.now[m] = run.begin[m] = end[row]
             run.leg[m], run.attempts[m] = leg + 1, 0
-            run.status[m] = Status.RUNNING
+            run.status[m] = ExplicitStatus.RUNNING
             if leg == run.last_leg[m]:
-                run.status[m] = Status.DONE
+                run.status[m] = ExplicitStatus.DONE
             elif run.leg_jumps[leg]:
-                run.status[m] = Status.JUMP
+                run.status[m] = ExplicitStatus.JUMP

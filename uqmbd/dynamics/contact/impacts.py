@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
-from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.typing import Array
 
 __all__ = ["impact"]
@@ -25,7 +25,7 @@ FED = 1e-12
 """Energy that is none, over impulses times speeds."""
 
 
-def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Array, set[int]] | None:
+def impact(contacts: ContactQuantities, closed: list[int], approach: float) -> tuple[Array, set[int]] | None:
     """Jump of the velocities (coordinate,) in an impact, and the contacts that take part; None: no impulses do.
 
     Contacts are those of one state, right before; `closed` are the events whose gaps are closed; below the speed
@@ -54,7 +54,7 @@ def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Arra
 
 
 def _blow(
-    contacts: Contacts, active: list[int], before: Array, so_far: tuple[float, float], *, restitution: bool
+    contacts: ContactQuantities, active: list[int], before: Array, so_far: tuple[float, float], *, restitution: bool
 ) -> Array | None:
     """Impulses of one collision of the `active` contacts, which never feeds in energy."""
     law, (earlier, worked) = contacts.law[0], so_far

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from uqmbd.compiled import Encounters, Realisations, Status
+from uqmbd.compiled import Encounters, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.event_driven import EventDrivenMotion
@@ -25,7 +25,7 @@ __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _RestartState:
     """Where a motion without restarts begins: all that its steps depend on."""
 
     begin: float
@@ -41,18 +41,18 @@ class _Piece:
 
 def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
     """Follow the only realisation of a motion that has not begun."""
-    pieces: list[_Piece] = []
+    pieces: list[_RestartState] = []
     ends: list[float] = []
 
     def begun() -> None:
         run, e = motion.run, motion.encounters
-        if run.status[0] == Status.DONE:  # an event at the last output time begins nothing
+        if run.status[0] == ExplicitStatus.DONE:  # an event at the last output time begins nothing
             return
         # restarts without progress in time are one
         while pieces and pieces[-1].begin >= run.now[0]:
             pieces.pop()
         pieces.append(
-            _Piece(
+            _RestartState(
                 *(float(run.now[0]), float(run.begin[0]), int(run.leg[0]), float(run.wanted[0])),
                 *(run.z[0].copy(), e.mode[0].copy(), e.heading[0].copy(), e.internal[0].copy()),
                 float(e.slow[0]),
@@ -74,7 +74,7 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
     return SegmentedMotion(tuple(segments), motion.messages[0])
 
 
-def _states(motion: EventDrivenMotion, piece: _Piece, times: Array) -> Array:
+def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Array:
     """States of a piece at times (T,), on the constraints: (T, width)."""
     run, contacts = motion.run, motion.run.contacts
     assert contacts is not None
@@ -87,15 +87,15 @@ def _states(motion: EventDrivenMotion, piece: _Piece, times: Array) -> Array:
     encounters.mode[0], encounters.heading[0], encounters.internal[0] = piece.mode, piece.heading, piece.internal
     encounters.length[:], encounters.slow[:] = motion.length, piece.slow
     grid = np.concatenate([[piece.begin], np.asarray(times, dtype=float)[order]])
-    again = Realisations(
+    again = IntegrationState(
         run.dynamics, run.method, piece.z[None], motion.batch.block, grid, [legs], run.floor, contacts, encounters
     )
     again.begin[0], again.wanted[0] = piece.leg_begin, piece.wanted
     with np.errstate(all="ignore"):
-        while again.status[0] == Status.RUNNING and again.column[0] < len(grid):
+        while again.status[0] == ExplicitStatus.RUNNING and again.column[0] < len(grid):
             again.told[0] = 1
             again.advance()
-            again.status[0] = Status.RUNNING if again.status[0] == Status.STEPPED else again.status[0]
+            again.status[0] = ExplicitStatus.RUNNING if again.status[0] == ExplicitStatus.STEPPED else again.status[0]
     again.project()
     again.result[0, again.column[0] :] = np.nan
     found = np.empty((len(times), run.z.shape[1]))

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
-from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.redundant import AT_LIMIT, reserves, roomiest, unmoving
 from uqmbd.typing import Array
 
@@ -100,7 +100,7 @@ def contact_forces(
     return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
-def contact_motion(contacts: Contacts, lasting: Lasting) -> ContactMotion:
+def contact_motion(contacts: ContactQuantities, lasting: Lasting) -> ContactMotion:
     """Solve for accelerations and contact forces with given modes of the lasting contacts.
 
     Each sliding contact has the direction near which it slides, (tangent,): where the speed passes zero, friction does
@@ -135,7 +135,7 @@ def _direction(sliding: Array, heading: Array) -> Array:
         return np.where(fast > 1e-12, forward * sliding / fast, heading)
 
 
-def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
+def lasting_contacts(contacts: ContactQuantities, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
     """Find which of the closed contacts `near` last at one state, and their modes and motion; None if no forces exist.
 
     Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero.  The laws of
@@ -190,14 +190,14 @@ def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[
     return found if moved or not pressed(contacts, *others) else others
 
 
-def pressed(contacts: Contacts, lasting: Lasting, motion: ContactMotion) -> bool:
+def pressed(contacts: ContactQuantities, lasting: Lasting, motion: ContactMotion) -> bool:
     """Whether all contacts that last are pressed, and friction holds those that stick, at one state."""
     touches, force = held_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
     return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
 
 
-def with_internal(contacts: Contacts, lasting: Lasting) -> tuple[Lasting, ContactMotion]:
+def with_internal(contacts: ContactQuantities, lasting: Lasting) -> tuple[Lasting, ContactMotion]:
     """Find the motion at one state with given modes, and internal forces where the laws need them.
 
     Forces of redundant contacts are not unique: a disc that rests in a corner may be wedged more or less, and its least
@@ -218,7 +218,7 @@ def with_internal(contacts: Contacts, lasting: Lasting) -> tuple[Lasting, Contac
     return lasting._replace(internal=found), replace(motion, force=motion.force + found)
 
 
-def held_touches(contacts: Contacts, lasting: Lasting) -> list[Touch]:
+def held_touches(contacts: ContactQuantities, lasting: Lasting) -> list[Touch]:
     """Contacts that last, at one state; those that stick have their tangents."""
     return [
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(contacts.law[0, k, 1]))
@@ -228,7 +228,7 @@ def held_touches(contacts: Contacts, lasting: Lasting) -> list[Touch]:
     ]
 
 
-def spread_of(contacts: Contacts, lasting: Lasting) -> Array:
+def spread_of(contacts: ContactQuantities, lasting: Lasting) -> Array:
     """Return a basis of forces (direction, unknown) of contacts that last, at one state; slipping has its friction."""
     unit, columns = np.eye(contacts.speed.shape[1]), list[Array]()
     for k, mode in lasting.modes.items():
@@ -277,7 +277,7 @@ def states_in_contact(
                 yield k, found[1]
 
 
-def onto_contacts(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
+def onto_contacts(contacts: ContactQuantities, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
     """Corrections of coordinates and velocities (T, coordinate) that put states onto their lasting contacts."""
     n = contacts.coordinates
     answer = contacts.answer[:, :n]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.dynamics.contact.evaluator import Contacts
+from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.lasting import (
     ContactMotion,
     Lasting,
@@ -52,14 +52,16 @@ class AtLimit(NamedTuple):
     held: frozenset[int]
 
 
-def contacts_at_limit(contacts: Contacts, lasting: Lasting, force: Array) -> list[int]:
+def contacts_at_limit(contacts: ContactQuantities, lasting: Lasting, force: Array) -> list[int]:
     """Contacts that stick and whose friction is at its limit, at one state with forces (direction,)."""
     touches = held_touches(contacts, lasting)
     rooms = zip(lasting.modes, touches, reserves(touches, force).tolist(), strict=True)
     return [k for k, x, room in rooms if x.tangents and room <= AT_LIMIT * x.friction * force[x.normal]]
 
 
-def held_longest(contacts: Contacts, ahead: Contacts, lasting: Lasting, motion: ContactMotion, span: float) -> Lasting:
+def held_longest(
+    contacts: ContactQuantities, ahead: ContactQuantities, lasting: Lasting, motion: ContactMotion, span: float
+) -> Lasting:
     """Choose the internal forces of redundant contacts that stick so that they hold longest, as the loads change.
 
     Arguments are those of `slipping_together`; `span` is the time until `ahead`, s.
@@ -74,8 +76,8 @@ def held_longest(contacts: Contacts, ahead: Contacts, lasting: Lasting, motion: 
 
 
 def slipping_together(
-    contacts: Contacts,
-    ahead: Contacts,
+    contacts: ContactQuantities,
+    ahead: ContactQuantities,
     lasting: Lasting,
     motion: ContactMotion,
     limited: Sequence[int],
@@ -96,8 +98,8 @@ def slipping_together(
 
 
 def _slips(
-    contacts: Contacts,
-    ahead: Contacts,
+    contacts: ContactQuantities,
+    ahead: ContactQuantities,
     lasting: Lasting,
     headings: dict[int, Array],
     forced: Collection[int],
@@ -128,7 +130,9 @@ def _slips(
     return sorted({*forced, *slips}) or every
 
 
-def _turned(contacts: Contacts, lasting: Lasting, headings: dict[int, Array], force: Array) -> dict[int, Array]:
+def _turned(
+    contacts: ContactQuantities, lasting: Lasting, headings: dict[int, Array], force: Array
+) -> dict[int, Array]:
     """Turn headings so that contacts begin to slide along them.
 
     Of redundant contacts friction is known only as far as it holds: a small turn takes little from its reserve.
@@ -161,7 +165,9 @@ class _Rates(NamedTuple):
     across: dict[int, float]
 
     @classmethod
-    def of(cls, contacts: Contacts, lasting: Lasting, headings: dict[int, Array], free: Sequence[int]) -> _Rates:
+    def of(
+        cls, contacts: ContactQuantities, lasting: Lasting, headings: dict[int, Array], free: Sequence[int]
+    ) -> _Rates:
         """Solve, for the contacts `free`, at one state."""
         slipping = Lasting({**lasting.modes, **dict.fromkeys(headings, "slip")}, {**lasting.headings, **headings})
         matrix, unit = contacts.delassus[0], np.eye(contacts.speed.shape[1])

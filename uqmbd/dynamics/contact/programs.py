@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import Contacts, Dynamics, Writer
+from uqmbd.compiled import ContactPrograms, Dynamics, ProgramWriter
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear import System
 from uqmbd.typing import Index
@@ -14,21 +14,21 @@ from uqmbd.typing import Index
 __all__ = ["contact_programs"]
 
 
-def contact_programs(model: Model) -> tuple[Dynamics, Contacts]:
+def contact_programs(model: Model) -> tuple[Dynamics, ContactPrograms]:
     """Return the programs of a model with events, whose index-1 system is compiled; they are written once."""
     others = model.system.programs.others
     if "contacts" not in others:
         others["contacts"] = _written(model)
-    found: tuple[Dynamics, Contacts] = others["contacts"]
+    found: tuple[Dynamics, ContactPrograms] = others["contacts"]
     return found
 
 
-def _written(model: Model) -> tuple[Dynamics, Contacts]:
+def _written(model: Model) -> tuple[Dynamics, ContactPrograms]:
     layout, system = model.layout, model.system
     assert isinstance(system, System)
     assert system.programs is not None
     dynamics, n = system.programs.dynamics, layout.coordinates
-    writer, rows = Writer(dynamics.rows), np.arange(dynamics.rows)
+    writer, rows = ProgramWriter(dynamics.rows), np.arange(dynamics.rows)
     end = layout.width + 2
     arguments, parameters = rows[:end], rows[end : end + dynamics.parameters]
     zero = end - 1
@@ -51,7 +51,7 @@ def _written(model: Model) -> tuple[Dynamics, Contacts]:
     slope = placed("slope", directions, n)
     values = model.evaluators["acceleration"].write(writer, arguments, parameters)
     right = np.where(system.motion < 0, zero, values[system.motion])
-    contacts = Contacts(
+    contacts = ContactPrograms(
         first=first.astype(np.int64),
         guards=writer.part(0, steps),
         guard=guard,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.control.loop import Loop
+from uqmbd.dynamics.control.loop import ControlLoop
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -19,7 +19,7 @@ SAME = 1e-9
 """Difference of what a function returns for a part of its group, over the largest value, that is rounding."""
 
 
-def called(loop: Loop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
+def called(loop: ControlLoop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
     """Call the function of a controller at a time, s; return commands (M, command) and states (M, state).
 
     The arguments are measurements (M, measured) and states (M, state).  Raises `uqmbd.StudyError` if the function
@@ -50,7 +50,7 @@ def called(loop: Loop, time: float, measured: Array, state: Array, about: str = 
 
 
 def failures(
-    loop: Loop, time: float, measured: Array, commands: Array, state: Array, low: Array, high: Array
+    loop: ControlLoop, time: float, measured: Array, commands: Array, state: Array, low: Array, high: Array
 ) -> dict[int, str]:
     """Say which realisations (rows) cannot go on after a call, and why."""
     found: dict[int, str] = {}
@@ -71,7 +71,7 @@ def failures(
     return found
 
 
-def require_same(loop: Loop, time: float, whole: Any, part: Any, count: int) -> None:
+def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:
     """Raise unless a function returned for a part of a group what it returned for the group."""
     for what, one, other in zip(("commands", "state"), whole, part, strict=True):
         scale = np.maximum(np.abs(one), np.abs(other)).max(initial=0.0)

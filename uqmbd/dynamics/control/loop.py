@@ -29,7 +29,7 @@ from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
-__all__ = ["Loop", "Shipped", "loops_of", "require_controllers", "unused_commands"]
+__all__ = ["ControlLoop", "Shipped", "loops_of", "require_controllers", "unused_commands"]
 
 PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...), np.generic)
 DATA = (*PLAIN, np.ndarray, tuple, list, dict, set, frozenset)
@@ -260,7 +260,7 @@ UNLIMITED = 1e300
 
 
 @dataclass(frozen=True)
-class Loop:
+class ControlLoop:
     """A controller of a model."""
 
     name: str
@@ -288,9 +288,9 @@ def loops_of(
     order: dict[str, int],
     inputs: Sequence[RandomVariable],
     sizes: tuple[int, int, int],
-) -> tuple[Loop, ...]:
+) -> tuple[ControlLoop, ...]:
     """Compile the controllers of a mechanism; arguments as for `output_map`."""
-    found: list[Loop] = []
+    found: list[ControlLoop] = []
     for instance, place in zip(instances, places, strict=True):
         if not isinstance(instance.component, HeldStates):
             continue
@@ -299,7 +299,7 @@ def loops_of(
         low, high = zip(*controller.limits.values(), strict=True)
         bounds = [sympy.Float(np.sign(float(x)) * UNLIMITED) if x.is_infinite else x for x in (*low, *high)]
         found.append(
-            Loop(
+            ControlLoop(
                 controller.name,
                 controller.rate,
                 controller.delay,

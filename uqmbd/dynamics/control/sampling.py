@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.control.calls import called, failures, require_same
-from uqmbd.dynamics.control.loop import Loop
+from uqmbd.dynamics.control.loop import ControlLoop
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.integration import instant
 from uqmbd.dynamics.linear import impulses
@@ -33,7 +33,7 @@ ROUNDING = 1e-10
 
 
 @dataclass
-class _Instant:
+class _SamplingInstant:
     """What happens at one time: commands that act (loop, number of the sample), and loops that are sampled."""
 
     time: float
@@ -139,11 +139,13 @@ class Sampling:
             # who has failed since does not come back
             states[:, where] = commands[np.searchsorted(owners, members)]
 
-    def _measured(self, loop: Loop, time: float, states: Array, members: Index) -> Array:
+    def _measured(self, loop: ControlLoop, time: float, states: Array, members: Index) -> Array:
         """Measure, shape (M, measured)."""
         return observe(self.batch, loop.measure, states, np.full(len(states), time), members)
 
-    def _called(self, loop: Loop, sample: int, time: float, measured: Array, state: Array) -> tuple[Array, Array]:
+    def _called(
+        self, loop: ControlLoop, sample: int, time: float, measured: Array, state: Array
+    ) -> tuple[Array, Array]:
         """Call the function of a controller: commands (M, command) and new states (M, state)."""
         found, count = called(loop, time, measured, state), len(measured)
         for part in _parts(sample, measured):
@@ -218,7 +220,7 @@ def _parts(sample: int, measured: Array) -> list[Index]:
     return parts
 
 
-def _instants(loops: Sequence[Loop], times: Array, near: float) -> list[_Instant]:
+def _instants(loops: Sequence[ControlLoop], times: Array, near: float) -> list[_SamplingInstant]:
     """Lay out all that happens, in the order of time."""
     begin, end = float(times[0]), float(times[-1])
     happening: list[tuple[float, bool, int, int]] = []
@@ -234,12 +236,12 @@ def _instants(loops: Sequence[Loop], times: Array, near: float) -> list[_Instant
             happening.append((at, False, k, sample))
             if loop.delay > near and at + loop.delay <= end + near:
                 happening.append((at + loop.delay, True, k, sample))
-    found: list[_Instant] = []
+    found: list[_SamplingInstant] = []
     for at, acts, k, sample in sorted(happening):
         nearest = float(times[np.argmin(np.abs(times - at))]) if len(times) < 2 else _nearest(times, at)
         at = nearest if abs(nearest - at) <= near else at
         if not found or at - found[-1].time > near:
-            found.append(_Instant(at))
+            found.append(_SamplingInstant(at))
         (found[-1].acting if acts else found[-1].sampled).append((k, sample))
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.dynamics.equations.attached import acting, links
 from uqmbd.dynamics.equations.block import Instance, instances_of
-from uqmbd.dynamics.equations.derivation import Derived, derive
+from uqmbd.dynamics.equations.derivation import BlockSymbols, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later
 from uqmbd.dynamics.equations.expressions import TIME, plain
@@ -21,7 +21,7 @@ __all__ = [
     "TIME",
     "Blocks",
     "Conditions",
-    "Derived",
+    "BlockSymbols",
     "Evaluator",
     "Evaluators",
     "Instance",

@@ -30,11 +30,11 @@ from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.layout import Kind, argument_names
 from uqmbd.dynamics.equations.tables import Tables
 
-__all__ = ["Derived", "Equations", "derive"]
+__all__ = ["BlockSymbols", "DerivedEquations", "derive"]
 
 
 @dataclass(frozen=True)
-class Equations:
+class DerivedEquations:
     """SymEngine expressions of one kind, with a target for each."""
 
     expressions: list[Any]
@@ -42,7 +42,7 @@ class Equations:
     targets: list[tuple[Any, ...]]
 
 
-class Derived:
+class BlockSymbols:
     """Local symbols of a block and its derived expressions."""
 
     def __init__(self, block: BlockType) -> None:
@@ -117,7 +117,7 @@ class Derived:
         """``(D^T multipliers)_k``."""
         return _sum(self.d[i][k] * x for i, x in enumerate(multipliers))
 
-    def residual(self) -> Equations:
+    def residual(self) -> DerivedEquations:
         """Rows of the stabilised index-2 form."""
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
@@ -149,7 +149,7 @@ class Derived:
         ]
         return [(x, k, y, r[k] if r else None) for x, symbols, r in table for k, y in enumerate(symbols)]
 
-    def jacobian(self) -> Equations:
+    def jacobian(self) -> DerivedEquations:
         """Entries of ``d residual / d y + c d residual / d y'``."""
         rows = self.residual()
         e: list[Any] = []
@@ -163,9 +163,9 @@ class Derived:
                 if entry != 0:
                     e.append(entry)
                     targets.append((target, (letter, k)))
-        return Equations(e, targets)
+        return DerivedEquations(e, targets)
 
-    def position(self) -> Equations:
+    def position(self) -> DerivedEquations:
         """``Phi`` and ``Phi_q`` with auxiliary states at their initial values, and the cosines of `Upright`."""
         start = dict(zip(self.s, self.s0, strict=True))
         phi = [self.tables.substituted(x, start) for x in self.phi] if start else self.phi
@@ -176,13 +176,13 @@ class Derived:
             targets += [("phi_q", i, k) for k in range(len(self.q))]
         kept = _nonzero(e, targets)
         cosines = [self.tables.substituted(x, start) if start else x for x in self.cosines]
-        return Equations(kept.expressions + cosines, kept.targets + [("cos", k) for k in range(len(cosines))])
+        return DerivedEquations(kept.expressions + cosines, kept.targets + [("cos", k) for k in range(len(cosines))])
 
-    def initial(self) -> Equations:
+    def initial(self) -> DerivedEquations:
         """Return the initial values of the auxiliary states."""
-        return Equations(list(self.s0), [("s", k) for k in range(len(self.s0))])
+        return DerivedEquations(list(self.s0), [("s", k) for k in range(len(self.s0))])
 
-    def velocity(self) -> Equations:
+    def velocity(self) -> DerivedEquations:
         """``D`` and ``psi`` at rest, which is ``Phi_t``."""
         rest = dict.fromkeys(self.v, se.Integer(0))
         e = [self.tables.substituted(x, rest) for x in self.psi]
@@ -192,12 +192,12 @@ class Derived:
             targets += [("d", i, k) for k in range(len(row))]
         return _nonzero(e, targets)
 
-    def drift(self) -> Equations:
+    def drift(self) -> DerivedEquations:
         """``Phi`` and ``dPhi/dt``."""
         targets: list[tuple[Any, ...]] = [(x, k) for x in ("phi", "psi") for k in range(len(self.phi))]
         return _nonzero([*self.phi, *self.psi], targets)
 
-    def acceleration(self) -> Equations:
+    def acceleration(self) -> DerivedEquations:
         """Index-1 system: ``M``, ``Q - h``, ``D``, ``gamma``; and the rates of the auxiliary states."""
         n = len(self.q)
         e: list[Any] = []
@@ -212,7 +212,7 @@ class Derived:
         targets += [("s", k) for k in range(len(self.g))]
         return _nonzero(e, targets)
 
-    def contact(self) -> Equations:
+    def contact(self) -> DerivedEquations:
         """Guards of events; of those with directions their speeds ``w``, ``dw/dv``, ``w'`` without accelerations, laws.
 
         Laws are the coefficients of restitution and of friction.
@@ -230,7 +230,7 @@ class Derived:
                 direction += 1
         return _nonzero(e, targets)
 
-    def energy(self) -> Equations:
+    def energy(self) -> DerivedEquations:
         """Kinetic and potential energy."""
         return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
 
@@ -249,10 +249,10 @@ class Derived:
         ]
         return self.tables.applied(forces)
 
-    def equations(self, kind: Kind) -> Equations:
+    def equations(self, kind: Kind) -> DerivedEquations:
         """Return the expressions of one kind, with applications of tables in them."""
-        found: Equations = getattr(self, kind)()
-        return Equations(self.tables.applied(found.expressions), found.targets)
+        found: DerivedEquations = getattr(self, kind)()
+        return DerivedEquations(self.tables.applied(found.expressions), found.targets)
 
     def kernel(self, arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
         """Compile expressions of this block."""
@@ -269,9 +269,9 @@ class Derived:
 
 
 @lru_cache(maxsize=256)
-def derive(block: BlockType) -> Derived:
+def derive(block: BlockType) -> BlockSymbols:
     """Derive a block; remembered, for the same type recurs in every mechanism."""
-    return Derived(block)
+    return BlockSymbols(block)
 
 
 def _symbols(letter: str, count: int) -> list[Any]:
@@ -286,6 +286,6 @@ def _sum(parts: Any) -> Any:
     return se.Add(*parts)
 
 
-def _nonzero(e: list[Any], targets: list[tuple[Any, ...]]) -> Equations:
+def _nonzero(e: list[Any], targets: list[tuple[Any, ...]]) -> DerivedEquations:
     kept = [(x, y) for x, y in zip(e, targets, strict=True) if x != 0]
-    return Equations([x for x, _ in kept], [y for _, y in kept])
+    return DerivedEquations([x for x, _ in kept], [y for _, y in kept])

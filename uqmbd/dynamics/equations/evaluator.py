@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, Program, Writer, cached, compile_kernel, replaced
+from uqmbd.compiled import Kernel, Program, ProgramWriter, cached, compile_kernel, replaced
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
@@ -55,7 +55,7 @@ class Evaluator:
         """Return values (K, target) at arguments (K, argument), a state then a zero, and parameters (K, parameter)."""
         return self.program(arguments.shape[1], parameters.shape[1])(arguments, parameters)
 
-    def write(self, writer: Writer, arguments: Index, parameters: Index) -> Index:
+    def write(self, writer: ProgramWriter, arguments: Index, parameters: Index) -> Index:
         """Write the evaluation; rows of its results, for rows of the arguments and of the parameters of the model."""
         parts = []
         for group in self.groups:
@@ -74,7 +74,7 @@ class Evaluator:
         """Return the evaluation of so many arguments, then so many parameters of the model; some are passed on."""
         key = arguments, parameters, passed
         if key not in self._programs:
-            writer, rows = Writer(arguments + parameters), np.arange(arguments + parameters)
+            writer, rows = ProgramWriter(arguments + parameters), np.arange(arguments + parameters)
             found = self.write(writer, rows[:arguments], rows[arguments:])
             self._programs[key] = writer.program(np.concatenate([found, rows[passed.start : passed.stop]]))
         return self._programs[key]

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Dynamics, Method, Realisations, Status
+from uqmbd.compiled import PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
@@ -79,9 +79,9 @@ def integrate_by_dop853(
     return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
 
 
-def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) -> Method:
+def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) -> ExplicitOptions:
     """Describe the method."""
-    return Method(
+    return ExplicitOptions(
         rtol=rtol,
         far=min(FAR * rtol, FARTHEST),
         surplus=SURPLUS,
@@ -125,7 +125,7 @@ class Integration:
         self.most = MOST if comparing or patient else STEPS
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         self.layouts = legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping)
-        self.main = Realisations(
+        self.main = IntegrationState(
             _dynamics(self.model),
             method,
             start.state,
@@ -136,8 +136,8 @@ class Integration:
             recording=recording,
         )
         self.pace = Pace(self.model, float(times[0]), float(times[-1]))
-        self.others: dict[int, Realisations] = {}
-        self.retired: list[Realisations] = []
+        self.others: dict[int, IntegrationState] = {}
+        self.retired: list[IntegrationState] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
         self.messages, self.final, self.stiff = [""] * len(batch), [False] * len(batch), 0
         compared = comparing and self.sampling is None  # from sample to sample somebody else compares
@@ -154,7 +154,7 @@ class Integration:
             members, status, now = self._advanced()
             if not len(members):
                 break
-            jump = status == Status.JUMP
+            jump = status == ExplicitStatus.JUMP
             stops = np.unique(now[jump]).tolist()
             # controllers are called when all who have not failed are there
             there = bool(jump.all()) and self.sampled.keys() >= set(stops)
@@ -175,7 +175,7 @@ class Integration:
         for member, other in self.others.items():
             other.advance(watch=self.pace.watch)
             status[member], now[member] = other.status[0], other.now[0]
-        waiting = np.flatnonzero(status != Status.DONE)
+        waiting = np.flatnonzero(status != ExplicitStatus.DONE)
         return waiting, status[waiting], now[waiting]
 
     def solved(self) -> Solved:
@@ -205,16 +205,16 @@ class Integration:
         )
 
     @property
-    def _pools(self) -> list[Realisations]:
+    def _pools(self) -> list[IntegrationState]:
         """All that have integrated somebody."""
         return [self.main, *self.others.values(), *self.retired]
 
-    def _place(self, member: int) -> tuple[Realisations, int]:
+    def _place(self, member: int) -> tuple[IntegrationState, int]:
         """Where a member is integrated, and its number there."""
         other = self.others.get(member)
         return (self.main, member) if other is None else (other, 0)
 
-    def _parted(self, members: Index) -> Iterator[tuple[Realisations, Index, Index]]:
+    def _parted(self, members: Index) -> Iterator[tuple[IntegrationState, Index, Index]]:
         """Where members are integrated: pools, their numbers there, and which of `members` these are."""
         apart = [row for row, m in enumerate(members.tolist()) if m in self.others] if self.others else []
         rest = np.arange(len(members))
@@ -225,7 +225,7 @@ class Integration:
 
     def _fail(self, member: int, reason: str, *, final: bool = False) -> None:
         pool, k = self._place(member)
-        pool.status[k] = Status.DONE
+        pool.status[k] = ExplicitStatus.DONE
         self.messages[member], self.final[member] = reason, final
 
     # -- stops at given times ----------------------------------------------------------------------------------------
@@ -251,7 +251,7 @@ class Integration:
             self._told(some, more | reasons)
         changed, at = np.any(after != before, axis=1), np.flatnonzero(self.times == time)
         for pool, k, rows in self._parted(members):
-            pool.status[k] = np.where(pool.status[k] == Status.JUMP, Status.RUNNING, pool.status[k])
+            pool.status[k] = np.where(pool.status[k] == ExplicitStatus.JUMP, ExplicitStatus.RUNNING, pool.status[k])
             pool.stiff[k] = 0
             k, rows = k[changed[rows]], rows[changed[rows]]
             pool.z[k] = pool.nodes[k, -1] = after[rows]
@@ -269,18 +269,20 @@ class Integration:
         now, size = float(pool.now[k]), float(pool.tried[k])
         if self.comparison is not None and self._compared(self.comparison, member, status):
             return
-        if status == Status.STIFF:
+        if status == ExplicitStatus.STIFF:
             self.stiff += 1
             self._fail(member, f"stiff at t = {now:.6g} s")
-        elif status in (Status.MANY, Status.SMALL):
-            self._fail(member, self._reason(member, now, size, many=status == Status.MANY), final=self._sure(member))
-        elif status in (Status.REFUSED, Status.STRAYED, Status.STEPPED):
-            pool.status[k] = Status.RUNNING
-            if status == Status.STEPPED:
+        elif status in (ExplicitStatus.MANY, ExplicitStatus.SMALL):
+            self._fail(
+                member, self._reason(member, now, size, many=status == ExplicitStatus.MANY), final=self._sure(member)
+            )
+        elif status in (ExplicitStatus.REFUSED, ExplicitStatus.STRAYED, ExplicitStatus.STEPPED):
+            pool.status[k] = ExplicitStatus.RUNNING
+            if status == ExplicitStatus.STEPPED:
                 self._settle(member)
             void = self._doubt(member, size)
             pool, k = self._place(member)
-            if status == Status.STRAYED:
+            if status == ExplicitStatus.STRAYED:
                 pool.trusted[k] = not void
                 if void:
                     pool.wanted[k], pool.refused[k] = size, 0
@@ -290,20 +292,20 @@ class Integration:
         pool, k = self._place(member)
         now, steps = float(pool.now[k]), int(pool.steps[k])
         more: int | None = 0
-        if status == Status.MANY:
+        if status == ExplicitStatus.MANY:
             more = comparison.attempts(member, int(pool.leg[k]), steps, now, self.most)
-        elif status == Status.STIFF:
+        elif status == ExplicitStatus.STIFF:
             more = None
-        elif status != Status.SMALL and comparison.looked(member, steps, now):
+        elif status != ExplicitStatus.SMALL and comparison.looked(member, steps, now):
             more = None
         if more is None:
             self.stiff += 1
             self.explicit_cost[member] = comparison.expected(member, steps, now)
-            what = "stiff at" if status == Status.STIFF else "implicit steps are cheaper until"
+            what = "stiff at" if status == ExplicitStatus.STIFF else "implicit steps are cheaper until"
             self._fail(member, f"{what} t = {now:.6g} s")
         elif more:
             pool.attempts[k] -= more
-            pool.status[k] = Status.RUNNING
+            pool.status[k] = ExplicitStatus.RUNNING
         return more != 0
 
     def _watcher(self, member: int) -> SingularPoseWatcher:
@@ -385,14 +387,14 @@ class Integration:
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
                 legs, floor = [self._legs_between(member, *grid.tolist())], self.main.floor[one]
-                run = Realisations(_dynamics(model), method, before, self.batch.block[one], grid, legs, floor)
-                while run.status[0] in (Status.RUNNING, Status.JUMP):
-                    if run.status[0] == Status.JUMP:
+                run = IntegrationState(_dynamics(model), method, before, self.batch.block[one], grid, legs, floor)
+                while run.status[0] in (ExplicitStatus.RUNNING, ExplicitStatus.JUMP):
+                    if run.status[0] == ExplicitStatus.JUMP:
                         change, _ = speed_jumps(self.model, run.z, run.now[0], self.batch.block[one], self.rtol)
                         run.z[:, self.model.layout.velocities :] += change
-                    run.status[0] = Status.RUNNING
+                    run.status[0] = ExplicitStatus.RUNNING
                     run.advance()
-                if run.status[0] == Status.DONE and np.isfinite(run.result[0, -1]).all():
+                if run.status[0] == ExplicitStatus.DONE and np.isfinite(run.result[0, -1]).all():
                     result[member, at] = run.result[0, -1]
                     self.changed.add(member)
 

@@ -24,7 +24,7 @@ from uqmbd.mechanism import Spline, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
-__all__ = ["Seen", "Timed", "look", "timed"]
+__all__ = ["TimeCells", "TimedFunctions", "look", "timed"]
 
 
 CELL = 16
@@ -56,7 +56,7 @@ ROWS = 1 << 17
 """Values that are computed at once."""
 
 
-class Seen(NamedTuple):
+class TimeCells(NamedTuple):
     """Smooth cells and jumps of functions of time between two times."""
 
     cells: Array  # (C, 2): begin and end, s, of cells on which a function is a polynomial within the tolerance
@@ -64,12 +64,12 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Timed:
+class TimedFunctions:
     """Functions of time that a long step might miss."""
 
     functions: ParameterMap  # from inputs and time to their values
     uses: tuple[Index, ...]  # inputs that each depends on
-    known: dict[tuple[object, ...], Seen] = field(default_factory=dict, repr=False, compare=False)
+    known: dict[tuple[object, ...], TimeCells] = field(default_factory=dict, repr=False, compare=False)
 
     def value(self, which: int, values: Array, times: Array) -> Array:
         """Values of a function for inputs (W, input) at times (W, T), shape (W, T); not finite where it is none."""
@@ -84,7 +84,7 @@ class Timed:
         return found
 
 
-def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Timed | None:
+def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> TimedFunctions | None:
     """Find the functions of time in the equations of motion that may be stepped over."""
     found: dict[sympy.Expr, None] = {}
     for instance in instances:
@@ -100,7 +100,7 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
     if not found:
         return None
     uses = tuple(np.array([k for k, x in enumerate(inputs) if x in e.free_symbols], dtype=np.int64) for e in found)
-    return Timed(ParameterMap.of(list(found), [*inputs, t]), uses)
+    return TimedFunctions(ParameterMap.of(list(found), [*inputs, t]), uses)
 
 
 def _of_time(e: sympy.Expr) -> Iterator[sympy.Expr]:
@@ -161,7 +161,7 @@ def _linear(e: sympy.Expr) -> bool:
 
 
 # -- looking ----------------------------------------------------------------------------------------------------------
-def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -> Seen:
+def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol: float) -> TimeCells:
     """Sample all functions for realisations with inputs (K, input), between the output times (T,), s.
 
     The functions may jump or have corners at `breaks` (K, break), s.  Deviations up to `rtol` times the largest value
@@ -171,7 +171,7 @@ def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -
     while leaves < min(MOST_LEAVES, PER_OUTPUT * len(times) / CELL):
         leaves *= 2
     begin, end = float(times[0]), float(times[-1])
-    found: list[Seen] = []
+    found: list[TimeCells] = []
     for which, uses in enumerate(seen.uses):
         # realisations that do not differ in this function are looked at once
         about = np.concatenate([values[:, uses], breaks], axis=1)
@@ -190,7 +190,7 @@ def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -
             found.append(known)
     cells = np.concatenate([s.cells for s in found]) if found else np.zeros((0, 2))
     jumps = np.concatenate([s.jumps for s in found]) if found else np.zeros(0)
-    return Seen(cells, np.unique(jumps))
+    return TimeCells(cells, np.unique(jumps))
 
 
 @dataclass
@@ -206,7 +206,9 @@ class _Window:
     few: bool = False
 
 
-def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: float, leaves: int, rtol: float) -> Seen:
+def _look(
+    value: Callable[[Array], Array], breaks: Array, begin: float, end: float, leaves: int, rtol: float
+) -> TimeCells:
     """Look at one function of one realisation."""
     breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > begin) & (breaks < end)])
     windows = [_Window(begin, end)]
@@ -261,7 +263,7 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
         every += inner
         windows, parts = inner, PARTS
     cells = [cell for window in every for cell in window.cells]
-    return Seen(np.array(cells).reshape(-1, 2), np.array(jumps))
+    return TimeCells(np.array(cells).reshape(-1, 2), np.array(jumps))
 
 
 def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.compiled import Path
+from uqmbd.compiled import RecordedPath
 from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
@@ -29,7 +29,7 @@ from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import path_through, settled
-from uqmbd.dynamics.integration.sundials import Solution, solve
+from uqmbd.dynamics.integration.sundials import SundialsSolution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
@@ -59,14 +59,14 @@ STEPS = 200_000
 
 
 @dataclass(frozen=True)
-class _Run:
+class _StackIntegration:
     """One integration of a stack: states, and the reason if it stopped early."""
 
     states: Array
     message: str
     counters: Counters
     singular: bool = False
-    path: Path | None = None
+    path: RecordedPath | None = None
 
 
 def integrate_by_ida(
@@ -86,7 +86,7 @@ def integrate_by_ida(
     purse = None if most is None else _Purse(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
-    counters, paths = Counters(), dict[int, Path]()
+    counters, paths = Counters(), dict[int, RecordedPath]()
     todo = [np.arange(len(members))]
     while todo:
         part = todo.pop(0)
@@ -115,7 +115,7 @@ def integrate_by_ida(
             counters = counters + Counters(alone=len(hard))
     if purse is not None:
         counters = replace(counters, residuals=purse.residuals, jacobians=purse.jacobians)
-    return Solved(states, tuple(messages), counters, tuple(final), path=Path.joined(paths.values()))
+    return Solved(states, tuple(messages), counters, tuple(final), path=RecordedPath.joined(paths.values()))
 
 
 def reaches_by_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
@@ -193,7 +193,7 @@ def step_tolerance(rtol: float, unknowns: int) -> float:
 
 def _integrate_stack(
     ensemble: Batch, times: Array, rtol: float, purse: _Purse | None = None, *, recording: bool = False
-) -> _Run:
+) -> _StackIntegration:
     """Integrate a stack through all its break times."""
     start = ensemble.start
     width = ensemble.model.layout.width
@@ -202,21 +202,21 @@ def _integrate_stack(
     if not ensemble.model.layout.unknowns:  # nothing can move
         result[:] = result[:, :1]
         still = path_through(times[[0, -1]], result[:, [0, -1]], None, np.arange(len(ensemble))) if recording else None
-        return _Run(result, "", Counters(), path=still)
+        return _StackIntegration(result, "", Counters(), path=still)
     y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
     callbacks = _watched(ensemble, stack_callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
     if purse is not None:
         callbacks = purse.paying(ensemble, callbacks)
-    now, paths = float(times[0]), list[Path]()
+    now, paths = float(times[0]), list[RecordedPath]()
     for stop, longest, _ in pace(ensemble, times, rtol):
         inside, grid = times_between(times, now, stop)
         if ensemble.breaks.size or now > times[0]:
             y, yp, refused = _consistent(ensemble, now, y, rtol)
             result[:, np.flatnonzero(times[1:] == now) + 1] = np.concatenate(ensemble.expand(y[:, None]), axis=2)
             if refused:
-                return _Run(result, next(iter(refused.values())), counters, True)
+                return _StackIntegration(result, next(iter(refused.values())), counters, True)
         begin = clock.perf_counter()
         solution = _solved(ensemble, callbacks, grid, y, yp, rtol, longest, recording=recording)
         spent = clock.perf_counter() - begin
@@ -230,14 +230,14 @@ def _integrate_stack(
             last = float(solution.t[-1]) if len(solution.t) else now
             dead = _dead_end(ensemble, found, last)
             reason = dead or _no_number(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
-            return _Run(result, reason, counters, bool(dead))
+            return _StackIntegration(result, reason, counters, bool(dead))
         if solution.steps is not None:
             paths.append(_path(ensemble, *solution.steps))
         now, y = stop, found[-1].copy()
-    return _Run(result, "", counters, path=Path.joined(paths))
+    return _StackIntegration(result, "", counters, path=RecordedPath.joined(paths))
 
 
-def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> Path:
+def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedPath:
     """Return the motion of a stack through the steps of an integration.
 
     Rates are those of the method: of stiff equations they are as smooth as the states, which those of the equations at
@@ -301,7 +301,7 @@ def _solved(
     longest: float,
     *,
     recording: bool,
-) -> Solution:
+) -> SundialsSolution:
     """Integrate a stack from one time to the last without a break."""
     model = ensemble.model
     residual, jacobian = callbacks
@@ -391,7 +391,7 @@ def _sparsity(model: Model, copies: int) -> Any:
     return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
 
 
-def diagnosis(solution: Solution, time: float, rtol: float) -> str:
+def diagnosis(solution: SundialsSolution, time: float, rtol: float) -> str:
     """Say why IDA stopped, and what to try."""
     if solution.too_much_work:
         cause = "too many steps: the motion is very stiff or very fast for the output times"

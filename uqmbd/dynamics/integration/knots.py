@@ -20,14 +20,14 @@ from uqmbd.dynamics.equations import TIME, Instance, ParameterMap
 from uqmbd.mechanism import Spline, SplineTable
 from uqmbd.typing import Array
 
-__all__ = ["Stretch", "TimedTable", "TimedTables", "timed_tables"]
+__all__ = ["KnotInterval", "TimedTable", "TimedTables", "timed_tables"]
 
 
 COUNTS = 100.0
 """Deviation from a cubic on an interval, over the tolerance and the size of the table, that counts."""
 
 
-class Stretch(NamedTuple):
+class KnotInterval(NamedTuple):
     """An interval of time in which the knots of a table matter."""
 
     stops: Array  # (S,): times at which steps end, s
@@ -80,7 +80,7 @@ class TimedTables:
         """Return their number."""
         return len(self.tables)
 
-    def stretches(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[Stretch]:
+    def stretches(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[KnotInterval]:
         """Yield where steps over the knots had best end, for inputs (K, input) of realisations that share them."""
         lines = self.lines(values).reshape(len(values), len(self.tables), 2)
         for k, table in enumerate(self.tables):
@@ -90,7 +90,7 @@ class TimedTables:
                 continue
             step = min(x.step(rtol) for x in own if x.slope)
             few = len(own) == 1 or len(stops) <= (stops[-1] - stops[0]) / step
-            yield Stretch(stops, np.inf) if few else Stretch(stops[[0, -1]], step)
+            yield KnotInterval(stops, np.inf) if few else KnotInterval(stops[[0, -1]], step)
 
 
 def timed_tables(instances: list[Instance], inputs: Sequence[sympy.Symbol]) -> TimedTables | None:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uqmbd.compiled import Realisations, Status
+from uqmbd.compiled import ExplicitStatus, IntegrationState
 from uqmbd.dynamics.equations import Model
 from uqmbd.logs import tell
 from uqmbd.typing import Array
@@ -85,12 +85,12 @@ class Pace:
             "far beyond the periods of the motion. Ctrl-C ends the run."
         )
 
-    def watch(self, run: Realisations) -> None:
+    def watch(self, run: IntegrationState) -> None:
         """Look at realisations that the driver integrates."""
         if not self.due or run.dynamics.terms:
             return
         # those that wait for a lane have made no step
-        running = np.flatnonzero((run.status == Status.RUNNING) & (run.steps > 0))
+        running = np.flatnonzero((run.status == ExplicitStatus.RUNNING) & (run.steps > 0))
         if len(running):
             member = int(running[np.argmin(run.now[running])])
             self.look(float(run.now[member]), run.z[member], int(run.steps[member]), (id(run), member))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Path
+from uqmbd.compiled import PLACES, RecordedPath
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
@@ -27,7 +27,9 @@ INSIDE = 1e-12
 """Part of a time by which constraints are evaluated inside a step."""
 
 
-def path_through(times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None) -> Path:
+def path_through(
+    times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None
+) -> RecordedPath:
     """Return the motion from each time to the next, on an interval in which it is smooth.
 
     Increasing times (S,), s; states (M, S, width) of realisations that share the times, and optional rates of that
@@ -35,7 +37,7 @@ def path_through(times: Array, states: Array, rates: Array | None, owner: Index,
     """
     if len(times) < 2:
         none = np.zeros((0, len(PLACES), states.shape[2]))
-        return Path(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
+        return RecordedPath(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
     last = times[1:].copy()
     last[-1] = last[-1] if end is None else min(end, float(last[-1]))
     places = PLACES * ((last - times[:-1]) / np.diff(times))[:, None]
@@ -45,7 +47,7 @@ def path_through(times: Array, states: Array, rates: Array | None, owner: Index,
     members = len(states)
     ends = np.broadcast_to(np.stack([times[:-1], last], axis=1), (members, len(last), 2)).reshape(-1, 2)
     flat = found.reshape(-1, *found.shape[2:])
-    return Path(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
+    return RecordedPath(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
 
 
 def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:

@@ -26,7 +26,7 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["LARGEST", "Solution", "solve", "sundials", "sundials_is_installed"]
+__all__ = ["LARGEST", "SundialsSolution", "solve", "sundials", "sundials_is_installed"]
 
 
 LARGEST = 1e100
@@ -58,7 +58,7 @@ def sundials() -> ModuleType:
 
 
 @dataclass(frozen=True)
-class Solution:
+class SundialsSolution:
     """Result of an integration."""
 
     t: Array  # (R,): times that were reached, s; the last one is where an integration stopped
@@ -114,7 +114,7 @@ def solve(
     *,
     recording: bool = False,
     **settings: Any,
-) -> Solution:
+) -> SundialsSolution:
     """Integrate by IDA from consistent values and rates (n,) at increasing times (T,), s, at least three.
 
     The options are ``linsolver`` and those that belong to it; the settings are tolerances and limits.  With `recording`
@@ -124,7 +124,7 @@ def solve(
     largest = float(np.abs(yp).max(initial=0.0))
     if not (np.isfinite(y).all() and largest <= LARGEST):
         what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
-        return Solution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
+        return SundialsSolution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
     ida = sundials().IDA
     callbacks, said = _Callbacks(), io.StringIO()
     options = dict(options)
@@ -143,12 +143,12 @@ def solve(
         except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:
             if callbacks.raised is not None:
                 raise callbacks.raised from None
-            return Solution(times[:1], y[None], success=False, message=_one_line(said, str(error)))
+            return SundialsSolution(times[:1], y[None], success=False, message=_one_line(said, str(error)))
         finally:
             if options.get("linsolver") == "sparse" and not callbacks.factorised:
                 ctypes.pythonapi.Py_IncRef(ctypes.py_object(solver))
     path = np.asarray(found.y).reshape(len(found.t), -1)
-    return Solution(
+    return SundialsSolution(
         np.asarray(found.t),
         path,
         bool(found.success),
@@ -159,7 +159,7 @@ def solve(
     )
 
 
-def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> Solution:
+def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> SundialsSolution:
     """Integrate as `solve` does, and keep all steps."""
     solver.init_step(float(times[0]), y, yp)
     end, now = float(times[-1]), float(times[0])
@@ -186,7 +186,7 @@ def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, sai
             break
     assert found is not None
     success, many = bool(found.success) and reached[-1] == end, steps > most or found.status == TOO_MUCH_WORK
-    return Solution(
+    return SundialsSolution(
         np.array(reached),
         np.array(states),
         success,

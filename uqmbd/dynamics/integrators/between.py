@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Path
+from uqmbd.compiled import PLACES, RecordedPath
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Counters, Trajectories, path_through, settled, stops
 from uqmbd.typing import Array, Index
@@ -47,7 +47,7 @@ ALONE = 8.0
 """By how much states change more unexpectedly in a jump than beside it."""
 
 
-class _Stretch(NamedTuple):
+class _TimeSpan(NamedTuple):
     """A part of the time, and into how many intervals it is divided: an even number, or one."""
 
     begin: float
@@ -59,12 +59,12 @@ class _Stretch(NamedTuple):
         return np.linspace(self.begin, self.end, self.intervals + 1)
 
 
-class _Run(NamedTuple):
+class _IntervalRun(NamedTuple):
     """One integration of some realisations: of each stretch its motion, and what `_smooth` says of it."""
 
-    stretches: tuple[_Stretch, ...]
+    stretches: tuple[_TimeSpan, ...]
     found: Trajectories
-    pieces: list[Path]
+    pieces: list[RecordedPath]
     wrong: list[Array]
 
     def longest(self, k: int) -> float:
@@ -80,10 +80,10 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     times, or the integrator fails at a larger number of them: the motion found before remains valid.
     """
     count, counters, notes = len(ensemble), Counters(), list[str]()
-    kept, coarse = dict[int, tuple[_Run, int]](), np.zeros(count)
+    kept, coarse = dict[int, tuple[_IntervalRun, int]](), np.zeros(count)
     waiting, short = _first(ensemble.breaks, times), max(SHORT * rtol, SHORTEST) * float(times[-1] - times[0])
     for turn in range(ROUNDS):
-        following = dict[tuple[_Stretch, ...], list[int]]()
+        following = dict[tuple[_TimeSpan, ...], list[int]]()
         for stretches, members in waiting.items():
             run = _run(method, ensemble.select(np.array(members)), times, stretches, rtol, short)
             counters = counters + run.found.counters
@@ -111,7 +111,7 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
             stacklevel=2,
         )
     states = np.full((count, len(times), ensemble.model.layout.width), np.nan)
-    messages, scalars, paths = [""] * count, dict[str, Array](), list[Path]()
+    messages, scalars, paths = [""] * count, dict[str, Array](), list[RecordedPath]()
     for run in {id(run): run for run, _ in kept.values()}.values():
         numbers = np.full(len(run.found.messages), -1)
         for member, (its, k) in kept.items():
@@ -124,38 +124,38 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
         for path in (piece.placed(numbers) for piece in run.pieces):
             paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
     found = Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes))
-    return replace(found, path=Path.joined(paths))
+    return replace(found, path=RecordedPath.joined(paths))
 
 
 def _run(
-    method: Method, ensemble: Ensemble, times: Array, stretches: tuple[_Stretch, ...], rtol: float, short: float
-) -> _Run:
+    method: Method, ensemble: Ensemble, times: Array, stretches: tuple[_TimeSpan, ...], rtol: float, short: float
+) -> _IntervalRun:
     """Integrate realisations that share their stretches."""
     every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
     found = method(ensemble, every, rtol)
-    pieces, wrong = list[Path](), list[Array]()
+    pieces, wrong = list[RecordedPath](), list[Array]()
     for stretch in stretches:
         path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
         pieces.append(path)
         wrong.append(off)
-    return _Run(stretches, replace(found, times=every), pieces, wrong)
+    return _IntervalRun(stretches, replace(found, times=every), pieces, wrong)
 
 
-def _first(breaks: Array, times: Array) -> dict[tuple[_Stretch, ...], list[int]]:
+def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]]:
     """Return the stretches between the breaks, and the realisations of each such division."""
-    found = dict[tuple[_Stretch, ...], list[int]]()
+    found = dict[tuple[_TimeSpan, ...], list[int]]()
     for member, row in enumerate(breaks):
         edges = [float(times[0]), *stops(row[None], times).tolist(), float(times[-1])]
         part = FIRST / 2 / (edges[-1] - edges[0])
         every = zip(edges[:-1], edges[1:], strict=True)
-        stretches = tuple(_Stretch(begin, end, max(LEAST, 2 * round(part * (end - begin)))) for begin, end in every)
+        stretches = tuple(_TimeSpan(begin, end, max(LEAST, 2 * round(part * (end - begin)))) for begin, end in every)
         found.setdefault(stretches, []).append(member)
     return found
 
 
-def _divided(stretches: tuple[_Stretch, ...], wrong: list[Array], short: float) -> tuple[_Stretch, ...]:
+def _divided(stretches: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
     """Return finer stretches where one is not resolved, from what `_smooth` says of each."""
-    found = list[_Stretch]()
+    found = list[_TimeSpan]()
     for stretch, (bad, surprise) in zip(stretches, wrong, strict=True):
         if not bad.any():
             found.append(stretch)
@@ -166,7 +166,7 @@ def _divided(stretches: tuple[_Stretch, ...], wrong: list[Array], short: float) 
             continue
         for low, high in _pairs([0, *np.unique([jumps, jumps + 1]).tolist(), stretch.intervals]):
             begin, end = float(times[low]), float(times[high])
-            found.append(_Stretch(begin, end, 1 if end - begin <= short else max(LEAST, 2 * ((high - low + 1) // 2))))
+            found.append(_TimeSpan(begin, end, 1 if end - begin <= short else max(LEAST, 2 * ((high - low + 1) // 2))))
     return tuple(found)
 
 
@@ -194,7 +194,7 @@ def _surprise(states: Array) -> Array:
     return np.asarray(np.minimum(sides[0], sides[1][:, ::-1]))
 
 
-def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Path, Array]:
+def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[RecordedPath, Array]:
     """Return polynomials through states (M, S, width), straight where they are not smooth, and what is wrong.
 
     That is (M, 2, S - 1): whether an interval is to be resolved, and by how many tolerances its change is a surprise.

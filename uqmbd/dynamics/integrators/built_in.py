@@ -22,12 +22,12 @@ from uqmbd.dynamics.integration import (
 )
 from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
-from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, checked, in_stacks
+from uqmbd.dynamics.integrators.stacks import MANY, STACK, IntegratedRealisations, checked, in_stacks
 from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,
     LinearSolver,
+    ProjectedEquations,
     ProjectedTrajectories,
-    Projection,
     Watch,
     implicit,
     integrate_coefficients,
@@ -36,7 +36,7 @@ from uqmbd.errors import StudyError
 from uqmbd.plugins import hookimpl
 from uqmbd.typing import Array, Index
 
-__all__ = ["Auto", "BuiltIn", "Dop853", "Ida"]
+__all__ = ["Auto", "BuiltInIntegrators", "Dop853", "Ida"]
 
 
 EXPLICIT = Capabilities(
@@ -68,15 +68,19 @@ class Dop853:
         _require_compiled(ensemble.model, _compiled(ensemble.model))
         return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
-        return Solution.of(integrate_by_dop853(ensemble, members, times, rtol, recording=recording), self.name)
+    def _solve(
+        self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
+    ) -> IntegratedRealisations:
+        return IntegratedRealisations.of(
+            integrate_by_dop853(ensemble, members, times, rtol, recording=recording), self.name
+        )
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
         """Follow the only realisation from event to event."""
         return motion_in_segments(ensemble, times, rtol)
 
     def integrate_projected(
-        self, projected: Projection, times: Array, rtol: float, watch: Watch | None = None
+        self, projected: ProjectedEquations, times: Array, rtol: float, watch: Watch | None = None
     ) -> ProjectedTrajectories:
         """Integrate the projected index-1 form."""
         _require_compiled(projected.model, not projected.model.layout.unknowns or projected.coupled.compiled)
@@ -119,9 +123,11 @@ class Ida:
         """Integrate every realisation."""
         return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+    def _solve(
+        self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
+    ) -> IntegratedRealisations:
         solved = integrate_by_ida(ensemble, members, times, rtol, recording=recording)
-        found, final = Solution.of(solved, self.name), np.flatnonzero(solved.final)
+        found, final = IntegratedRealisations.of(solved, self.name), np.flatnonzero(solved.final)
         if not len(final) or not _compiled(ensemble.model):
             return found
         # in a singular pose it stops; the explicit method passes over it, or knows that no motion leads on
@@ -131,7 +137,7 @@ class Ida:
 
     def integrate_projected(
         self,
-        projected: Projection,
+        projected: ProjectedEquations,
         times: Array,
         rtol: float,
         linear_solver: LinearSolver = "auto",
@@ -168,13 +174,15 @@ class Auto:
             return trajectories_in_samples(other, ensemble, times, rtol) if sampled else other(ensemble, times, rtol)
         return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+    def _solve(
+        self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
+    ) -> IntegratedRealisations:
         if not sundials_is_installed():  # the explicit method integrates stiff realisations too, with more steps
-            return Solution.of(
+            return IntegratedRealisations.of(
                 integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
             )
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True, recording=recording)
-        found, left = Solution.of(solved, Dop853.name), _left(solved)
+        found, left = IntegratedRealisations.of(solved, Dop853.name), _left(solved)
         if not len(left):
             return found
         if ensemble.model.controls:
@@ -196,8 +204,8 @@ class Auto:
         return found
 
     def _from_sample_to_sample(
-        self, found: Solution, left: Index, ensemble: Ensemble, times: Array, rtol: float, recording: bool
-    ) -> Solution:
+        self, found: IntegratedRealisations, left: Index, ensemble: Ensemble, times: Array, rtol: float, recording: bool
+    ) -> IntegratedRealisations:
         """Choose anew after each sample for those that one integration of all samples could not integrate."""
         if not len(left):
             return found
@@ -213,7 +221,7 @@ class Auto:
 
     def integrate_projected(
         self,
-        projected: Projection,
+        projected: ProjectedEquations,
         times: Array,
         rtol: float,
         linear_solver: LinearSolver = "auto",
@@ -236,7 +244,7 @@ class Auto:
         return replace(first if further else second, counters=both)
 
 
-class BuiltIn:
+class BuiltInIntegrators:
     """What the core offers as a plugin would."""
 
     @hookimpl
@@ -274,7 +282,7 @@ def _impacts(model: Model) -> bool:
     return any(directions for *_, directions in model.events)
 
 
-def _from_event_to_event(projected: Projection, times: Array, rtol: float) -> ProjectedTrajectories:
+def _from_event_to_event(projected: ProjectedEquations, times: Array, rtol: float) -> ProjectedTrajectories:
     """Integrate node by node, where as many terms as nodes make the projected equations those of the nodes.
 
     ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws
@@ -292,7 +300,7 @@ def _from_event_to_event(projected: Projection, times: Array, rtol: float) -> Pr
     return ProjectedTrajectories(times, projected.project(found.states), message, Dop853.name, counters)
 
 
-def _still(projected: Projection, times: Array) -> ProjectedTrajectories:
+def _still(projected: ProjectedEquations, times: Array) -> ProjectedTrajectories:
     """Return the motion of what cannot move."""
     coefficients = np.repeat(projected.start.state[:, None], len(times), axis=1)
     return ProjectedTrajectories(times, coefficients, "", "none", {})

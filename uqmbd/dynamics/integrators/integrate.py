@@ -13,7 +13,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.integrators.between import with_motion_between
-from uqmbd.dynamics.integrators.built_in import BuiltIn
+from uqmbd.dynamics.integrators.built_in import BuiltInIntegrators
 from uqmbd.dynamics.integrators.protocol import Capability, Integrator, capabilities_of
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.dynamics.integrators.stacks import checked
@@ -28,7 +28,7 @@ __all__ = ["built_in_names", "integrate", "integrator_class", "integrators", "re
 
 @cache
 def _offered() -> dict[str, type]:
-    return offered_by_core(BuiltIn(), "integrators")
+    return offered_by_core(BuiltInIntegrators(), "integrators")
 
 
 def built_in_names() -> tuple[str, ...]:

@@ -15,8 +15,8 @@ from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,
     PhaseMotion,
     PhaseRates,
+    ProjectedEquations,
     ProjectedTrajectories,
-    Projection,
     Watch,
     projected_off,
     require_phase,
@@ -27,7 +27,7 @@ from uqmbd.typing import Array
 __all__ = ["ProjectedEnsemble"]
 
 
-class ProjectedEnsemble(Projection):
+class ProjectedEnsemble(ProjectedEquations):
     """Realisations at quadrature nodes, seen through a basis.
 
     Parameters
@@ -120,7 +120,7 @@ class ProjectedEnsemble(Projection):
             return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
         if self.model.controls and not any(directions for *_, directions in self.model.events):
 
-            def solve(projected: Projection, times: Array, rtol: float) -> ProjectedTrajectories:
+            def solve(projected: ProjectedEquations, times: Array, rtol: float) -> ProjectedTrajectories:
                 return _solved(projected, times, rtol, integrator, linear_solver, None)
 
             found = projected_in_samples(solve, self, times, rtol, watch)
@@ -193,7 +193,7 @@ class ProjectedEnsemble(Projection):
 
 
 def _solved(
-    projected: Projection, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
+    projected: ProjectedEquations, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
 ) -> ProjectedTrajectories:
     """Let an integrator integrate, with those options that it declares."""
     cls: Any = integrator_class(name)

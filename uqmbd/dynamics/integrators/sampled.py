@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Path
+from uqmbd.compiled import RecordedPath
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Counters, Trajectories, instant, speed_jumps
 from uqmbd.dynamics.linear import accelerations
-from uqmbd.dynamics.projection import ProjectedStart, ProjectedTrajectories, Projection, Watch
+from uqmbd.dynamics.projection import ProjectedEquations, ProjectedStart, ProjectedTrajectories, Watch
 from uqmbd.typing import Array, Index
 
 __all__ = ["projected_in_samples", "stretches", "trajectories_in_samples"]
 
 Method = Callable[[Ensemble, Array, float], Trajectories]
-ProjectedMethod = Callable[[Projection, Array, float], ProjectedTrajectories]
+ProjectedMethod = Callable[[ProjectedEquations, Array, float], ProjectedTrajectories]
 
 WATCHED = 20
 """How often who watches a projected integration is asked."""
@@ -45,7 +45,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     states = np.full((len(ensemble), len(times), width), np.nan)
     messages, counters, notes = list(start.messages), Counters(), list[str]()
     happened: dict[int, dict[str, list[float]]] = {}
-    paths = list[Path | None]()
+    paths = list[RecordedPath | None]()
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
@@ -76,7 +76,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
         notes += [note for note in found.notes if note not in notes]
         _note(happened, found.scalars, alive, begin if number else -np.inf)
         alive, now = _going(messages, alive, found.states[:, -1], dict(enumerate(found.messages)))
-    scalars, path = _times_of(happened, len(ensemble)), Path.joined(paths)
+    scalars, path = _times_of(happened, len(ensemble)), RecordedPath.joined(paths)
     return Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes), path=path)
 
 
@@ -89,7 +89,7 @@ def _going(messages: list[str], alive: Index, now: Array, reasons: dict[int, str
 
 
 def projected_in_samples(
-    method: ProjectedMethod, projected: Projection, times: Array, rtol: float, watch: Watch | None = None
+    method: ProjectedMethod, projected: ProjectedEquations, times: Array, rtol: float, watch: Watch | None = None
 ) -> ProjectedTrajectories:
     """Integrate coefficients, with controllers at the nodes, by a method without support for controllers.
 
@@ -149,7 +149,7 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
     return Ensemble(model, ensemble.values[members], start=start)
 
 
-def _continued_projection(projected: Projection, time: float, state: Array) -> Projection:
+def _continued_projection(projected: ProjectedEquations, time: float, state: Array) -> ProjectedEquations:
     """Make the projected ensemble that starts at a time with given coefficients (P, width)."""
     ensemble = _continued(projected.ensemble, np.arange(len(projected.ensemble)), time, projected.psi @ state)
     a, multipliers, _ = projected.accelerations(state, time)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import Path
+from uqmbd.compiled import RecordedPath
 from uqmbd.dynamics.assembly import violated
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Counters, Solved, Trajectories, integrate_by_ida, off_constraints, position_jumps
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.typing import Array, Index
 
-__all__ = ["MANY", "STACK", "Solution", "checked", "in_stacks"]
+__all__ = ["MANY", "STACK", "IntegratedRealisations", "checked", "in_stacks"]
 
 
 Method = Callable[[Ensemble, Array, float], Trajectories]
@@ -81,18 +81,18 @@ MANY = 4096
 
 
 @dataclass(frozen=True)
-class Solution:
+class IntegratedRealisations:
     """Integrated realisations, and the name of who integrated each; empty where nothing moves."""
 
     solved: Solved
     by: tuple[str, ...]
 
     @classmethod
-    def of(cls, solved: Solved, name: str) -> Solution:
+    def of(cls, solved: Solved, name: str) -> IntegratedRealisations:
         """Name the same integrator for all realisations."""
         return cls(solved, (name,) * len(solved.messages))
 
-    def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> Solution:
+    def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> IntegratedRealisations:
         """Return what holds after another integrator has tried some rows: of these, those that are taken replace."""
         mine = rows[taken]
         states, messages, by = self.solved.states.copy(), list(self.solved.messages), list(self.by)
@@ -106,10 +106,10 @@ class Solution:
         if path is not None and other.path is not None:
             kept, placed = np.arange(len(messages)), np.full(len(other.messages), -1)
             kept[mine], placed[taken] = -1, mine
-            path = Path.joined([path.placed(kept), other.path.placed(placed)])
+            path = RecordedPath.joined([path.placed(kept), other.path.placed(placed)])
         notes = self.solved.notes + tuple(note for note in other.notes if note not in self.solved.notes)
         counters = self.solved.counters + other.counters
-        return Solution(
+        return IntegratedRealisations(
             replace(
                 self.solved,
                 states=states,
@@ -123,7 +123,7 @@ class Solution:
         )
 
 
-Solve = Callable[[Ensemble, Index, Array, float, bool], Solution]
+Solve = Callable[[Ensemble, Index, Array, float, bool], IntegratedRealisations]
 
 
 def in_stacks(
@@ -136,7 +136,7 @@ def in_stacks(
     """
     start, layout = ensemble.start, ensemble.model.layout
     messages, by = list(start.messages), list[str]()
-    counters, notes, paths = Counters(), list[str](), list[Path | None]()
+    counters, notes, paths = Counters(), list[str](), list[RecordedPath | None]()
     assembled = np.flatnonzero(start.ok)
     whole = len(assembled) == len(ensemble) <= stack
     states, off = np.full((0 if whole else len(ensemble), len(times), layout.width), np.nan), None
@@ -145,7 +145,7 @@ def in_stacks(
         if layout.unknowns:
             found = solve(ensemble, members, times, rtol, recording)
         else:
-            found = Solution.of(integrate_by_ida(ensemble, members, times, rtol, recording=recording), "")
+            found = IntegratedRealisations.of(integrate_by_ida(ensemble, members, times, rtol, recording=recording), "")
         if whole:
             states, off = found.solved.states, found.solved.off
         else:
@@ -165,4 +165,6 @@ def in_stacks(
             stacklevel=6,
         )
     counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"))
-    return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes), off=off, path=Path.joined(paths))
+    return Trajectories(
+        times, states, tuple(messages), counters, notes=tuple(notes), off=off, path=RecordedPath.joined(paths)
+    )

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, Operation, Program, Writer, cached, compile_operations
+from uqmbd.compiled import Kernel, Operation, Program, ProgramWriter, cached, compile_operations
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
@@ -29,7 +29,7 @@ __all__ = ["FrontalSolver", "Fronts", "frontal"]
 
 
 @dataclass(frozen=True)
-class _Batch:
+class _FrontBatch:
     """Fronts of one kind and round: what each of them reads, and the first of their results."""
 
     kernel: Kernel
@@ -45,7 +45,7 @@ class Fronts:
     given: int  # number of values given with a system; a right-hand side follows them, then the computed values
     size: int  # number of unknowns
     width: int  # number of all values
-    batches: tuple[_Batch, ...]  # code
+    batches: tuple[_FrontBatch, ...]  # code
     solution: Index  # (size,): indices of the solution among the values
     operations: int  # additions, multiplications and divisions of a solution
 
@@ -56,10 +56,10 @@ class Fronts:
     @cached_property
     def _program(self) -> Program:
         rows = np.arange(self.given + self.size)
-        writer = Writer(len(rows))
+        writer = ProgramWriter(len(rows))
         return writer.program(self.write(writer, rows[: self.given], rows[self.given :]))
 
-    def write(self, writer: Writer, given: Index, right: Index) -> Index:
+    def write(self, writer: ProgramWriter, given: Index, right: Index) -> Index:
         """Write the solution; rows of all unknowns, for rows of the given values and of the right-hand side."""
         rows = np.empty(self.width, dtype=np.int64)
         rows[: self.given], rows[self.given : self.given + self.size] = given[: self.given], right
@@ -80,7 +80,7 @@ class FrontalSolver:
         """Solve systems of what is given (K, value), shape (K, wanted), of one right-hand side after the other."""
         width = given.shape[1]
         if width not in self._programs:
-            writer = Writer(width)
+            writer = ProgramWriter(width)
             self._programs[width] = writer.program(self.write(writer, np.arange(width)))
         return self._programs[width](given, out=out)
 
@@ -89,7 +89,7 @@ class FrontalSolver:
         """Made so far, for numbers of values."""
         return {}
 
-    def write(self, writer: Writer, given: Index) -> Index:
+    def write(self, writer: ProgramWriter, given: Index) -> Index:
         """Write the solutions; rows of the wanted unknowns, for rows of what is given."""
         zero = writer.sums([[]])[0]
         sides = [np.where(side < 0, zero, given[side]) for side in self.rights]
@@ -122,7 +122,7 @@ def frontal(
             entries.setdefault((i, j), []).append(k)
     rights = {i: [given + i] for i in range(size)}
     width = given + size
-    forward: list[_Batch] = []
+    forward: list[_FrontBatch] = []
     later: list[list[tuple[_Code, list[_Place]]]] = []
     operations = 0
     for fronts in rounds:
@@ -137,14 +137,14 @@ def frontal(
                 return None
             outputs = code.forward.outputs
             reads = np.array([p.reads for p in places], dtype=np.int64).reshape(len(places), -1)
-            forward.append(_Batch(code.forward, reads, width, width + len(places) * outputs))
+            forward.append(_FrontBatch(code.forward, reads, width, width + len(places) * outputs))
             for p in places:
                 p.first = width
                 width += outputs
                 p.leave(code, entries, rights)
             later[-1].append((code, places))
             operations += code.operations * len(places)
-    backward: list[_Batch] = []
+    backward: list[_FrontBatch] = []
     solution = np.zeros(size, dtype=np.int64)
     for kind in reversed(later):
         for code, places in kind:
@@ -156,7 +156,7 @@ def frontal(
                 solution[list(p.front.unknowns)] = np.arange(width, width + count)
                 width += count
             reads = np.array(columns_read, dtype=np.int64).reshape(len(places), -1)
-            backward.append(_Batch(code.backward, reads, begin, width))
+            backward.append(_FrontBatch(code.backward, reads, begin, width))
     return Fronts(given, size, width, (*forward, *backward), solution, operations)
 
 

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, NodalSystems, Operation, Part, Writer, cached, compile_operations
+from uqmbd.compiled import Kernel, NodalSystems, Operation, ProgramPart, ProgramWriter, cached, compile_operations
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
@@ -47,7 +47,7 @@ def _written(model: Model, system: System) -> Nodal:
     layout, size = model.layout, system.size
     n, width = layout.coordinates, layout.width
     inputs = width + 2 + model.block_parameters
-    writer, rows = Writer(inputs), np.arange(inputs)
+    writer, rows = ProgramWriter(inputs), np.arange(inputs)
     arguments, parameters = rows[: width + 2], rows[width + 2 :]
     ends = [0]
 
@@ -74,7 +74,7 @@ def _written(model: Model, system: System) -> Nodal:
         solution = writer.room(size)
         library = partial(_outside, system, values, right, solution)
     ends.append(len(writer.steps))
-    parts = [Part(tuple(writer.steps[a:b]), writer.rows) for a, b in zip(ends, ends[1:], strict=False)]
+    parts = [ProgramPart(tuple(writer.steps[a:b]), writer.rows) for a, b in zip(ends, ends[1:], strict=False)]
     rates, rated = np.zeros((2, 0), dtype=np.int64)
     if "s" in model.evaluators["acceleration"].index:
         rates, (rated,) = model.evaluators["acceleration"].index["s"]

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import Constraints, Dynamics, Kernel, Part, Program, Writer
+from uqmbd.compiled import Constraints, Dynamics, Kernel, Program, ProgramPart, ProgramWriter
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.fronts import FrontalSolver
 from uqmbd.dynamics.linear.residual import RowResiduals
 from uqmbd.typing import Index, Mask
 
-__all__ = ["Motion", "Programs", "Solver", "programs_of"]
+__all__ = ["MotionRows", "Programs", "Solver", "programs_of"]
 
 SMALL = 300
 """Rows of the work array of a small mechanism."""
@@ -24,7 +24,7 @@ Solver = Kernel | FrontalSolver
 Residual = Kernel | RowResiduals
 
 
-def _solution(solver: Solver, writer: Writer, given: Index) -> Index:
+def _solution(solver: Solver, writer: ProgramWriter, given: Index) -> Index:
     """Write a solution; rows of the wanted unknowns, for rows of what is given."""
     if isinstance(solver, Kernel):
         return writer.call(solver, given[None]).ravel()
@@ -51,24 +51,24 @@ class Programs:
         """What else was made of the model, by whatever tells it apart."""
         return {}
 
-    def write_motion(self, model: Model, writer: Writer, arguments: Index, parameters: Index) -> Motion:
+    def write_motion(self, model: Model, writer: ProgramWriter, arguments: Index, parameters: Index) -> MotionRows:
         """Write the accelerations and multipliers of a state whose rows are given, as `Evaluator.write` does."""
         values = model.evaluators["acceleration"].write(writer, arguments, parameters)
         return _motion(model, writer, values, self.solve, self.residual)
 
 
-class Motion(NamedTuple):
+class MotionRows(NamedTuple):
     """Rows of the accelerations and multipliers, and of how well they satisfy the system."""
 
     solution: Index
     residual: Index
 
 
-def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual: Residual) -> Motion:
+def _motion(model: Model, writer: ProgramWriter, values: Index, solve: Solver, residual: Residual) -> MotionRows:
     solution = _solution(solve, writer, values)
     if isinstance(residual, RowResiduals):
-        return Motion(solution, residual.write(writer, values, solution))
-    return Motion(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
+        return MotionRows(solution, residual.write(writer, values, solution))
+    return MotionRows(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
 
 
 def _turning(model: Model) -> Index:
@@ -129,8 +129,8 @@ def programs_of(
     arguments, parameters = rows[: width + 2], rows[width + 2 :]
     acceleration = model.evaluators["acceleration"]
 
-    def begun() -> tuple[Writer, Index, Index]:
-        writer = Writer(inputs)
+    def begun() -> tuple[ProgramWriter, Index, Index]:
+        writer = ProgramWriter(inputs)
         values = acceleration.write(writer, arguments, parameters)
         rates = np.full(layout.states, width + 1)  # the row that is zero
         if "s" in acceleration.index:
@@ -138,7 +138,7 @@ def programs_of(
             rates[which] = values[results]
         return writer, values, rates
 
-    def surplus(writer: Writer, values: Index) -> tuple[Index, Index, list[int]]:
+    def surplus(writer: ProgramWriter, values: Index) -> tuple[Index, Index, list[int]]:
         """Write residuals, and what is too much; rows of both, and where their steps begin and end."""
         ends = [len(writer.steps)]
         drift = model.evaluators["drift"].write(writer, arguments, parameters)
@@ -178,7 +178,7 @@ def programs_of(
         velocities=velocities,
         width=width,
         parameters=model.block_parameters,
-        motion=Part(before.steps + after.steps, writer.rows),
+        motion=ProgramPart(before.steps + after.steps, writer.rows),
         rate=np.concatenate([rows[velocities:width], rates, accelerations]),
         constraints=constraints,
         rows=writer.size,
@@ -186,7 +186,7 @@ def programs_of(
         turns=turns,
         cost=1 + writer.size // SMALL,
     )
-    writer = Writer(inputs)
+    writer = ProgramWriter(inputs)
     values = acceleration.write(writer, arguments, parameters)
     found_excess = surplus(writer, values)[1] if layout.rank else writer.sums([[]]).repeat(2 * n)
     return Programs(dynamics, motion, writer.program(found_excess), solve, residual)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, Writer, cached, compile_kernel
+from uqmbd.compiled import Kernel, ProgramWriter, cached, compile_kernel
 from uqmbd.dynamics.linear.unrolled import TINY
 from uqmbd.typing import Index
 
@@ -26,7 +26,7 @@ class RowResiduals:
     entries: Index  # (nnz,): index of each entry among the given values
     right: Index  # (size,): index of each entry of the right-hand side among the given values; -1: zero
 
-    def write(self, writer: Writer, given: Index, solution: Index) -> Index:
+    def write(self, writer: ProgramWriter, given: Index, solution: Index) -> Index:
         """Write it; the row of the sum, for rows of the given values and of the solution."""
         zero = writer.sums([[]])[0]
         kinds: dict[int, list[Index]] = {}

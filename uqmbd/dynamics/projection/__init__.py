@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.dynamics.projection.constraint_check import projected_off
 from uqmbd.dynamics.projection.dop853 import integrate_coefficients
-from uqmbd.dynamics.projection.ensemble import ProjectedStart, Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedEquations, ProjectedStart
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
 from uqmbd.dynamics.projection.phase import PhaseMotion, PhaseRates, require_phase
 from uqmbd.dynamics.projection.trajectories import ProjectedTrajectories, Watch
@@ -16,7 +16,7 @@ __all__ = [
     "PhaseRates",
     "ProjectedStart",
     "ProjectedTrajectories",
-    "Projection",
+    "ProjectedEquations",
     "Watch",
     "implicit",
     "integrate_coefficients",

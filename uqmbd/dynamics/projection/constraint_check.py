@@ -11,7 +11,7 @@ from uqmbd.dynamics.integration import (
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.typing import Array, Index
 
 __all__ = ["projected_off"]
@@ -21,7 +21,7 @@ BLOCK = 2048
 """States at nodes whose residuals are evaluated at once."""
 
 
-def projected_off(projected: Projection, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
+def projected_off(projected: ProjectedEquations, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
     """Find where coefficients (P, T, width) are off the projected constraints by more than the tolerance.
 
     The number of the first such time, and what to say; 0 and nothing if there is none.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.compiled import LANES, Realisations, Status
+from uqmbd.compiled import LANES, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.integration import explicit_method, longest_step, pace, stopped
-from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array
 
@@ -21,14 +21,14 @@ WATCHED = 20
 
 
 def integrate_coefficients(
-    projected: Projection, times: Array, rtol: float, watch: Watch | None = None
-) -> tuple[Realisations, str]:
+    projected: ProjectedEquations, times: Array, rtol: float, watch: Watch | None = None
+) -> tuple[IntegrationState, str]:
     """Integrate; the run holds coefficients (P, T, width), and there is a reason if it could not go on."""
     start, velocities = projected.start, projected.model.layout.velocities
     longest = longest_step(projected.model.rough, times)
     legs = pace(projected.ensemble, times, rtol, knots=True)
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
-    run = Realisations(
+    run = IntegrationState(
         projected.coupled.dynamics(SOLVED * rtol),
         explicit_method(rtol, guarded=False),
         start.state,
@@ -39,26 +39,26 @@ def integrate_coefficients(
     )
     lanes, asked = slice(0, LANES), 0
     run.told[lanes] = watch is not None
-    run.status[lanes] = Status.JUMP
+    run.status[lanes] = ExplicitStatus.JUMP
     while True:
-        now, status = float(run.now[0]), Status(run.status[0])
+        now, status = float(run.now[0]), ExplicitStatus(run.status[0])
         column = int(run.column[0])
         if watch is not None and column - 1 >= asked + max(1, len(times) // WATCHED):
             asked = column - 1
             if watch(run.result):
                 return run, ""
-        if status is Status.JUMP:
+        if status is ExplicitStatus.JUMP:
             change = projected.impulse(run.z, now, rtol)
             if np.any(change):
                 run.z[:, velocities:] += change
                 run.result[:, times[1:].searchsorted(now) + 1 : times.searchsorted(now, "right")] = run.z[:, None]
                 run.fresh[lanes] = 1
-        elif status is Status.STIFF:
+        elif status is ExplicitStatus.STIFF:
             return run, f"stiff at t = {now:.6g} s"
-        elif status in (Status.MANY, Status.SMALL):
-            return run, stopped(now, float(run.tried[0]), many=status is Status.MANY)
-        elif status is Status.DONE:
+        elif status in (ExplicitStatus.MANY, ExplicitStatus.SMALL):
+            return run, stopped(now, float(run.tried[0]), many=status is ExplicitStatus.MANY)
+        elif status is ExplicitStatus.DONE:
             return run, ""
-        run.status[lanes] = Status.RUNNING
+        run.status[lanes] = ExplicitStatus.RUNNING
         with np.errstate(all="ignore"):
             run.advance()

@@ -28,13 +28,13 @@ from uqmbd.dynamics.projection.singular_values import smallest_singular_values
 from uqmbd.errors import AssemblyError
 from uqmbd.typing import Array
 
-__all__ = ["Coupled", "ProjectedStart", "Projection"]
+__all__ = ["ProjectedSystem", "ProjectedStart", "ProjectedEquations"]
 
 DRIFT = 1e-3
 """Relative accuracy of what a step exceeds the constraints by."""
 
 
-class Coupled:
+class ProjectedSystem:
     """The projected system of a model, with a correction from its last solutions.
 
     The basis `psi` at the nodes is (K, P), `adjoint` is ``Psi^T W`` (P, K), and `block` holds the parameters of the
@@ -109,7 +109,7 @@ class ProjectedStart:
     corrections: int  # Newton steps that the projected constraints needed
 
 
-class Projection:
+class ProjectedEquations:
     """Equations of a `ProjectedEnsemble`, which is integrated by any integrator."""
 
     def __init__(self, ensemble: Ensemble, psi: Array, weights: Array) -> None:
@@ -184,9 +184,9 @@ class Projection:
         return self.model.layout.split(state)
 
     @cached_property
-    def coupled(self) -> Coupled:
+    def coupled(self) -> ProjectedSystem:
         """The projected index-1 system."""
-        return Coupled(self.model, self.psi, self.adjoint, self.ensemble.block)
+        return ProjectedSystem(self.model, self.psi, self.adjoint, self.ensemble.block)
 
     @cached_property
     def start(self) -> ProjectedStart:
@@ -244,7 +244,7 @@ class Projection:
         """Change of the coefficients of velocities (P, coordinate) by which they follow the constraints at a time."""
         return -self._excess(state, time)[1]
 
-    def continued(self, ensemble: Ensemble, start: ProjectedStart) -> Projection:
+    def continued(self, ensemble: Ensemble, start: ProjectedStart) -> ProjectedEquations:
         """Make the same projection of an ensemble at a later time, with coefficients to start from."""
         other = copy(self)
         other.__dict__.update(ensemble=ensemble, model=ensemble.model, start=start, coupled=self.coupled)

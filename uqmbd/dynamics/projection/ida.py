@@ -19,11 +19,11 @@ from uqmbd.dynamics.integration import (
     sundials,
     times_between,
 )
-from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array
 
-__all__ = ["LINEAR_SOLVERS", "LinearSolver", "Run", "implicit"]
+__all__ = ["LINEAR_SOLVERS", "LinearSolver", "ImplicitResult", "implicit"]
 
 
 LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
@@ -36,7 +36,7 @@ SPARSE_TO = 400
 
 
 @dataclass
-class Run:
+class ImplicitResult:
     """Result of an implicit integration."""
 
     coefficients: Array  # (P, T, 2 coordinate + state): NaN from the time at which it stopped
@@ -48,7 +48,7 @@ class Run:
 class CoefficientJacobian:
     """Jacobian of the coefficients in whatever form IDA wants."""
 
-    def __init__(self, projected: Projection, kind: LinearSolver, counters: dict[str, float]) -> None:
+    def __init__(self, projected: ProjectedEquations, kind: LinearSolver, counters: dict[str, float]) -> None:
         self.projected, self.counters = projected, counters
         layout = projected.model.layout
         self.n, self.terms = layout.unknowns, projected.terms
@@ -148,12 +148,12 @@ class CoefficientJacobian:
 
 
 def implicit(
-    projected: Projection,
+    projected: ProjectedEquations,
     times: Array,
     rtol: float,
     linear_solver: LinearSolver = "auto",
     watch: Watch | None = None,
-) -> Run:
+) -> ImplicitResult:
     """Integrate the coefficients by IDA, at output times (T,), s.
 
     The linear solver is dense, sparse, or Krylov with a preconditioner: the exact Jacobians of all nodes, or their
@@ -166,7 +166,9 @@ def implicit(
         if not found.message:
             return found
         again = implicit(projected, times, rtol, "krylov-nodal", watch)
-        return Run(again.coefficients, again.message, _sum(found.counters, again.counters) | {"left_the_mean": 1})
+        return ImplicitResult(
+            again.coefficients, again.message, _sum(found.counters, again.counters) | {"left_the_mean": 1}
+        )
     ensemble, layout, terms = projected.ensemble, projected.model.layout, projected.terms
     start = projected.start
     path = np.full((terms, len(times), layout.width), np.nan)
@@ -219,14 +221,14 @@ def implicit(
             break
         state = _expanded(projected, y_path[-1][:, None], frozen)[:, 0]
         now = stop
-    return Run(path, message, counters)
+    return ImplicitResult(path, message, counters)
 
 
 def _sum(a: dict[str, float], b: dict[str, float]) -> dict[str, float]:
     return {name: a.get(name, 0) + b.get(name, 0) for name in a | b if name != "unknowns"} | {"unknowns": b["unknowns"]}
 
 
-def _expanded(projected: Projection, y: Array, frozen: Array) -> Array:
+def _expanded(projected: ProjectedEquations, y: Array, frozen: Array) -> Array:
     """Whole states (P, T, width) of unknowns (P, T, n); frozen coordinates have coefficients (P, frozen)."""
     layout = projected.model.layout
     where = layout.slices

@@ -25,7 +25,7 @@ import numpy as np
 
 from uqmbd.dynamics.integration import longest_step
 from uqmbd.dynamics.projection.dop853 import SOLVED
-from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedEquations
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.typing import Array
 
@@ -100,7 +100,7 @@ class PhaseMotion:
 
     def __init__(
         self,
-        projected: Projection,
+        projected: ProjectedEquations,
         rates: PhaseRates,
         times: Array,
         rtol: float,
@@ -294,7 +294,7 @@ class PhaseMotion:
         return min(legs[0].longest, longest_step(projected.model.rough, times))
 
 
-def require_phase(projected: Projection) -> None:
+def require_phase(projected: ProjectedEquations) -> None:
     """Raise `uqmbd.StudyError` for mechanisms that exclude a phase as the independent variable.
 
     Samples of controllers and impacts occur at another phase in each realisation; large mechanisms exceed the limit of

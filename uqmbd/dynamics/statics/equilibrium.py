@@ -106,10 +106,10 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
     good = np.flatnonzero(start.ok if len(ensemble.model.layout.free) else np.zeros(len(q), dtype=bool))
     for first in range(0, len(good), BLOCK):
         members = good[first : first + BLOCK]
-        search = _Search(ensemble.select(members))
+        search = _EquilibriumSearch(ensemble.select(members))
         search.run()
         if len(ensemble.model.layout.nonholonomic):
-            search.hold_against(_Search(ensemble.select(members), SHORTER))
+            search.hold_against(_EquilibriumSearch(ensemble.select(members), SHORTER))
         q[members], s[members] = search.rest.whole(search.every, search.q), search.s
         stable[members], steps[members] = search.stable, search.steps
         for member, message in zip(members, search.messages, strict=True):
@@ -117,7 +117,7 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
     return Equilibrium(q, s, tuple(messages), stable, steps)
 
 
-class _Search:
+class _EquilibriumSearch:
     """The iteration for some realisations, and how far each of them is."""
 
     def __init__(self, ensemble: Batch, length: float = 1.0) -> None:
@@ -151,7 +151,7 @@ class _Search:
         for k in active.tolist():
             self.messages[k] = self._unbalanced(k)
 
-    def hold_against(self, other: _Search) -> None:
+    def hold_against(self, other: _EquilibriumSearch) -> None:
         """Compare with a search along another way: where that ends elsewhere, no equilibrium is determined."""
         other.run()
         apart = np.abs(self.q - other.q).max(axis=1, initial=0.0) / self.size

@@ -56,7 +56,7 @@ CHANGING = (
 
 
 @dataclass(frozen=True)
-class _Instant:
+class _SteadyInstant:
     """Exact derivatives of the equations at one time of a steady motion, and how its bodies stand."""
 
     after: float
@@ -108,7 +108,7 @@ def _modes(one: Batch, screws: Screws) -> Solved | str:
     return CHANGING
 
 
-def _instant(one: Batch, screws: Screws, after: float) -> _Instant:
+def _instant(one: Batch, screws: Screws, after: float) -> _SteadyInstant:
     model = one.model
     layout, time = model.layout, model.time + after
     q, v, a, s, rates = screws.at(after)
@@ -125,14 +125,14 @@ def _instant(one: Batch, screws: Screws, after: float) -> _Instant:
     blocks = {i + k: whole[0][part[i], part[k]] for i in "vsm" for k in "qsv"}
     mass = (whole[1] - whole[0])[part["v"], part["v"]]
     gradient = model.evaluate("velocity", _arguments(time, q, s), one.parameters)["d"][0][layout.kept_holonomic]
-    return _Instant(after, blocks, mass, gradient, screws.attitudes(after))
+    return _SteadyInstant(after, blocks, mass, gradient, screws.attitudes(after))
 
 
 def _arguments(time: float, q: Array, s: Array) -> Array:
     return np.concatenate([q, s, np.zeros_like(q), [time, 0.0]])[None]
 
 
-def _carried(one: Batch, screws: Screws, start: _Instant) -> NDArray[np.bool_]:
+def _carried(one: Batch, screws: Screws, start: _SteadyInstant) -> NDArray[np.bool_]:
     """Which auxiliary states only follow the bodies: their value is one of the pose, up to whole turns."""
     model = one.model
     carried: NDArray[np.bool_] = ~((start.blocks["sq"] != 0).any(axis=1) | (start.blocks["ss"] != 0).any(axis=1))
@@ -154,7 +154,7 @@ def _carried(one: Batch, screws: Screws, start: _Instant) -> NDArray[np.bool_]:
     return found
 
 
-def _seen(one: Batch, instant: _Instant, frames: list[Array]) -> tuple[Array, Array, Array]:
+def _seen(one: Batch, instant: _SteadyInstant, frames: list[Array]) -> tuple[Array, Array, Array]:
     """``S`` and its first and second rates at one time, (n, column)."""
     model = one.model
     d, size = model.dimension, model.size
@@ -179,13 +179,13 @@ def _seen(one: Batch, instant: _Instant, frames: list[Array]) -> tuple[Array, Ar
     return s, s1, s2
 
 
-def _seen_gradient(instant: _Instant, s: Array) -> Array:
+def _seen_gradient(instant: _SteadyInstant, s: Array) -> Array:
     """Gradient of the equations of positions by what is seen; zero where only rounding is left, as of unit lengths."""
     found: Array = instant.gradient @ s
     return np.where(np.abs(found) > ROUNDING * (np.abs(instant.gradient) @ np.abs(s)), found, 0.0)
 
 
-def _moves(one: Batch, start: _Instant, frames: list[Array]) -> list[bool]:
+def _moves(one: Batch, start: _SteadyInstant, frames: list[Array]) -> list[bool]:
     """Which bodies have freedom to move."""
     s, *_ = _seen(one, start, frames)
     basis = scipy.linalg.null_space(_seen_gradient(start, s), rcond=1e-9)
@@ -196,7 +196,9 @@ def _moves(one: Batch, start: _Instant, frames: list[Array]) -> list[bool]:
 Pencil = tuple[dict[str, Array], float, list[Array]]
 
 
-def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried: NDArray[np.bool_]) -> Pencil | None:
+def _constant(
+    one: Batch, instants: list[_SteadyInstant], frames: list[Array], carried: NDArray[np.bool_]
+) -> Pencil | None:
     """Coefficients, their size, and what moves at each time, ``S N``; if the coefficients are the same at all times."""
     basis: Array | None = None
     first: dict[str, Array] = {}
@@ -220,7 +222,7 @@ def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried
 
 
 def _coefficients(
-    one: Batch, instant: _Instant, t: Array, t1: Array, t2: Array, carried: NDArray[np.bool_]
+    one: Batch, instant: _SteadyInstant, t: Array, t1: Array, t2: Array, carried: NDArray[np.bool_]
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """Coefficients for ``dq = t y``, and their sizes."""
     layout = one.model.layout

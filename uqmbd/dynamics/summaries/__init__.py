@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from uqmbd.dynamics.summaries.domain import Domain, domain_map
 from uqmbd.dynamics.summaries.summaries import (
-    Reason,
+    MissingReason,
     SummaryMap,
     running_minimum,
     summarised,
     summary_map,
 )
 
-__all__ = ["Domain", "Reason", "SummaryMap", "domain_map", "running_minimum", "summarised", "summary_map"]
+__all__ = ["Domain", "MissingReason", "SummaryMap", "domain_map", "running_minimum", "summarised", "summary_map"]

@@ -20,8 +20,8 @@ from sympy import Expr
 from uqmbd.compiled import FINE, PLACES, SERIES, Need
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.extremes import SAME
-from uqmbd.dynamics.summaries.motion import Motion
-from uqmbd.dynamics.summaries.resolved import SHARE, Parts, Timed, values_at
+from uqmbd.dynamics.summaries.motion import SteppedMotion
+from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, TimedOutputs, values_at
 from uqmbd.mechanism import Output, domain_of, random_variables, t
 from uqmbd.typing import Array, Index, Mask
 
@@ -103,7 +103,7 @@ class Domain:
     parts: OutputMap | None  # of the expressions; None: they are finite real numbers everywhere
     # of each expression: index of a part, and whether it must differ from zero; else it must not be negative
     conditions: tuple[tuple[tuple[int, bool], ...], ...]
-    timed: Timed | None = None  # expressions of time and inputs alone
+    timed: TimedOutputs | None = None  # expressions of time and inputs alone
     exact: tuple[bool, ...] = ()  # whether a part is one of them: it has no integration error
 
     @property
@@ -133,10 +133,10 @@ def domain_map(
     )
     conditions = tuple(tuple((parts.index(one.part), one.nonzero) for one in some) for some in found)
     exact = tuple(part.free_symbols - random_variables(part) <= {t} for part in parts)
-    return Domain(limits, conditions, None if alone is None else Timed(alone, fastest), exact)
+    return Domain(limits, conditions, None if alone is None else TimedOutputs(alone, fastest), exact)
 
 
-def not_finite_since(parts: Parts, column: int) -> Array:
+def not_finite_since(parts: StepParts, column: int) -> Array:
     """Find when a value of an output is no finite number first, s, of each realisation, shape (R,); infinite: never."""
     since = np.full(len(parts.first), np.inf)
     which = parts.unknown
@@ -149,7 +149,7 @@ def not_finite_since(parts: Parts, column: int) -> Array:
 
 
 def outside_since(
-    motion: Motion, outputs: OutputMap, columns: Sequence[int], domain: Domain, parts: Parts, allowed: Array
+    motion: SteppedMotion, outputs: OutputMap, columns: Sequence[int], domain: Domain, parts: StepParts, allowed: Array
 ) -> Array:
     """Return when expressions first leave their domain, s, (R, expression); infinite: never.
 
@@ -173,7 +173,7 @@ def outside_since(
     return since
 
 
-def _negative_since(motion: Motion, domain: Domain, column: int, parts: Parts, slack: Array) -> Array:
+def _negative_since(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts, slack: Array) -> Array:
     """Find when a part is below zero first, s, shape (R,), where it is by more than its own error."""
     assert domain.parts is not None
     since = np.full(len(parts.first), np.inf)
@@ -199,7 +199,7 @@ def _negative_since(motion: Motion, domain: Domain, column: int, parts: Parts, s
     return since
 
 
-def _fine(parts: Parts, column: int, which: Index) -> Array:
+def _fine(parts: StepParts, column: int, which: Index) -> Array:
     """Values of some parts at the fine places, (N, fine); at the ends those that are known."""
     series, values = (parts.of(name, column, which) for name in ("coefficients", "values"))
     fine = np.polynomial.chebyshev.chebvander(FINE, series.shape[1] - 1) @ series.T
@@ -221,7 +221,7 @@ class _Zeros:
         return _Zeros(*(x[which] for x in vars(self).values()))
 
 
-def _zeros(motion: Motion, domain: Domain, column: int, parts: Parts, slack: Array) -> _Zeros:
+def _zeros(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts, slack: Array) -> _Zeros:
     """Find where a part is zero, or comes as near to it as its own error: in order of time of each realisation."""
     assert domain.parts is not None
     near = slack[parts.number]
@@ -255,7 +255,7 @@ def _zeros(motion: Motion, domain: Domain, column: int, parts: Parts, slack: Arr
     return _Zeros(parts.number[chosen], step, place, time, span).some(np.flatnonzero(real))
 
 
-def _unbounded_since(motion: Motion, outputs: OutputMap, column: int, zeros: _Zeros, count: int) -> Array:
+def _unbounded_since(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Zeros, count: int) -> Array:
     """Find the first zeros of a part at which an expression has no finite limit, s, of each realisation, shape (R,)."""
     since = np.full(count, np.inf)
     _, earliest = np.unique(zeros.number, return_index=True)
@@ -268,7 +268,7 @@ def _unbounded_since(motion: Motion, outputs: OutputMap, column: int, zeros: _Ze
     return since
 
 
-def _unbounded(motion: Motion, outputs: OutputMap, column: int, zeros: _Zeros, side: float) -> Array:
+def _unbounded(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Zeros, side: float) -> Array:
     """Tell at which zeros of a part an expression has no finite limit from one side, shape (Z,)."""
     course, count = motion.course, len(zeros.step)
     extent = course.last[zeros.step] - course.begin[zeros.step]
@@ -305,14 +305,14 @@ class Unresolved:
     which: Index  # (U,): parts
     error: Array  # (U,); infinite where the values grow as far as the part can be divided
 
-    def since(self, parts: Parts, some: Mask) -> Array:
+    def since(self, parts: StepParts, some: Mask) -> Array:
         """Find the first of some of them, s, of each realisation, shape (R,); infinite: there is none."""
         since, which = np.full(len(parts.first), np.inf), self.which[some]
         np.minimum.at(since, parts.number[which], parts.begin[which])
         return since
 
 
-def unresolved(parts: Parts, column: int, allowed: Array) -> Unresolved:
+def unresolved(parts: StepParts, column: int, allowed: Array) -> Unresolved:
     """Find the parts on which an output is not resolved; tolerances of its polynomials are (R,).
 
     A jump is resolved: on both sides of it are the values that it has there, however far it is divided.

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Course, Path
+from uqmbd.compiled import PLACES, RecordedPath, StepHistory
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.linear import RESIDUAL
 from uqmbd.dynamics.observation import observe, observe_one_by_one, output_program
 from uqmbd.typing import Array, Index
 
-__all__ = ["Motion", "motion_of"]
+__all__ = ["SteppedMotion", "motion_of"]
 
 
 AT_ONCE = 1 << 9
@@ -21,11 +21,11 @@ AT_ONCE = 1 << 9
 
 
 @dataclass(frozen=True)
-class Motion:
+class SteppedMotion:
     """The motion of realisations, by their steps."""
 
     batch: Batch
-    course: Course
+    course: StepHistory
 
     def observed(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
         """Evaluate outputs at the places of parts of steps (E,), from one part of each to another: (E, output, 8)."""
@@ -72,15 +72,17 @@ STEPS = ("owner", "begin", "end", "last", "kept")
 """What a course says of each step, but where its states stand."""
 
 
-def motion_of(batch: Batch, path: Path, members: Index, time: float, states: Array) -> Motion:
+def motion_of(batch: Batch, path: RecordedPath, members: Index, time: float, states: Array) -> SteppedMotion:
     """Return the motion of some realisations (ascending numbers) from recorded steps; what was recorded later holds.
 
     Those without steps, as there is one time only, stay in their `states` (K, width) at a time.
     """
     if len(still := np.setdiff1d(members, path.owner)):
         ends, kept = np.tile([time, time], (len(still), 1)), np.zeros(len(still), dtype=bool)
-        alone = Path(still, ends, kept, np.repeat(states[still, None], len(PLACES), axis=1))
-        path = alone if not len(path.owner) else Path(*(np.concatenate(x) for x in zip(path, alone, strict=True)))
+        alone = RecordedPath(still, ends, kept, np.repeat(states[still, None], len(PLACES), axis=1))
+        path = (
+            alone if not len(path.owner) else RecordedPath(*(np.concatenate(x) for x in zip(path, alone, strict=True)))
+        )
     wanted = np.zeros(len(batch), dtype=bool)
     wanted[members] = True
     some = np.flatnonzero(wanted[path.owner])
@@ -94,4 +96,4 @@ def motion_of(batch: Batch, path: Path, members: Index, time: float, states: Arr
         end[first : stop - 1] = np.minimum(end[first : stop - 1], later)
     held = (end > begin) | (last == begin)
     owner, some, begin, end, last = (x[held] for x in (owner, some, begin, end, last))
-    return Motion(batch, Course(owner, some, begin, end, last, path.kept[some], path.states))
+    return SteppedMotion(batch, StepHistory(owner, some, begin, end, last, path.kept[some], path.states))

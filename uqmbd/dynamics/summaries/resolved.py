@@ -14,12 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, SERIES, Course, Fitted, Need, PartTable
+from uqmbd.compiled import PLACES, SERIES, FittedPolynomials, Need, PartTable, StepHistory
 from uqmbd.dynamics.equations import OutputMap
-from uqmbd.dynamics.summaries.motion import Motion
+from uqmbd.dynamics.summaries.motion import SteppedMotion
 from uqmbd.typing import Array, Index
 
-__all__ = ["SHARE", "Parts", "Timed", "part_table", "resolved", "values_at"]
+__all__ = ["SHARE", "StepParts", "TimedOutputs", "part_table", "resolved", "values_at"]
 
 
 SHARE = 0.02
@@ -55,7 +55,7 @@ VALUES_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True)
-class Timed:
+class TimedOutputs:
     """Outputs of time and inputs alone, whose rate of change no state determines."""
 
     outputs: OutputMap
@@ -71,7 +71,7 @@ def values_at(coefficients: Array, places: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Parts:
+class StepParts:
     """Parts of the steps of a motion, in order, with values of outputs."""
 
     table: PartTable  # their data; reused for other parts
@@ -122,10 +122,10 @@ class Parts:
         found: Array = getattr(self.table, name)[self.order[which], column]
         return found
 
-    def fitted(self, column: int) -> Fitted:
+    def fitted(self, column: int) -> FittedPolynomials:
         """Return the polynomials of one output."""
         table = self.table
-        return Fitted(column, self.order, table.begin, table.end, table.values, table.coefficients)
+        return FittedPolynomials(column, self.order, table.begin, table.end, table.values, table.coefficients)
 
     def time(self, which: Index, places: Array) -> Array:
         """Tell the times of places from -1 to 1 in some parts, s."""
@@ -138,12 +138,12 @@ def part_table(outputs: OutputMap, rtol: float, needs: Sequence[Need]) -> PartTa
 
 
 def resolved(
-    motion: Motion,
+    motion: SteppedMotion,
     outputs: OutputMap,
     table: PartTable,
-    timed: Timed | None = None,
+    timed: TimedOutputs | None = None,
     since: Array | None = None,
-) -> Parts:
+) -> StepParts:
     """Resolve outputs along a motion as far as required; the previous content of the table is lost.
 
     The outputs of time and inputs alone are `timed`.  From the times `since` (R,), s, on an output is not a finite real
@@ -158,10 +158,10 @@ def resolved(
     with np.errstate(invalid="ignore"):
         while table.refine(motion.observed(outputs, *table.new)):
             pass
-    return Parts(table)
+    return StepParts(table)
 
 
-def _begun(course: Course) -> tuple[Index, Array, Array]:
+def _begun(course: StepHistory) -> tuple[Index, Array, Array]:
     """Return the steps, divided evenly where they are long: of which step each part is, from where to where."""
     length, turns = course.end - course.begin, np.flatnonzero(np.diff(course.owner, prepend=-1))
     whole = np.add.reduceat(length, turns)[np.cumsum(np.diff(course.owner, prepend=course.owner[:1]) != 0)]
@@ -177,7 +177,7 @@ def _begun(course: Course) -> tuple[Index, Array, Array]:
 
 
 def _looked_through(
-    motion: Motion, timed: Timed, step: Index, low: Array, high: Array, share: float
+    motion: SteppedMotion, timed: TimedOutputs, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
     """Divide parts on which outputs of time alone do what their polynomials do not show: of which step, from, to."""
     course = motion.course
@@ -203,7 +203,7 @@ def _looked_through(
 
 
 def _divided(
-    motion: Motion, outputs: OutputMap, step: Index, low: Array, high: Array, share: float
+    motion: SteppedMotion, outputs: OutputMap, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
     """Divide parts of some realisations where outputs leave their polynomials: of which step, from, to."""
     course = motion.course
@@ -240,7 +240,7 @@ def _divided(
     )
 
 
-def _cut(course: Course, step: Index, low: Array, high: Array, since: Array) -> tuple[Index, Array, Array]:
+def _cut(course: StepHistory, step: Index, low: Array, high: Array, since: Array) -> tuple[Index, Array, Array]:
     """Divide parts right before a time of each realisation, s, shape (R,); infinite: nowhere."""
     owner = course.owner[step]
     number = np.cumsum(np.diff(owner, prepend=owner[:1]) != 0)

@@ -20,24 +20,24 @@ from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since, outside_since, unresolved
 from uqmbd.dynamics.summaries.extremes import SAME, extremes
 from uqmbd.dynamics.summaries.motion import motion_of
-from uqmbd.dynamics.summaries.resolved import SHARE, Parts, part_table, resolved, values_at
+from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, part_table, resolved, values_at
 from uqmbd.mechanism import Output, Summary
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
-__all__ = ["Reason", "SummaryMap", "running_minimum", "summarised", "summary_map"]
+__all__ = ["MissingReason", "SummaryMap", "running_minimum", "summarised", "summary_map"]
 
 BISECTIONS = 60
 """Halvings of a part in which a value is reached: to rounding."""
 
 
-def integrals(parts: Parts, column: int) -> tuple[Array, Array]:
+def integrals(parts: StepParts, column: int) -> tuple[Array, Array]:
     """Integrate an output over the motion of each realisation, by Clenshaw and Curtis; and the lengths, (R,) each."""
     length = parts.end - parts.begin
     return np.add.reduceat(parts.of("mean", column) * length, parts.first), np.add.reduceat(length, parts.first)
 
 
-def first_times(parts: Parts, column: int) -> Array:
+def first_times(parts: StepParts, column: int) -> Array:
     """Find when an output is zero or above for the first time, s, of each realisation, shape (R,).
 
     NaN: never.  Infinite: not known, as the output is not finite before it is.
@@ -50,7 +50,7 @@ def first_times(parts: Parts, column: int) -> Array:
     return np.where((since < np.inf) & ~(times <= since), np.inf, times)
 
 
-def _first_times(parts: Parts, column: int) -> Array:
+def _first_times(parts: StepParts, column: int) -> Array:
     which = np.flatnonzero(parts.of("most", column) >= 0)
     place, value = parts.fitted(column).peaks(1.0, which)
     above = value >= 0
@@ -136,7 +136,7 @@ def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], Out
     )
 
 
-class Reason(NamedTuple):
+class MissingReason(NamedTuple):
     """Reason why a realisation has no value."""
 
     status: Status
@@ -147,13 +147,13 @@ class Reason(NamedTuple):
 
 def summarised(
     batch: Batch, seen: SummaryMap, trajectories: Trajectories, members: Index
-) -> tuple[Array, list[Reason | None]]:
+) -> tuple[Array, list[MissingReason | None]]:
     """Summarise the motions of realisations (M,) that were integrated to the last time.
 
     Return values (M, summary), NaN where a value is not reached or undefined, and for each member the reason if one of
     the values is undefined, else None.  The trajectories hold the motion between output times where that is needed.
     """
-    found, reasons = np.full((len(members), len(seen.names)), np.nan), list[Reason | None]([None] * len(members))
+    found, reasons = np.full((len(members), len(seen.names)), np.nan), list[MissingReason | None]([None] * len(members))
     if seen.ending.names and len(members):
         states, last = trajectories.states[members][:, -1:], float(trajectories.times[-1])
         values = observe_along(batch.select(members), seen.ending, trajectories.times[-1:], states)[:, :, 0]
@@ -166,7 +166,7 @@ def summarised(
         return found, reasons
     along = [k for k, kind in enumerate(seen.kinds) if kind != "final"]
 
-    def collect(rows: Index, parts: Parts, allowed: Array, since: Array) -> None:
+    def collect(rows: Index, parts: StepParts, allowed: Array, since: Array) -> None:
         for k, lost in zip(along, since.T, strict=True):
             kind, column = seen.kinds[k], seen.columns[k]
             if kind in _EXTREMES:
@@ -187,7 +187,9 @@ def summarised(
     return found, reasons
 
 
-def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, rough: Array | None = None) -> None:
+def _note(
+    reasons: list[MissingReason | None], rows: Index, number: int, lost: Array, rough: Array | None = None
+) -> None:
     """Note why realisations `rows` (R,) have no value `number`, unless a reason is already known.
 
     Its expression is not a finite real number since `lost` (R,), s, and not resolved since `rough` (R,), s; infinite:
@@ -211,10 +213,10 @@ def _note(reasons: list[Reason | None], rows: Index, number: int, lost: Array, r
     ):
         times = np.full(len(rows), np.inf) if since is None else since
         for k in np.flatnonzero(times < np.inf).tolist():
-            reasons[rows[k]] = reasons[rows[k]] or Reason(status, number, fault, text.format(times[k]))
+            reasons[rows[k]] = reasons[rows[k]] or MissingReason(status, number, fault, text.format(times[k]))
 
 
-def _rough_since(parts: Parts, column: int, allowed: Array, kind: int, values: Array) -> Array:
+def _rough_since(parts: StepParts, column: int, allowed: Array, kind: int, values: Array) -> Array:
     """Find since when an output is not resolved where that changes the required result, s, (R,).
 
     The polynomials have tolerances (R, O); `kind` is `Need.kind`; `values` (R,) were found: for `REACHED`, times.
@@ -239,7 +241,7 @@ def _rough_since(parts: Parts, column: int, allowed: Array, kind: int, values: A
 
 def running_minimum(
     batch: Batch, outputs: OutputMap, trajectories: Trajectories, domain: Domain
-) -> tuple[Array, list[Reason | None]]:
+) -> tuple[Array, list[MissingReason | None]]:
     """Find the running minima of outputs (K, output, T), at the output times and between them, on both sides of jumps.
 
     They are NaN where a realisation failed, and where the output is not a finite real number.  Return also for each
@@ -248,10 +250,10 @@ def running_minimum(
     """
     times = np.asarray(trajectories.times, dtype=float)
     found = np.full((len(batch), len(outputs.names), len(times)), np.nan)
-    reasons = list[Reason | None]([None] * len(batch))
+    reasons = list[MissingReason | None]([None] * len(batch))
     members = np.flatnonzero([not message for message in trajectories.messages])
 
-    def collect(rows: Index, parts: Parts, allowed: Array, since: Array) -> None:
+    def collect(rows: Index, parts: StepParts, allowed: Array, since: Array) -> None:
         for column, lost in enumerate(since.T):
             smallest = parts.fitted(column).least_so_far(parts.first, times)
             found[members[rows], column] = np.where(lost[:, None] < np.inf, np.nan, smallest)
@@ -273,7 +275,7 @@ def _resolve(
     trajectories: Trajectories,
     members: Index,
     needs: Sequence[Need],
-    collect: Callable[[Index, Parts, Array, Array], None],
+    collect: Callable[[Index, StepParts, Array, Array], None],
 ) -> None:
     """Resolve outputs along the motions of members, some at once, and hand them on.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.bodies.body import Body, BodyTerms, Ground, Pose, StateSymbol
+from uqmbd.mechanism.bodies.body import Body, BodyPose, BodyTerms, Ground, StateSymbol
 from uqmbd.mechanism.bodies.inertia import inertia_entries, is_tensor_of_body, mass_number, orientation
 from uqmbd.mechanism.bodies.inertia_ensemble import MassProperties, random_body_inertia, random_inertia
 
@@ -11,7 +11,7 @@ __all__ = [
     "BodyTerms",
     "Ground",
     "MassProperties",
-    "Pose",
+    "BodyPose",
     "StateSymbol",
     "inertia_entries",
     "is_tensor_of_body",

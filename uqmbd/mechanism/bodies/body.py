@@ -72,7 +72,7 @@ class Ground(NamedFrame):
 
 
 @dataclass(frozen=True)
-class Pose:
+class BodyPose:
     """How a body is drawn: expressions in random variables."""
 
     q: tuple[sympy.Expr, ...]
@@ -104,7 +104,7 @@ class Body(NamedFrame):
     (1.0, -3.0)
     """
 
-    def __init__(self, name: str, space: Space, inertia: BodyTerms, pose: Pose) -> None:
+    def __init__(self, name: str, space: Space, inertia: BodyTerms, pose: BodyPose) -> None:
         self.name = name
         self.terms = inertia
         self.pose = pose

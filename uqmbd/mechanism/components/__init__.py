@@ -30,7 +30,7 @@ from uqmbd.mechanism.components.joint_motion import (
 )
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies, unseen_in
-from uqmbd.mechanism.components.reaction import Loaded
+from uqmbd.mechanism.components.reaction import ReactingComponent
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.typed import TypedComponent
 from uqmbd.mechanism.components.user_law import law_at, law_values
@@ -45,7 +45,7 @@ __all__ = [
     "JointAngle",
     "JointDisplacement",
     "Kinetic",
-    "Loaded",
+    "ReactingComponent",
     "Local",
     "Parameter",
     "Potential",

@@ -12,13 +12,13 @@ from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.names import did_you_mean
 
-__all__ = ["RESERVED", "Local", "Quantity"]
+__all__ = ["RESERVED", "Local", "QuantitySymbol"]
 
 RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "time", "quantities"})
 """Names of `Local` that parameters would hide."""
 
 
-class Quantity(sympy.Dummy):
+class QuantitySymbol(sympy.Dummy):
     """Symbol of a named quantity, see `Local.let`; SymPy must not differentiate past it."""
 
     contains: frozenset[sympy.Symbol] = frozenset()
@@ -79,7 +79,7 @@ class Local:
         self.time = time
         self._names = {**frames, **values}
         self.states: dict[str, sympy.Symbol] = {}
-        self.quantities: dict[Quantity, tuple[str, sympy.Expr]] = {}
+        self.quantities: dict[QuantitySymbol, tuple[str, sympy.Expr]] = {}
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a frame, an expression, a vector or an option
         try:
@@ -151,7 +151,7 @@ class Local:
         value = as_symbolic(expression)
         if value.is_number or (value.is_Symbol and kind == "value"):
             return value if kind == "value" else sympy.S.Zero
-        symbol = Quantity(name, real=True)
+        symbol = QuantitySymbol(name, real=True)
         symbol.contains = frozenset(value.free_symbols)
         self.quantities[symbol] = (kind, value)
         return symbol

@@ -8,13 +8,13 @@ import sympy
 
 from uqmbd.randomness import Symbol, Symbolic
 
-__all__ = ["Loaded", "PlaneReaction", "ReactionSymbol"]
+__all__ = ["ReactingComponent", "PlaneReaction", "ReactionSymbol"]
 
 
 UNITS = {"reaction_force": "N", "reaction_moment": "N m"}
 
 
-class Loaded(Protocol):
+class ReactingComponent(Protocol):
     """What reacts: a component."""
 
     name: str
@@ -23,11 +23,11 @@ class Loaded(Protocol):
 class ReactionSymbol(Symbolic, Symbol):
     """One number of a component's reaction, a placeholder in output expressions."""
 
-    component: Loaded
+    component: ReactingComponent
     quantity: str
     index: int
 
-    def __new__(cls, component: Loaded, quantity: str, index: int) -> ReactionSymbol:
+    def __new__(cls, component: ReactingComponent, quantity: str, index: int) -> ReactionSymbol:
         """Name it after the component and the quantity."""
         self: ReactionSymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{quantity}[{index}]", real=True)
         self.component, self.quantity, self.index = component, quantity, index

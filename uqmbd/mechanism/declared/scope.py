@@ -9,7 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground, StateSymbol
-from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol, unseen_in
+from uqmbd.mechanism.components import AngleSymbol, Component, ReactingComponent, ReactionSymbol, unseen_in
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
@@ -129,7 +129,9 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
         )
 
 
-def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Described, what: str) -> None:
+def _require_member(
+    members: Mapping[str, Any], owner: Body | ReactingComponent, mechanism: Described, what: str
+) -> None:
     if members.get(owner.name) is owner:
         return
     # a component that was never added belongs to none

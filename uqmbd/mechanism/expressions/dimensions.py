@@ -29,8 +29,8 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import FUNCTIONS
 from uqmbd.mechanism.expressions.measures import (
     SAME,
-    Known,
     Measure,
+    MeasuredProduct,
     Number,
     common,
     factor_in_words,
@@ -109,7 +109,7 @@ def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[]
     walk = _Walk(where, unseen)
     found = walk.measure(expression)
     declared = read_units(units)
-    if declared is not None and isinstance(found, Known):
+    if declared is not None and isinstance(found, MeasuredProduct):
         walk.compare(expression, found, declared, units)
     return walk.found
 
@@ -123,7 +123,7 @@ def units_of(expression: sympy.Expr) -> str:
     ('m', '')
     """
     found = _Walk("", tuple).measure(expression)
-    if not isinstance(found, Known) or found.free or not math.isclose(found.unit.factor, 1.0, rel_tol=SAME):
+    if not isinstance(found, MeasuredProduct) or found.free or not math.isclose(found.unit.factor, 1.0, rel_tol=SAME):
         return ""
     return "1" if found.unit.dimension == PURE else in_words(found.unit.dimension)
 
@@ -146,7 +146,7 @@ class _Walk:
     def _measured(self, part: Any) -> Measure:
         if part.is_Symbol:
             unit = read_units(getattr(part, "units", ""))
-            return None if unit is None or part == t else Known(unit)
+            return None if unit is None or part == t else MeasuredProduct(unit)
         if not part.free_symbols:
             return _number(part)
         if part.is_Mul:
@@ -158,10 +158,10 @@ class _Walk:
         if isinstance(part, sympy.exp):  # in SymPy a kind of its own
             return self._of_numbers(part)
         if isinstance(part, IntegralOverTime):
-            return product(self.measure(part.args[0]), Known(Unit(_SECOND)))
+            return product(self.measure(part.args[0]), MeasuredProduct(Unit(_SECOND)))
         if isinstance(part, _TIMES):
             self.measure(part.args[0])
-            return Known(Unit(_SECOND))
+            return MeasuredProduct(Unit(_SECOND))
         if isinstance(part, _KEEPING):
             return self.measure(part.args[0])
         if isinstance(part, _SIGNS):
@@ -169,7 +169,7 @@ class _Walk:
             return Number()
         if isinstance(part, _ALIKE):
             alike = self._sum(part, part.args)
-            return Known(Unit()) if isinstance(part, sympy.atan2) else alike
+            return MeasuredProduct(Unit()) if isinstance(part, sympy.atan2) else alike
         if isinstance(part, ModeShape):
             return product(self.measure(part.args[0]), raised(self.measure(part.args[1]), Fraction(-1)))
         if isinstance(part, step):
@@ -214,7 +214,7 @@ class _Walk:
 
     def _pure(self, part: Any, measure: Measure, function: str = "") -> None:
         """Look at what has to be a pure number, or an angle in radians."""
-        if not isinstance(measure, Known):
+        if not isinstance(measure, MeasuredProduct):
             return
         what = f"{function} is a function of numbers and of angles in rad" if function else "a power takes pure numbers"
         if measure.unit.dimension == PURE:
@@ -238,11 +238,11 @@ class _Walk:
     def _sum(self, whole: Any, terms: Any) -> Measure:
         """Return what a sum measures, and look at whether its terms are alike."""
         pairs = [(term, self.measure(term)) for term in terms]
-        known = [(term, measure) for term, measure in pairs if isinstance(measure, Known)]
+        known = [(term, measure) for term, measure in pairs if isinstance(measure, MeasuredProduct)]
         if not known:
             numbers = [measure for _, measure in pairs if isinstance(measure, Number)]
             return greatest(numbers) if len(numbers) == len(pairs) else None
-        groups: list[list[tuple[Any, Known]]] = []
+        groups: list[list[tuple[Any, MeasuredProduct]]] = []
         for term, measure in known:
             for group in groups:
                 one = group[0][1]
@@ -266,7 +266,7 @@ class _Walk:
             return None
         return common([group[0][1] for group in groups])
 
-    def _unlike(self, whole: Any, one: tuple[Any, Known], other: tuple[Any, Known]) -> None:
+    def _unlike(self, whole: Any, one: tuple[Any, MeasuredProduct], other: tuple[Any, MeasuredProduct]) -> None:
         words = [in_words(measure.unit.dimension) for _, measure in (one, other)]
         verb = "adds" if getattr(whole, "is_Add", False) else "compares"
         self.found.append(
@@ -284,7 +284,7 @@ class _Walk:
         reached = [{_sum_of(dimension, one) for one in products} for dimension in dimensions]
         return bool(set.intersection(*reached))
 
-    def _apart(self, one: tuple[Any, Known], other: tuple[Any, Known]) -> bool:
+    def _apart(self, one: tuple[Any, MeasuredProduct], other: tuple[Any, MeasuredProduct]) -> bool:
         """Tell terms of one dimension whose numbers are in different units."""
         a, b = one[1], other[1]
         if a.unit.dimension != b.unit.dimension:
@@ -301,7 +301,7 @@ class _Walk:
         )
         return True
 
-    def compare(self, expression: Any, found: Known, declared: Unit, units: str) -> None:
+    def compare(self, expression: Any, found: MeasuredProduct, declared: Unit, units: str) -> None:
         """Compare what an expression is in with what it is stated to be in."""
         text = _short(expression)
         if found.unit.dimension != declared.dimension:
@@ -339,9 +339,11 @@ def _number(part: Any) -> Measure:
     return Number(size, seen=bool(size) and (part.is_Float or part not in (1, -1))) if math.isfinite(size) else None
 
 
-def _pairs(known: list[tuple[Any, Known]]) -> Iterator[tuple[tuple[Any, Known], tuple[Any, Known]]]:
+def _pairs(
+    known: list[tuple[Any, MeasuredProduct]],
+) -> Iterator[tuple[tuple[Any, MeasuredProduct], tuple[Any, MeasuredProduct]]]:
     """Each term with the first of its dimension, with one that has no number in front where there is one."""
-    firsts: dict[Dimension, tuple[Any, Known]] = {}
+    firsts: dict[Dimension, tuple[Any, MeasuredProduct]] = {}
     for one in sorted(known, key=lambda pair: pair[1].free):
         first = firsts.setdefault(one[1].unit.dimension, one)
         if first is not one:

@@ -8,7 +8,18 @@ from fractions import Fraction
 
 from uqmbd.units import Unit
 
-__all__ = ["SAME", "Known", "Measure", "Number", "common", "factor_in_words", "greatest", "is_off", "product", "raised"]
+__all__ = [
+    "SAME",
+    "MeasuredProduct",
+    "Measure",
+    "Number",
+    "common",
+    "factor_in_words",
+    "greatest",
+    "is_off",
+    "product",
+    "raised",
+]
 
 SAME = 1e-9
 """Factors that differ by less than this, relatively, are the same."""
@@ -35,7 +46,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Known:
+class MeasuredProduct:
     """A product whose dimension is known up to a number."""
 
     unit: Unit  # of its numbers, without the constant
@@ -43,14 +54,14 @@ class Known:
     free: bool = False  # whether it contains a number, which may have any dimension
 
 
-Measure = Number | Known | None
+Measure = Number | MeasuredProduct | None
 """None: unknown."""
 
 
 def product(one: Measure, other: Measure) -> Measure:
     """Return the measure of a product.
 
-    >>> product(Number(2.0, seen=True), Known(Unit()))
+    >>> product(Number(2.0, seen=True), MeasuredProduct(Unit()))
     Known(unit=Unit(dimension=(...), factor=1.0), constant=2.0, free=True)
     """
     if one is None or other is None:
@@ -61,7 +72,7 @@ def product(one: Measure, other: Measure) -> Measure:
         return replace(other, constant=other.constant * one.size, free=other.free or one.seen)
     if isinstance(other, Number):
         return product(other, one)
-    return Known(one.unit * other.unit, one.constant * other.constant, one.free or other.free)
+    return MeasuredProduct(one.unit * other.unit, one.constant * other.constant, one.free or other.free)
 
 
 def raised(measure: Measure, power: Fraction) -> Measure:
@@ -69,8 +80,8 @@ def raised(measure: Measure, power: Fraction) -> Measure:
     try:
         if isinstance(measure, Number):
             return replace(measure, size=measure.size ** float(power))
-        if isinstance(measure, Known):
-            return Known(measure.unit**power, measure.constant ** float(power), measure.free)
+        if isinstance(measure, MeasuredProduct):
+            return MeasuredProduct(measure.unit**power, measure.constant ** float(power), measure.free)
     except (OverflowError, ZeroDivisionError):
         pass
     return None
@@ -85,7 +96,7 @@ def greatest(numbers: list[Number]) -> Number:
     return Number(max(x.size for x in numbers) or 1.0, seen=any(x.seen for x in numbers))
 
 
-def common(measures: list[Known]) -> Measure:
+def common(measures: list[MeasuredProduct]) -> Measure:
     """Return what the sum of terms measures, one of each constant."""
     if len(measures) == 1:
         return measures[0]
@@ -96,11 +107,11 @@ def common(measures: list[Known]) -> Measure:
     return max(measures, key=lambda m: abs(math.log(m.constant or 1.0))) if alike else None
 
 
-def is_off(found: Known, expected: Unit) -> bool:
+def is_off(found: MeasuredProduct, expected: Unit) -> bool:
     """Return whether numbers are wrong by the factor between two units: without it the constant is clearly nearer to 1.
 
     >>> metres, millimetres = Unit(), Unit(factor=1e-3)
-    >>> [is_off(Known(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]
+    >>> [is_off(MeasuredProduct(metres, number, free=True), millimetres) for number in (1.0, 2.0, 1000.0, 20.0)]
     [True, True, False, False]
     """
     ratio = found.unit.factor / expected.factor

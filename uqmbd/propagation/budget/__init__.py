@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, allowed_of, budget_of
 from uqmbd.propagation.budget.reach import BudgetTooSmallError
-from uqmbd.propagation.budget.sharing import Terms, Within
+from uqmbd.propagation.budget.sharing import BudgetedRun, BudgetTerms
 from uqmbd.propagation.budget.timing import Timing, timing_of
 
 __all__ = [
     "Amount",
     "BudgetTooSmallError",
-    "Terms",
+    "BudgetTerms",
     "Timing",
-    "Within",
+    "BudgetedRun",
     "accuracy_of",
     "allowed_of",
     "budget_of",

@@ -28,7 +28,7 @@ from uqmbd.wording import format_duration, format_percent
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Terms", "Within"]
+__all__ = ["BudgetTerms", "BudgetedRun"]
 
 BEHIND = 0, 2, 8, 32
 """Chunks that may be missing behind the last one that is finished: each is tried."""
@@ -38,7 +38,7 @@ RECORD = "budget.json"
 
 
 @dataclass(frozen=True)
-class Terms:
+class BudgetTerms:
     """Budget and accuracy of a run."""
 
     budget: Amount | None = None
@@ -47,7 +47,9 @@ class Terms:
     clock: Callable[[], float] = time.monotonic  # s
 
     @classmethod
-    def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> Terms | None:
+    def of(
+        cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None
+    ) -> BudgetTerms | None:
         """Read them; None where nothing is asked for."""
         if budget is None and accuracy is None:
             return None
@@ -72,11 +74,11 @@ class Terms:
 
 
 @dataclass
-class Within:
+class BudgetedRun:
     """Methods of a study that share a budget."""
 
     study: Studied
-    terms: Terms
+    terms: BudgetTerms
     executor: Executor | None
     progress: Progress
     folder: Path | None = None

@@ -160,7 +160,7 @@ class ElementRefinement(Generic[Joined]):
 
 
 @dataclass(frozen=True)
-class _Part:
+class _TimedElement:
     """An element with its chaos, and when it was computed."""
 
     box: GermBox
@@ -270,7 +270,7 @@ def refine_elements(
     (3, [0.4, 0.7])
     """
     whole = GermBox.whole(space)
-    parts = [_Part(whole, compute([whole])[0], 0)]
+    parts = [_TimedElement(whole, compute([whole])[0], 0)]
     computed, reason = 1, ""
     rounds: list[tuple[int, int, float]] = []
     splits: list[tuple[int, int, float]] = []
@@ -299,7 +299,7 @@ def refine_elements(
             reason = "no element can be split further"
             break
         boxes = [half for k in chosen for half in halves[k]]
-        found = [_Part(b, c, computed + n) for n, (b, c) in enumerate(zip(boxes, compute(boxes), strict=True))]
+        found = [_TimedElement(b, c, computed + n) for n, (b, c) in enumerate(zip(boxes, compute(boxes), strict=True))]
         computed += len(boxes)
         by_parent = {k: found[2 * n : 2 * n + 2] for n, k in enumerate(chosen)}
         parts = [p for k, part in enumerate(parts) for p in by_parent.get(k, [part])]
@@ -317,7 +317,7 @@ def refine_elements(
     return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
 
 
-def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
+def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
     """Join the chaoses of all elements; polynomial ones up to the last time that all have."""
     boxes = [p.box for p in parts]
     first: Any = parts[0].chaos
@@ -334,7 +334,9 @@ def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos | Q
     return PiecewiseChaos(tuple(plain), tuple(boxes))
 
 
-def _contributions(parts: list[_Part], rtol: float, lost_share: Callable[[int], float] | None) -> tuple[Array, Array]:
+def _contributions(
+    parts: list[_TimedElement], rtol: float, lost_share: Callable[[int], float] | None
+) -> tuple[Array, Array]:
     """Return what each element adds to the squared error (E, C), and the energy of its top order by germ (E, d)."""
     count = min(_times(p.chaos) for p in parts)
     probability = np.array([p.box.probability for p in parts])
@@ -378,7 +380,7 @@ def _moments(chaos: Expansion) -> tuple[Array, Array]:
     return chaos.rough_moments if isinstance(chaos, AlignedChaos) else (chaos.mean, chaos.std)
 
 
-def _chosen(parts: list[_Part], contributions: Array, room: int) -> list[int]:
+def _chosen(parts: list[_TimedElement], contributions: Array, room: int) -> list[int]:
     """Return the elements to split: the largest contribution, and those not much smaller, in their order."""
     size = contributions.max(axis=1)
     able = [k for k, p in enumerate(parts) if any(map(p.box.divisible, range(p.box.space.dimension)))]

@@ -33,7 +33,7 @@ SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "s
 
 
 @dataclass(frozen=True)
-class _Series:
+class _OptionSeries:
     """A method, the option that changes, and its values."""
 
     propagator: Propagator
@@ -118,7 +118,7 @@ def check_convergence(study: Studied, given: Method | Sequence[Method], levels: 
     _series(study, given, levels)
 
 
-def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_Series]:
+def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_OptionSeries]:
     if not levels:
         raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
     for name, values in levels.items():
@@ -126,7 +126,7 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
             if isinstance(one, (str, bytes)) or not isinstance(one, Iterable) or not len(list(one)):
                 raise StudyError(f"converge: {name} is {one!r}; expected a list of levels, as in {name}=[1, 2, 3].")
     methods = list(given) if isinstance(given, Iterable) else [given]
-    found: list[_Series] = []
+    found: list[_OptionSeries] = []
     for method in methods:
         made = method() if isinstance(method, type) and issubclass(method, Propagator) else method
         if not isinstance(made, Propagator):
@@ -140,7 +140,7 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
                 f"converge: {made.node_name} ({type(made).__name__}) has no option "
                 f"{' or '.join(usable or levels)}, or is given no levels of it; its options are: {', '.join(options)}."
             )
-        found.append(_Series(made, chosen, tuple(usable[chosen])))
+        found.append(_OptionSeries(made, chosen, tuple(usable[chosen])))
     study.with_propagators([one.propagator for one in found])  # labels must differ
     known = [one.propagator.node_name for one in found]
     unknown = [x for v in levels.values() if isinstance(v, Mapping) for x in v if x not in known]
@@ -150,7 +150,7 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
 
 
 def _dataset(
-    series: list[_Series],
+    series: list[_OptionSeries],
     nodes: dict[tuple[int, int], xr.DataTree],
     problems: dict[tuple[int, int], str],
     base: xr.DataTree,
@@ -205,7 +205,7 @@ def _dataset(
     )
 
 
-def _rates(series: list[_Series], value: Array, errors: Array, limits: Array) -> Array:
+def _rates(series: list[_OptionSeries], value: Array, errors: Array, limits: Array) -> Array:
     """Fit the order of convergence (method, output) by least squares."""
     found = np.full((len(series), errors.shape[-1]), np.nan)
     for m, one in enumerate(series):

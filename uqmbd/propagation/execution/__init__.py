@@ -12,10 +12,10 @@ from uqmbd.propagation.execution.chunks import (
     needs_motion,
     not_finite_output,
 )
-from uqmbd.propagation.execution.cost import Clock, Spending
+from uqmbd.propagation.execution.cost import CostClock, Spending
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
-from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, Kept, Known, fingerprint
+from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, ChunkStore, Known, fingerprint
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.realisations import (
     AGAIN,
@@ -40,9 +40,9 @@ __all__ = [
     "BudgetSpent",
     "Checkpoint",
     "Chunk",
-    "Clock",
+    "CostClock",
     "History",
-    "Kept",
+    "ChunkStore",
     "Kind",
     "Known",
     "Ledger",

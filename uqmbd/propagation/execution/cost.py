@@ -10,7 +10,7 @@ from typing import Any
 
 from uqmbd.errors import StudyError
 
-__all__ = ["OTHER", "PARTS", "Clock", "Laps", "Spending", "spending_attributes"]
+__all__ = ["OTHER", "PARTS", "CostClock", "Laps", "Spending", "spending_attributes"]
 
 
 PARTS = ("integration", "fitting", "verification", "error estimation")
@@ -23,7 +23,7 @@ PURPOSES = ("verification", "error estimation")
 
 
 @dataclass
-class Clock:
+class CostClock:
     """Clock that advances by the recorded computing time of stored work.
 
     Differences of its readings are the wall times of an uninterrupted run.

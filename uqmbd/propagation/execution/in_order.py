@@ -22,7 +22,16 @@ import numpy as np
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.cost import Laps
-from uqmbd.propagation.execution.transport import Answer, Route, Seen, death, forward, route_to, said_before, versions
+from uqmbd.propagation.execution.transport import (
+    Reply,
+    Route,
+    WorkerRegistry,
+    death,
+    forward,
+    route_to,
+    said_before,
+    versions,
+)
 
 __all__ = ["in_order"]
 
@@ -94,7 +103,7 @@ def _raise(piece: object, reason: str) -> Any:
 class _Flight:
     """A submitted piece of work."""
 
-    futures: list[Future[Answer]] = field(default_factory=list)  # several where the piece is late
+    futures: list[Future[Reply]] = field(default_factory=list)  # several where the piece is late
     whole: bool = False  # whether packed arguments are sent entirely
     sent: float = 0.0  # time of the last submission, s
     begun: float | None = None  # time since which a worker certainly runs it, s: since a later piece was answered
@@ -117,7 +126,7 @@ class _There(Generic[Piece, Result]):
     ) -> None:
         self.pieces, self.route, self.patience = pieces, route, patience
         self.known, self.work, self.keep, self.lost = known, work, keep, lost
-        self.seen, self.laps = Seen(versions()), Laps()
+        self.seen, self.laps = WorkerRegistry(versions()), Laps()
         self.next = self.held = 0
         self.tick = min(TICK, patience / 4 + PAUSE)
         self.looked = self.heard = time.monotonic()
@@ -130,7 +139,7 @@ class _There(Generic[Piece, Result]):
         """Results, and their bytes, by the index of the piece."""
         self.said: dict[int, tuple[LogRecord, ...]] = {}
         """By loggers of workers, of results that wait, by the index of the piece."""
-        self.arrived: queue.SimpleQueue[tuple[int, Future[Answer]]] = queue.SimpleQueue()
+        self.arrived: queue.SimpleQueue[tuple[int, Future[Reply]]] = queue.SimpleQueue()
 
     def results(self) -> Generator[Result, None, None]:
         """Yield the results in order."""
@@ -195,7 +204,7 @@ class _There(Generic[Piece, Result]):
         self.flights.setdefault(index, flight)
         future.add_done_callback(partial(self._hear, index))
 
-    def _hear(self, index: int, future: Future[Answer]) -> None:
+    def _hear(self, index: int, future: Future[Reply]) -> None:
         self.arrived.put((index, future))
 
     def _send_again(self, now: float) -> None:

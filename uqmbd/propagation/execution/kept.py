@@ -18,14 +18,14 @@ from uqmbd.dynamics import MarginValues, Model, ScalarValues
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.propagation.execution.chunks import Chunk, Kind
-from uqmbd.propagation.execution.cost import Clock
+from uqmbd.propagation.execution.cost import CostClock
 from uqmbd.propagation.execution.ledger import Ledger
 from uqmbd.randomness import JointInput
 from uqmbd.results.storage import FOLDER, how_to_go_on, make
 from uqmbd.typing import Array
 from uqmbd.version import __version__
 
-__all__ = ["FOLDER", "Checkpoint", "Kept", "Known", "fingerprint"]
+__all__ = ["FOLDER", "Checkpoint", "ChunkStore", "Known", "fingerprint"]
 
 
 def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:
@@ -129,7 +129,7 @@ Known = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
 
 
 @dataclass(frozen=True)
-class Kept:
+class ChunkStore:
     """Known chunks of one kind of outputs, and the stores of others."""
 
     kind: Kind  # of the chunks
@@ -140,7 +140,7 @@ class Kept:
     known: Known  # chunks of other kinds that were computed with others; it grows
     checkpoint: Checkpoint | None
     ledger: Ledger | None  # chunks that a run with a budget has computed for other sizes of the method
-    clock: Clock  # advances by the computing time of stored chunks
+    clock: CostClock  # advances by the computing time of stored chunks
 
     def key(self, part: Array) -> str:
         """Return the name under which the chunk of some inputs is stored."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.execution.cost import Clock
+from uqmbd.propagation.execution.cost import CostClock
 from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.kept import Checkpoint
 from uqmbd.propagation.execution.transport import Packed
@@ -29,7 +29,7 @@ def run_tasks(
     fingerprint: bytes,
     executor: Executor | None,
     checkpoint: Checkpoint | None,
-    clock: Clock,
+    clock: CostClock,
     function: Callable[..., Arrays],
     tasks: Sequence[tuple[Any, ...]],
 ) -> Iterator[Arrays]:

@@ -23,7 +23,7 @@ from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Handover", "Order", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
+__all__ = ["Handover", "ReductionOrder", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
 
 Reduction = Callable[..., Arrays]
 """From realisations, the index of the first of them, and further arguments to arrays by name."""
@@ -96,7 +96,7 @@ class Reduced:
 
 
 @dataclass(frozen=True)
-class Order:
+class ReductionOrder:
     """Instructions to a worker for the reduction of a chunk."""
 
     first: int  # index of its first realisation
@@ -134,7 +134,7 @@ class Handover:
 
 
 def compute_reduced(
-    packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: Order
+    packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: ReductionOrder
 ) -> Handover:
     """Compute realisations, or read them where they are stored, and reduce them.
 
@@ -151,7 +151,7 @@ def compute_reduced(
     return store_chunk(packed, values, compute_chunk(packed, values, times, rtol, integrator, kind), kind, order)
 
 
-def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: Order) -> Handover:
+def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: ReductionOrder) -> Handover:
     """Reduce a chunk that has been computed, and write its responses."""
     answer = reduce_chunk(packed, values, full, order)
     beside = full.beside(kind, margins=order.margins)
@@ -165,7 +165,9 @@ def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: O
     return replace(answer, computed=True, beside=beside, files=files)
 
 
-def reduce_chunk(packed: Packed, values: Array, chunk: Chunk, order: Order, *, known: bool = False) -> Handover:
+def reduce_chunk(
+    packed: Packed, values: Array, chunk: Chunk, order: ReductionOrder, *, known: bool = False
+) -> Handover:
     """Reduce a chunk that is there; what the function makes of it may be known."""
     part = Realisations.of(values, chunk, 0.0)
     if order.chosen is not None:

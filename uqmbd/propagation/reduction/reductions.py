@@ -23,9 +23,9 @@ from uqmbd.propagation.execution import (
 from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.propagation.reduction.reduced import (
     Handover,
-    Order,
     Reduced,
     Reduction,
+    ReductionOrder,
     compute_reduced,
     reduce_chunk,
     store_chunk,
@@ -210,7 +210,7 @@ class Reductions:
         text.update(f"{kind} {self._values.shape[1]} {size}".encode())
         return text.hexdigest()[:32]
 
-    def _order(self, piece: Piece, record: Record | None, stored: Chunk | None) -> Order:
+    def _order(self, piece: Piece, record: Record | None, stored: Chunk | None) -> ReductionOrder:
         problem = self._problem
         known = record is not None and self._is_of(record)
         checksum = None if record is None else int(record[0]["checksum"])
@@ -219,7 +219,7 @@ class Reductions:
             for kind, store in self._stores.items()
         }
         about = (problem.chosen, max(0, self._keep - piece.first), shelves, self._margins, stored, known)
-        return Order(piece.first, self._function, self._arguments, *about)
+        return ReductionOrder(piece.first, self._function, self._arguments, *about)
 
     def _is_of(self, record: Record) -> bool:
         """Tell whether the result of a record is that of the same function of the same arguments."""

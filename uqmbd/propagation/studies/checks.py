@@ -15,7 +15,7 @@ from uqmbd.errors import Finding, PluginWarning, Severity, UnusedInputWarning
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked
-from uqmbd.propagation.inputs import POINTS, affordable, existence_of, idle_inputs
+from uqmbd.propagation.inputs import POINTS, affordable, existence_of, unused_inputs
 from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.observed_model import warned_elsewhere
 from uqmbd.propagation.studies.run_methods import planned
@@ -108,7 +108,7 @@ class Ranges:
         return ranges(study)
 
 
-class IdleInputs:
+class UnusedInputs:
     """Random inputs that no output depends on, where the methods compute enough to look at them."""
 
     def find(self, study: Studied) -> Iterable[Finding]:
@@ -123,7 +123,7 @@ class IdleInputs:
             return
         settings = (study.times.tobytes(), study.rtol, study.integrator, study.start, study.max_step, study.breaks)
         about = (study.model, inputs, study.times, study.rtol, study.integrator)
-        for name in mechanism.remembered(("idle", *settings), lambda: idle_inputs(*about)):
+        for name in mechanism.remembered(("idle", *settings), lambda: unused_inputs(*about)):
             if name in used:
                 yield Finding(
                     Severity.WARNING,
@@ -135,7 +135,7 @@ class IdleInputs:
                 )
 
 
-class Moments:
+class MissingMoments:
     """Moments of outputs that do not exist; each method warns of those that it was to state."""
 
     def find(self, study: Studied) -> Iterable[Finding]:
@@ -151,7 +151,7 @@ class CoreChecks:
     @plugins.hookimpl
     def uqmbd_checks(self) -> Sequence[type]:
         """Offer them, in the order in which their findings are listed."""
-        return [OfMechanism, Ranges, IdleInputs, Moments]
+        return [OfMechanism, Ranges, UnusedInputs, MissingMoments]
 
 
 @cache

@@ -14,7 +14,7 @@ from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
-from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
+from uqmbd.propagation.budget import BudgetedRun, BudgetTerms, BudgetTooSmallError
 from uqmbd.propagation.execution import explained, study_digest, warn_of_changes
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
 
@@ -71,7 +71,7 @@ def run_methods(
     executor: Executor | None,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
-    terms: Terms | None = None,
+    terms: BudgetTerms | None = None,
     *,
     resume: bool = False,
 ) -> Outcome:
@@ -84,7 +84,7 @@ def run_methods(
         _warn_of_changes(study, propagators, folder, resume=resume)
     if terms is not None:
         expected(shown, dict.fromkeys(p.node_name for p in propagators))
-        return _run_within(study, propagators, Within(study, terms, executor, shown, folder, resume))
+        return _run_within(study, propagators, BudgetedRun(study, terms, executor, shown, folder, resume))
     errors: dict[str, BaseException] = {}
     for propagator in propagators:
         if (error := _obstacle(propagator, study)) is not None:
@@ -121,7 +121,7 @@ def _warn_of_changes(study: Studied, propagators: Sequence[Propagator], folder: 
     warn_of_changes(folder, digest, options, extended, resume=resume, stacklevel=4)
 
 
-def _run_within(study: Studied, propagators: Sequence[Propagator], within: Within) -> Outcome:
+def _run_within(study: Studied, propagators: Sequence[Propagator], within: BudgetedRun) -> Outcome:
     """Run methods at sizes that are chosen."""
     for propagator in propagators:
         if (error := _obstacle(within.smallest(propagator), study)) is not None:

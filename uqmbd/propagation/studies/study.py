@@ -20,7 +20,7 @@ from uqmbd.display import html_of
 from uqmbd.errors import Finding, StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
-from uqmbd.propagation.budget import Terms
+from uqmbd.propagation.budget import BudgetTerms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import opened, pool
 from uqmbd.propagation.inputs import existence_of
@@ -447,7 +447,7 @@ class Study:
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
-        terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
+        terms = BudgetTerms.of(f"study {self.name!r}", budget, accuracy, planned)
         with claimed(folder) if folder else nullcontext(), opened(workers) as executor:
             if folder:
                 check_names(folder, [store_name(method.node_name) for method in chosen])

@@ -19,7 +19,15 @@ from uqmbd.plugins import designs as designs_of_plugins
 from uqmbd.plugins import hookimpl, offered_by_core
 from uqmbd.typing import Array
 
-__all__ = ["BuiltIn", "Design", "SamplingDesign", "Seed", "design_problem", "sampling_design", "sampling_designs"]
+__all__ = [
+    "BuiltInDesigns",
+    "Design",
+    "SamplingDesign",
+    "Seed",
+    "design_problem",
+    "sampling_design",
+    "sampling_designs",
+]
 
 Seed: TypeAlias = int | np.random.SeedSequence
 """What ``numpy.random.default_rng`` makes a generator of."""
@@ -135,7 +143,7 @@ class Halton:
         return np.asarray(qmc.Halton(dimension, rng=np.random.default_rng(seed)).random(numbers.stop)[numbers.start :])
 
 
-class BuiltIn:
+class BuiltInDesigns:
     """What the core offers, by the hook that plugins use."""
 
     @hookimpl
@@ -232,7 +240,7 @@ def design_problem(points: Array, shape: tuple[int, int]) -> str:
 
 @cache
 def _offered() -> dict[str, type]:
-    return offered_by_core(BuiltIn(), "designs")
+    return offered_by_core(BuiltInDesigns(), "designs")
 
 
 def sampling_designs() -> tuple[str, ...]:

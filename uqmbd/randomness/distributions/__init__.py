@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
 from uqmbd.randomness.distributions.adopted import adopted, distribution_of
-from uqmbd.randomness.distributions.decomposed import Law, is_dependent
+from uqmbd.randomness.distributions.decomposed import AffineDistribution, is_dependent
 from uqmbd.randomness.distributions.sound import flaw_of
 from uqmbd.randomness.distributions.tabulated import tabulated
 from uqmbd.randomness.distributions.tails import FEWEST, Tail, heaviest_tail, tail_of
 
 __all__ = [
     "FEWEST",
-    "Law",
+    "AffineDistribution",
     "Tail",
     "adopted",
     "distribution_about",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.distributions.sources import Frozen, Infrastructure, OpenTurns, Source
+from uqmbd.randomness.distributions.sources import DistributionSource, Frozen, Infrastructure, OpenTurns
 
 __all__ = ["adopted", "distribution_of"]
 
@@ -190,7 +190,7 @@ def _coupled(where: str, given: Any) -> Any:
     return chaospy.Nataf(chaospy.J(*marginals), np.array(copula.getShapeMatrix()))
 
 
-def _translated(source: Source, family: str, parameters: Parameters) -> Any:
+def _translated(source: DistributionSource, family: str, parameters: Parameters) -> Any:
     """Return the distribution of chaospy of a family, confirmed by its quantiles; None where there is none."""
     import chaospy
 
@@ -207,7 +207,7 @@ def _translated(source: Source, family: str, parameters: Parameters) -> Any:
         return found if np.abs(ours - theirs).max() <= slack else None
 
 
-def distribution_of(where: str, source: Source, text: str) -> Any:
+def distribution_of(where: str, source: DistributionSource, text: str) -> Any:
     """Return a distribution of chaospy that evaluates a source, and is shown as a text."""
     from uqmbd.randomness.distributions.wrapped import WholeNumbers, WrappedDistribution
 

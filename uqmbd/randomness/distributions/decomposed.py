@@ -16,21 +16,21 @@ import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["Law", "is_dependent"]
+__all__ = ["AffineDistribution", "is_dependent"]
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class AffineDistribution:
     """Distribution of ``shift + scale * y``, with ``y`` distributed as a core, possibly truncated."""
 
-    core: Any  # chaospy distribution, neither affine nor a truncation, or the :class:`Law` that is truncated
+    core: Any  # chaospy distribution that is neither affine nor truncated, or the truncated `AffineDistribution`
     shift: float = 0.0
     scale: float = 1.0  # a negative scale reverses the distribution
     cut: tuple[float, float] | None = None  # bounds of the truncation, in the variable of the core
     operations: int = 0  # sums, products and changes of sign that were decomposed
 
     @classmethod
-    def of(cls, distribution: Any) -> Law:
+    def of(cls, distribution: Any) -> AffineDistribution:
         """Take a distribution of one variable apart, as far as its structure is known."""
         law = cls(distribution)
         while law.cut is None:
@@ -153,7 +153,7 @@ class Law:
         below, above = self.core.cdf(np.array(self.cut))
         return float(below), float(above)
 
-    def _peel(self) -> Law | None:
+    def _peel(self) -> AffineDistribution | None:
         """Remove one layer; None where there is none that is understood."""
         import chaospy
 
@@ -190,19 +190,19 @@ class Law:
             return self._inside(inner, 0.0 if product else number, number if product else 1.0)
         return None
 
-    def _inside(self, inner: Any, shift: float | None, scale: float | None) -> Law | None:
+    def _inside(self, inner: Any, shift: float | None, scale: float | None) -> AffineDistribution | None:
         if shift is None or not scale:
             return None
         return replace(self, core=inner, shift=self.shift + self.scale * shift, scale=self.scale * scale)
 
-    def _truncated(self) -> Law | None:
+    def _truncated(self) -> AffineDistribution | None:
         lower, upper = (_number(self.core._parameters[side]) for side in ("lower", "upper"))
         if lower is None or upper is None:
             return None
         inner = self.core._dist
         low, high = _ends(inner)
         cut = (-np.inf if lower <= low else lower, np.inf if upper >= high else upper)
-        law = Law.of(inner)
+        law = AffineDistribution.of(inner)
         if law.discrete or cut == (-np.inf, np.inf):
             return None if law.discrete else replace(self, core=inner)
         return replace(self, core=law, cut=cut)

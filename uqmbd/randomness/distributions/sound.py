@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.randomness.distributions.decomposed import Law, is_dependent
+from uqmbd.randomness.distributions.decomposed import AffineDistribution, is_dependent
 
 __all__ = ["flaw_of"]
 
@@ -53,7 +53,7 @@ def _flaw(distribution: Any) -> str:
     # looked at first: with such a parameter chaospy may search for quantiles without an end
     if name := _not_a_number(distribution):
         return f"its parameter {name} is not a number"
-    law = Law.of(distribution)
+    law = AffineDistribution.of(distribution)
     levels = np.array([RARE, *LEVELS, 1 - RARE]) if law.discrete else LEVELS
     quantiles = law.quantile(levels) if law.mends else np.ravel(distribution.inv(levels)).astype(float)
     if law.discrete and law.cut is None:

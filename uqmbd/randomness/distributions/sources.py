@@ -15,13 +15,13 @@ from uqmbd import logs
 from uqmbd.randomness.distributions.inverted import Inverted, inverted
 from uqmbd.typing import Array
 
-__all__ = ["Frozen", "Infrastructure", "OpenTurns", "Source"]
+__all__ = ["Frozen", "Infrastructure", "OpenTurns", "DistributionSource"]
 
 INTEGRALS = {"levy_stable", "studentized_range"}
 """Families of scipy whose density is an integral itself, which takes milliseconds and is not smooth."""
 
 
-class Source(Protocol):
+class DistributionSource(Protocol):
     """A distribution of another package, of one variable; every function takes and returns arrays of shape (N,)."""
 
     @property

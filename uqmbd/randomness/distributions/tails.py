@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.randomness.distributions.decomposed import AffineDistribution
 from uqmbd.typing import Array
 
 __all__ = ["FEWEST", "Tail", "heaviest_tail", "tail_of"]
@@ -64,7 +64,7 @@ class Tail:
         return self.index >= SLOWEST and (self.growth >= SLOWEST_GROWTH or not np.isfinite(self.index))
 
 
-def heaviest_tail(law: Law) -> Tail:
+def heaviest_tail(law: AffineDistribution) -> Tail:
     """Estimate the heavier of both tails."""
     if law.cut is None and law.kind in NO_MOMENTS:
         return Tail(1.0 if law.kind != "levy" else 0.5, 1.0)

@@ -11,7 +11,7 @@ import numpy as np
 from chaospy.distributions.baseclass import ShiftScaleDistribution, SimpleDistribution
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.distributions.sources import Source
+from uqmbd.randomness.distributions.sources import DistributionSource
 from uqmbd.typing import Array
 
 __all__ = ["MovedDistribution", "WholeNumbers", "WrappedDistribution"]
@@ -40,7 +40,7 @@ class WrappedDistribution(_Printed, SimpleDistribution):
     tabulated = True
     """Whether its quantiles are found by numbers, which may take a while."""
 
-    def __init__(self, source: Source, text: str) -> None:
+    def __init__(self, source: DistributionSource, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])
         self._source, self._text = source, text
         low, high = source.support
@@ -86,7 +86,7 @@ class WholeNumbers(_Printed, SimpleDistribution):
 
     interpret_as_integer = True
 
-    def __init__(self, source: Source, text: str) -> None:
+    def __init__(self, source: DistributionSource, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])
         low, high = source.support
         low = low if np.isfinite(low) else source.lower_quantile(RARE)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from uqmbd.randomness.distributions import Law
+from uqmbd.randomness.distributions import AffineDistribution
 from uqmbd.randomness.germs.quantile_tables import KNOTS
 from uqmbd.typing import Array
 
@@ -48,7 +48,7 @@ class Discretised:
     change: float  # largest relative change of the coefficients when all panels were halved
 
 
-def discretise(law: Law, count: int = COUNT) -> Discretised:
+def discretise(law: AffineDistribution, count: int = COUNT) -> Discretised:
     """Compute recurrence coefficients of a continuous distribution.
 
     Gauss-Legendre rules on panels integrate the density; panels are bisected until it is a polynomial on each. The last
@@ -106,7 +106,7 @@ def lanczos(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
     return alpha, beta
 
 
-def discretise_quantiles(law: Law, count: int) -> Discretised:
+def discretise_quantiles(law: AffineDistribution, count: int) -> Discretised:
     """Compute recurrence coefficients from quantiles alone, where the density is unknown; errors are about 1e-6."""
     nodes = law.quantile(scipy.special.ndtr(KNOTS))
     weights = np.exp(-(KNOTS**2) / 2)
@@ -116,7 +116,7 @@ def discretise_quantiles(law: Law, count: int) -> Discretised:
     return Discretised(alpha, beta, shift, scale, (-1.0, 1.0), 1.0, 1e-6)
 
 
-def _panels(law: Law, count: int) -> tuple[Array, Array]:
+def _panels(law: AffineDistribution, count: int) -> tuple[Array, Array]:
     """Return the edges of panels, and the ends of the support."""
     low, high = law.bounds
     quantiles = np.unique(np.clip(law.quantile(QUANTILES), low, high))
@@ -140,13 +140,13 @@ def _thinned(edges: Array) -> Array:
     return result
 
 
-def _goes_on(law: Law, end: float, sign: float, spread: float) -> bool:
+def _goes_on(law: AffineDistribution, end: float, sign: float, spread: float) -> bool:
     """Whether the density goes on beyond the bound of chaospy, falling."""
     at = law.pdf(end + sign * spread * np.array([-0.02, 0.0, 0.02, 0.2]))
     return bool(at[1] * spread < 1e-5 and np.all(np.diff(at) < 0) and at[-1] > 0)
 
 
-def _beyond(law: Law, end: float, sign: float, spread: float, degree: int) -> Array:
+def _beyond(law: AffineDistribution, end: float, sign: float, spread: float, degree: int) -> Array:
     """Panels from a bound on to where the density times a power of the distance is negligible."""
     middle = float(law.quantile(np.array([0.5]))[0])
     reach = abs(end - middle)
@@ -159,7 +159,7 @@ def _beyond(law: Law, end: float, sign: float, spread: float, degree: int) -> Ar
     return middle + sign * distances[: over[0] + 1 if len(over) else None]
 
 
-def _resolve(law: Law, edges: Array, inner: Array) -> tuple[Array, Array, Array]:
+def _resolve(law: AffineDistribution, edges: Array, inner: Array) -> tuple[Array, Array, Array]:
     """Bisect panels until the density is a polynomial on each; return nodes, weights and the edges.
 
     Beyond `inner`, in tails that go on, errors are relative to the density there, since high powers of the distance
@@ -198,7 +198,9 @@ def _resolve(law: Law, edges: Array, inner: Array) -> tuple[Array, Array, Array]
     return x[order][positive], w[order][positive], np.unique(edges)
 
 
-def _by_quantiles(law: Law, left: Array, right: Array, points: Array, rule: Array) -> Iterator[tuple[Array, Array]]:
+def _by_quantiles(
+    law: AffineDistribution, left: Array, right: Array, points: Array, rule: Array
+) -> Iterator[tuple[Array, Array]]:
     """Yield nodes and weights of panels whose density is singular: quantiles, at equal parts of the probability."""
     for low, high in zip(law.cdf(left), law.cdf(right), strict=True):
         if high > low:

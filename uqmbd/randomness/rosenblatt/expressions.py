@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd.typing import Array
 
 __all__ = [
-    "Column",
+    "MemberValue",
     "Expression",
     "NotUnderstood",
     "Operation",
@@ -29,7 +29,7 @@ class NotUnderstood(Exception):
 
 
 @dataclass(frozen=True)
-class Column:
+class MemberValue:
     """Value of a member of the joint distribution."""
 
     place: int  # index in the joint distribution
@@ -44,7 +44,7 @@ class Operation:
     right: Expression
 
 
-Expression = float | Column | Operation
+Expression = float | MemberValue | Operation
 
 OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "sum": np.add,
@@ -56,7 +56,7 @@ OPERATIONS: Mapping[str, Callable[[Any, Any], Any]] = {
 
 def evaluated(expression: Expression, values: Array) -> Any:
     """Evaluate an expression at values of all members, shape (n, N): a number, or an array of shape (N,)."""
-    if isinstance(expression, Column):
+    if isinstance(expression, MemberValue):
         return values[expression.place]
     if isinstance(expression, Operation):
         left, right = evaluated(expression.left, values), evaluated(expression.right, values)
@@ -66,7 +66,7 @@ def evaluated(expression: Expression, values: Array) -> Any:
 
 def used(expression: Expression) -> frozenset[int]:
     """Return the places of the members that an expression depends on."""
-    if isinstance(expression, Column):
+    if isinstance(expression, MemberValue):
         return frozenset({expression.place})
     if isinstance(expression, Operation):
         return used(expression.left) | used(expression.right)
@@ -75,7 +75,7 @@ def used(expression: Expression) -> frozenset[int]:
 
 def encoded(expression: Expression) -> Any:
     """Return an expression as numbers, texts and lists."""
-    if isinstance(expression, Column):
+    if isinstance(expression, MemberValue):
         return expression.place
     if isinstance(expression, Operation):
         return [expression.kind, encoded(expression.left), encoded(expression.right)]
@@ -93,7 +93,7 @@ def decoded(data: Any) -> Expression:
         if kind not in OPERATIONS:
             raise ValueError(f"unknown operation {kind!r}")
         return Operation(kind, decoded(left), decoded(right))
-    return Column(data) if isinstance(data, int) else float(data)
+    return MemberValue(data) if isinstance(data, int) else float(data)
 
 
 def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) -> Expression:
@@ -110,7 +110,7 @@ def read(value: Any, places: Mapping[tuple[int, int], int], component: int = 0) 
             raise NotUnderstood(f"a parameter of the shape {np.shape(value)}")
         return float(numbers[0 if len(numbers) == 1 else component])
     if (id(value), component) in places:
-        return Column(places[id(value), component])
+        return MemberValue(places[id(value), component])
     given = value._parameters
     if isinstance(value, chaospy.ItemDistribution):
         return read(given["parent"], places, int(given["index"]))

@@ -21,7 +21,7 @@ from uqmbd.randomness.rosenblatt.conditionals import Core
 from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of
 from uqmbd.randomness.rosenblatt.members import conditional
 from uqmbd.randomness.rosenblatt.reading import mixture_of
-from uqmbd.randomness.rosenblatt.vectors import Mixture
+from uqmbd.randomness.rosenblatt.vectors import NormalMixture
 from uqmbd.typing import Array
 
 __all__ = ["rewritten"]
@@ -91,7 +91,7 @@ def _component(distribution: Any, k: int) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
+class _DiscreteTable:
     """Values of a discrete variable and their probabilities, as `uqmbd.randomness.distributions.sources.Source`."""
 
     numbers: Array
@@ -130,7 +130,7 @@ class _Table:
 class _Mixed:
     """A mixture of normal variables, as `uqmbd.randomness.distributions.sources.Source`."""
 
-    mixture: Mixture
+    mixture: NormalMixture
 
     @property
     def discrete(self) -> bool:
@@ -157,7 +157,7 @@ class _Mixed:
         return found.reshape(np.shape(u))
 
     def upper_quantile(self, u: float) -> float:
-        turned = Mixture(self.mixture.weights, -self.mixture.centres, self.mixture.factors, (0,))
+        turned = NormalMixture(self.mixture.weights, -self.mixture.centres, self.mixture.factors, (0,))
         return -float(turned.inverse(np.array([[u]]), np.empty((0, 1)))[0, 0])
 
     def lower_quantile(self, u: float) -> float:
@@ -202,4 +202,4 @@ def _whole_numbers(distribution: Any) -> Any:
             f"the distribution {distribution} takes values that are no whole numbers, or too many of them; declare the "
             "whole number as a random variable, and write the arithmetic into the mechanism"
         )
-    return distribution_of("", _Table(numbers, found[1][:, 0]), str(distribution))
+    return distribution_of("", _DiscreteTable(numbers, found[1][:, 0]), str(distribution))

@@ -10,10 +10,10 @@ import numpy as np
 from uqmbd.randomness.rosenblatt.conditionals import Conditional, decoded_conditional
 from uqmbd.randomness.rosenblatt.copulas import Copula, decoded_copula
 from uqmbd.randomness.rosenblatt.expressions import Expression, decoded, encoded, evaluated, used
-from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
+from uqmbd.randomness.rosenblatt.vectors import NormalMixture, Vector
 from uqmbd.typing import Array
 
-__all__ = ["AffineJoint", "Chain", "Copulated", "JointLaw", "Single", "Step", "decoded_law"]
+__all__ = ["AffineJoint", "Chain", "Copulated", "JointLaw", "Single", "ChainStep", "decoded_law"]
 
 
 class JointLaw(Protocol):
@@ -100,7 +100,7 @@ class Single:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ChainStep:
     """Components of a chain that are drawn together."""
 
     columns: tuple[int, ...]  # their indices in the chain
@@ -111,7 +111,7 @@ class Step:
 class Chain:
     """Consecutive distributions, whose parameters may depend on earlier ones."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ChainStep, ...]
     """Parameters name indices of the first variables of a larger distribution, followed by those of the chain."""
     outside: int = 0  # number of these variables of the larger distribution; 0 for a chain that is a whole
 
@@ -279,7 +279,7 @@ def decoded_law(data: Any) -> JointLaw:
     if kind == "single":
         return Single(decoded_conditional(parts[0]))
     if kind == "chain":
-        steps = tuple(Step(tuple(map(int, columns)), decoded_law(law)) for columns, law in parts[0])
+        steps = tuple(ChainStep(tuple(map(int, columns)), decoded_law(law)) for columns, law in parts[0])
         return Chain(steps, *map(int, parts[1:2]))
     if kind == "copulated":
         return Copulated(decoded_copula(parts[0]), decoded_law(parts[1]))
@@ -289,7 +289,7 @@ def decoded_law(data: Any) -> JointLaw:
         return Vector(centre, np.array(parts[1], dtype=float), order, freedom, bool(parts[4]))
     if kind == "mixture":
         weights, centres, factors = (np.array(part, dtype=float) for part in parts[:3])
-        return Mixture(weights, centres, factors, tuple(map(int, parts[3])))
+        return NormalMixture(weights, centres, factors, tuple(map(int, parts[3])))
     if kind == "moved":
         return AffineJoint(decoded_law(parts[0]), tuple(map(decoded, parts[1])), tuple(map(decoded, parts[2])))
     raise ValueError(f"unknown kind of joint distribution {kind!r}")

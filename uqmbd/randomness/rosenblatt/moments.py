@@ -13,10 +13,10 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import tail_of
 from uqmbd.randomness.rosenblatt.atoms import atoms
 from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditional, Core, Spanned
-from uqmbd.randomness.rosenblatt.expressions import Column, Expression, evaluated, used
+from uqmbd.randomness.rosenblatt.expressions import Expression, MemberValue, evaluated, used
 from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single
 from uqmbd.randomness.rosenblatt.transform import Transform
-from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
+from uqmbd.randomness.rosenblatt.vectors import NormalMixture, Vector
 from uqmbd.typing import Array
 
 __all__ = ["means_of"]
@@ -76,7 +76,7 @@ class _Means:
             return self._within(step.law, step.columns.index(k))
         if isinstance(law, Single):
             return self._of_one(law.law)
-        if isinstance(law, Mixture):
+        if isinstance(law, NormalMixture):
             return float(law.weights @ law.centres[:, k])
         if isinstance(law, AffineJoint):
             inner, shift = self._within(law.inner, k), self._expected(law.shift[k])
@@ -109,7 +109,7 @@ class _Means:
     def _expected(self, expression: Expression) -> float | None:
         if isinstance(expression, float):
             return expression
-        if isinstance(expression, Column):
+        if isinstance(expression, MemberValue):
             outside = self._law.outside if isinstance(self._law, Chain) else 0
             if expression.place < outside:
                 return None if self._larger is None else self._larger.of(expression.place)

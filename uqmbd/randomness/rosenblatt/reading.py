@@ -11,9 +11,9 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import is_dependent
 from uqmbd.randomness.rosenblatt.copulas import FAMILIES, Archimedean, Copula, Elliptical, triangular
 from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of, read
-from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single, Step
+from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, ChainStep, Copulated, JointLaw, Single
 from uqmbd.randomness.rosenblatt.members import conditional
-from uqmbd.randomness.rosenblatt.vectors import Mixture, Vector
+from uqmbd.randomness.rosenblatt.vectors import NormalMixture, Vector
 
 __all__ = ["joint_law", "mixture_of"]
 
@@ -60,7 +60,7 @@ def _law(distribution: Any, places: Places) -> JointLaw:
                 "distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)"
             )
         singles = [Single(conditional(distribution, places, k)) for k in range(len(distribution))]
-        return Chain(tuple(Step((k,), law) for k, law in enumerate(singles)), _count(places))
+        return Chain(tuple(ChainStep((k,), law) for k, law in enumerate(singles)), _count(places))
     if isinstance(distribution, (chaospy.Add, chaospy.Multiply, chaospy.Negative)):
         return _operated(distribution, places)
     raise NotUnderstood(str(distribution))
@@ -75,7 +75,7 @@ def _chain(distribution: Any, places: Places) -> Chain:
         groups.setdefault(id(owner), (owner, []))[1].append(column)
     outside = _count(places)
     known = dict(places)
-    steps: list[Step] = []
+    steps: list[ChainStep] = []
     waiting = list(groups.values())
     while waiting:
         unknown: NotUnderstood | None = None
@@ -89,7 +89,7 @@ def _chain(distribution: Any, places: Places) -> Chain:
             except NotUnderstood as part:
                 unknown = unknown or part
                 continue
-            steps.append(Step(tuple(columns), law))
+            steps.append(ChainStep(tuple(columns), law))
             known |= {(id(owner), place): outside + k for place, k in enumerate(columns)}
             waiting = [other for other in waiting if other is not one]
             break
@@ -137,14 +137,14 @@ def _vector(distribution: Any, places: Places) -> Vector:
     return Vector(centre, triangular(covariance, order), order, freedom, logarithmic)
 
 
-def mixture_of(distribution: Any) -> Mixture:
+def mixture_of(distribution: Any) -> NormalMixture:
     """Return a mixture or kernel density of chaospy, of any dimension."""
     centres = np.asarray(distribution._samples, dtype=float).T
     order = tuple(int(k) for k in distribution._rotation)
     weights = np.broadcast_to(np.asarray(distribution.weights, dtype=float), len(centres)).astype(float)
     covariance = np.broadcast_to(distribution._covariance, (len(centres), *distribution._covariance.shape[1:]))
     factors = np.stack([triangular(np.asarray(one, dtype=float), order) for one in covariance])
-    return Mixture(weights, centres, factors, order)
+    return NormalMixture(weights, centres, factors, order)
 
 
 def _operated(distribution: Any, places: Places) -> AffineJoint:

@@ -13,7 +13,7 @@ from uqmbd.randomness.rosenblatt.conditionals import (
     Mapped,
     Spanned,
 )
-from uqmbd.randomness.rosenblatt.expressions import OPERATIONS, Column, Expression, evaluated, used
+from uqmbd.randomness.rosenblatt.expressions import OPERATIONS, Expression, MemberValue, evaluated, used
 from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single
 from uqmbd.randomness.rosenblatt.vectors import Vector
 from uqmbd.typing import Array
@@ -85,7 +85,7 @@ def _of_core(law: Core, known: Array) -> Interval:
     if not np.isfinite(ranges).all():
         return ANY
     corners = np.stack(np.meshgrid(*ranges, indexing="ij")).reshape(len(ranges), -1)
-    placed = tuple((name, Column(k)) for k, (name, _) in enumerate(law.parameters))
+    placed = tuple((name, MemberValue(k)) for k, (name, _) in enumerate(law.parameters))
     with np.errstate(all="ignore"):
         lows, highs = Core(law.family, placed).ends(corners)
     # an end that does not move with the parameters: of one that does, the extremes need not be at corners
@@ -101,7 +101,7 @@ def _affine(inner: Interval, shift: Expression, scale: Expression, known: Array)
 
 def _range(expression: Expression, known: Array) -> Interval:
     """Return an interval that holds all values of an expression."""
-    if isinstance(expression, Column):
+    if isinstance(expression, MemberValue):
         return float(known[expression.place, 0]), float(known[expression.place, 1])
     if not used(expression) or isinstance(expression, float):
         value = float(evaluated(expression, np.empty((0, 1))))

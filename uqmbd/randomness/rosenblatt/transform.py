@@ -243,7 +243,7 @@ def _gaussian(distribution: Any) -> bool:
     """Whether it is a normal vector, or normal variables behind distributions that chaospy evaluates correctly."""
     import chaospy
 
-    from uqmbd.randomness.distributions import Law
+    from uqmbd.randomness.distributions import AffineDistribution
 
     if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)):
         mean = distribution._parameters["mean" if isinstance(distribution, chaospy.MvNormal) else "mu"]
@@ -253,7 +253,7 @@ def _gaussian(distribution: Any) -> bool:
     margins = distribution._parameters["dist"]
     if is_dependent(margins):
         return False
-    return not any(Law.of(margins[k]).mends or _whole(margins, k) for k in range(len(margins)))
+    return not any(AffineDistribution.of(margins[k]).mends or _whole(margins, k) for k in range(len(margins)))
 
 
 def _mistaken(distribution: Any) -> str:

@@ -13,7 +13,7 @@ from uqmbd.randomness.rosenblatt.copulas import combined, scores, separated, uns
 from uqmbd.randomness.rosenblatt.expressions import Expression, encoded, evaluated, used
 from uqmbd.typing import Array
 
-__all__ = ["Mixture", "Vector"]
+__all__ = ["NormalMixture", "Vector"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class Mixture:
+class NormalMixture:
     """Mixture of normal vectors."""
 
     weights: Array  # (m,), of sum one
@@ -134,11 +134,11 @@ class _Conditioned:
     parts: Array
 
     @classmethod
-    def start(cls, mixture: Mixture, count: int) -> _Conditioned:
+    def start(cls, mixture: NormalMixture, count: int) -> _Conditioned:
         members, dimension = mixture.centres.shape
         return cls(np.tile(mixture.weights, (count, 1)), np.zeros((dimension, count, members)))
 
-    def moments(self, mixture: Mixture, row: int) -> tuple[Array, Array]:
+    def moments(self, mixture: NormalMixture, row: int) -> tuple[Array, Array]:
         """Return conditional means (N, m) and deviations (m,) of a component in each member."""
         # parts of components that are not known are zero
         middle = np.broadcast_to(mixture.centres[:, row], self.probability.shape)
@@ -164,7 +164,7 @@ class _Conditioned:
 
         return bisected(missing, low, high, density)
 
-    def after(self, mixture: Mixture, row: int, x: Array) -> _Conditioned:
+    def after(self, mixture: NormalMixture, row: int, x: Array) -> _Conditioned:
         """Return them given one more component."""
         middle, spread = self.moments(mixture, row)
         standard = (x[:, None] - middle) / spread

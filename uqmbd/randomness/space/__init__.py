@@ -5,11 +5,11 @@ from __future__ import annotations
 from uqmbd.randomness.space.boxes import GermBox, located
 from uqmbd.randomness.space.germ_space import TRANSFORMS, GermSpace
 from uqmbd.randomness.space.marginals import Marginal
-from uqmbd.randomness.space.transforms import Coupled
+from uqmbd.randomness.space.transforms import CorrelatedTransform
 
 __all__ = [
     "TRANSFORMS",
-    "Coupled",
+    "CorrelatedTransform",
     "GermBox",
     "GermSpace",
     "Marginal",

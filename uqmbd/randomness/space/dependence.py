@@ -14,8 +14,8 @@ from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.rosenblatt import Transform
 from uqmbd.randomness.space.families import normal_marginal, refuse_tail
 from uqmbd.randomness.space.marginals import Marginal
-from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt, conditional_names
-from uqmbd.randomness.variable import Joint
+from uqmbd.randomness.space.transforms import CorrelatedTransform, Group, Rosenblatt, conditional_names
+from uqmbd.randomness.variable import JointDistribution
 from uqmbd.typing import Array
 
 __all__ = ["dependent_part", "nataf_correlation"]
@@ -25,14 +25,16 @@ Copula = tuple[tuple[Marginal, ...], Array]
 """Maps of standard normals to the inputs, and the correlation of those normals."""
 
 
-def dependent_part(joint: Joint, columns: tuple[int, ...], transform: str) -> tuple[tuple[Germ, ...], Group]:
+def dependent_part(
+    joint: JointDistribution, columns: tuple[int, ...], transform: str
+) -> tuple[tuple[Germ, ...], Group]:
     """Return germs and map of inputs that depend on each other, at `columns` of all inputs; see `GermSpace.of`.
 
     Raise StudyError if moments are infinite, or if marginals or the correlation that Nataf's transform needs are
     unavailable.
 
     >>> import chaospy
-    >>> joint = Joint(chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), ("a", "b"), ("m", "m"))
+    >>> joint = JointDistribution(chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), ("a", "b"), ("m", "m"))
     >>> germs, group = dependent_part(joint, (0, 1), "rosenblatt")
     >>> [germ.name for germ in germs], group.factor.round(6).tolist()
     (['a', 'b | a'], [[1.0, 0.0], [0.5, 0.866025]])
@@ -111,7 +113,7 @@ def _coupled(
         ) from None
     labels = conditional_names(tuple(names), order, factor)
     germs = tuple(Germ.classical(label, "hermite") for label in labels)
-    return germs, Coupled(columns, marginals, factor, order)
+    return germs, CorrelatedTransform(columns, marginals, factor, order)
 
 
 def _rosenblatt(

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.special
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.distributions import FEWEST, Law, Tail, heaviest_tail
+from uqmbd.randomness.distributions import FEWEST, AffineDistribution, Tail, heaviest_tail
 from uqmbd.randomness.germs import COUNT, KNOTS, LARGEST, Discretised, Germ, discretise, discretise_quantiles, lanczos
 from uqmbd.randomness.space.marginals import Marginal
 
@@ -61,10 +61,10 @@ def refuse_tail(name: str, description: str, tail: Tail) -> None:
         )
 
 
-def checked_law(name: str, distribution: Any) -> Law:
+def checked_law(name: str, distribution: Any) -> AffineDistribution:
     """Take a distribution apart, and make sure that it can be evaluated and does not contradict itself."""
     try:
-        law = Law.of(distribution)
+        law = AffineDistribution.of(distribution)
         quantiles = law.quantile(PROBE)
         back = law.cdf(quantiles)
     except Exception as error:
@@ -89,7 +89,7 @@ def checked_law(name: str, distribution: Any) -> Law:
     return law
 
 
-def _recognised(name: str, law: Law) -> tuple[Germ, Marginal] | None:
+def _recognised(name: str, law: AffineDistribution) -> tuple[Germ, Marginal] | None:
     """Return germ and map of a family of Askey's scheme or a lognormal distribution, confirmed by its quantiles."""
     kind, shift, scale = law.kind, law.shift, law.scale
     if kind == "normal":
@@ -122,7 +122,7 @@ def _recognised(name: str, law: Law) -> tuple[Germ, Marginal] | None:
     return (germ, marginal) if np.abs(ours - theirs).max() <= slack else None
 
 
-def _discretised(name: str, law: Law) -> tuple[Germ, Marginal]:
+def _discretised(name: str, law: AffineDistribution) -> tuple[Germ, Marginal]:
     # without its shift and scale: a mean that is large compared with the deviation costs no digits
     core = replace(law, shift=0.0, scale=float(np.sign(law.scale)))
     found = _best_discretisation(core)
@@ -135,7 +135,7 @@ def _discretised(name: str, law: Law) -> tuple[Germ, Marginal]:
     return germ, Marginal("affine", shift, scale, bounds=(low, high))
 
 
-def _best_discretisation(law: Law) -> Discretised:
+def _best_discretisation(law: AffineDistribution) -> Discretised:
     import chaospy
 
     try:
@@ -147,7 +147,7 @@ def _best_discretisation(law: Law) -> Discretised:
     return discretise_quantiles(law, COUNT // 2)
 
 
-def _tabulated(law: Law) -> Marginal:
+def _tabulated(law: AffineDistribution) -> Marginal:
     """Tabulate quantiles over the probit scale."""
     uniform = np.minimum(scipy.special.ndtr(KNOTS), LARGEST)
     low, high = law.bounds
@@ -159,7 +159,7 @@ def _tabulated(law: Law) -> Marginal:
     return Marginal("quantile", bounds=bounds, table=np.array([KNOTS, values]))
 
 
-def _discrete(name: str, law: Law) -> tuple[Germ, Marginal]:
+def _discrete(name: str, law: AffineDistribution) -> tuple[Germ, Marginal]:
     low, high = law.bounds
     numbers = np.arange(np.ceil(low), np.floor(high) + 1)
     steps = law.cdf(np.r_[numbers[0] - 0.5, numbers + 0.5])

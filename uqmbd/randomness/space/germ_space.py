@@ -22,7 +22,7 @@ from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.dependence import dependent_part
 from uqmbd.randomness.space.families import independent_part
 from uqmbd.randomness.space.storage import from_dataset, to_dataset
-from uqmbd.randomness.space.transforms import Coupled, Group
+from uqmbd.randomness.space.transforms import CorrelatedTransform, Group
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def space_parts(inputs: JointInput, transform: str) -> tuple[tuple[Germ, ...], t
         for place, (column, name) in enumerate(zip(columns, joint.names, strict=True)):
             alone = joint.distribution if len(columns) == 1 else joint.distribution[place]
             germs[column], marginal = independent_part(name, alone)
-            groups.append(Coupled.single(column, marginal))
+            groups.append(CorrelatedTransform.single(column, marginal))
     return tuple(germs[k] for k in range(len(inputs))), tuple(groups)
 
 

@@ -11,7 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.rosenblatt import Transform
 from uqmbd.randomness.space.marginals import Marginal
-from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt
+from uqmbd.randomness.space.transforms import CorrelatedTransform, Group, Rosenblatt
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def from_dataset(dataset: xr.Dataset) -> tuple[tuple[str, ...], tuple[Germ, ...]
             for c, kind in zip(columns, kinds, strict=True)
         )
         factor = np.array(data["germ_factor"][np.ix_(columns, columns)], dtype=float)
-        groups.append(Coupled(columns, marginals, factor, order))
+        groups.append(CorrelatedTransform(columns, marginals, factor, order))
     return tuple(str(name) for name in dataset["input"].values), germs, tuple(groups)
 
 

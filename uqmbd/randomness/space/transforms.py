@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.typing import Array
 
-__all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
+__all__ = ["CorrelatedTransform", "Group", "JointMap", "Rosenblatt", "conditional_names"]
 
 
 SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
@@ -23,7 +23,7 @@ STEP = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Coupled:
+class CorrelatedTransform:
     """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
 
     With a lower triangular factor (up to the order of conditioning) of a correlation matrix and standard normal germs
@@ -38,7 +38,7 @@ class Coupled:
     """Positions in `columns`, in the order of conditioning: ``factor[order][:, order]`` is lower triangular."""
 
     @classmethod
-    def single(cls, column: int, marginal: Marginal) -> Coupled:
+    def single(cls, column: int, marginal: Marginal) -> CorrelatedTransform:
         """Return the map of an input that depends on no other."""
         return cls((column,), (marginal,), np.ones((1, 1)), (0,))
 
@@ -152,7 +152,7 @@ class Rosenblatt:
         return back
 
 
-Group = Coupled | Rosenblatt
+Group = CorrelatedTransform | Rosenblatt
 """Map of a group of inputs that depend on each other, or of one input."""
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.randomness import Germ, GermSpace, cumulated
-from uqmbd.randomness.space import Coupled, Marginal
+from uqmbd.randomness.space import CorrelatedTransform, Marginal
 from uqmbd.report.charts import packed
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array
@@ -85,7 +85,7 @@ def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
     ]
     for group in space.groups:
         for row, column in enumerate(group.columns):
-            if not isinstance(group, Coupled):
+            if not isinstance(group, CorrelatedTransform):
                 found[column]["reason"] = UNKNOWN
                 continue
             weights = [(group.columns[k], float(group.factor[row, k])) for k in group.order if group.factor[row, k]]

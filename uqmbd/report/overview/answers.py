@@ -18,7 +18,7 @@ from uqmbd.report.overview.influences import Influences, of_history, of_requirem
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
-from uqmbd.results.assessment import STILL, Reliability
+from uqmbd.results.assessment import STILL, OutputReliability
 from uqmbd.typing import Array
 from uqmbd.wording import (
     format_cells,
@@ -104,7 +104,7 @@ def _because(found: Influences | None) -> str:
     return "" if found is None else found.words
 
 
-def _history(result: StudyResult, one: Reliability) -> Content:
+def _history(result: StudyResult, one: OutputReliability) -> Content:
     name, method = one.quantity, result.methods[one.method]
     data, units = method.of(name), method.units(name)
     row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
@@ -143,7 +143,7 @@ def _at(values: Array, times: Array, which: object) -> tuple[float, float]:
     return float(values[k]), float(times[k])
 
 
-def _scalar(result: StudyResult, one: Reliability) -> Content:
+def _scalar(result: StudyResult, one: OutputReliability) -> Content:
     numbers = _of_scalar(result.scalars[one.method], one.quantity)
     because = _because(of_scalar(result.alike(one.method), one.quantity))
     return {"name": one.name, "meaning": "", "method": one.method, **numbers, "because": because}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.assessment.accuracy import StatedAccuracy, stated_accuracy
 from uqmbd.results.assessment.alignment import align
-from uqmbd.results.assessment.assessment import Assessment, Reliability, assess
+from uqmbd.results.assessment.assessment import Assessment, OutputReliability, assess
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
 from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
@@ -24,7 +24,7 @@ __all__ = [
     "Judgement",
     "NO_SPREAD",
     "REFERENCE",
-    "Reliability",
+    "OutputReliability",
     "STILL",
     "StatedAccuracy",
     "UNDER_RESOLVED",

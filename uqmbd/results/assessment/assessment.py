@@ -24,14 +24,14 @@ from uqmbd.results.schema import comparable, propagator_nodes
 from uqmbd.results.statistics import rtol_of, varying
 from uqmbd.wording import format_at_most, format_count, format_integer, format_percent
 
-__all__ = ["Assessment", "Reliability", "assess"]
+__all__ = ["Assessment", "OutputReliability", "assess"]
 
 LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "nothing to know"))
 """Signs, for those who see no colours, and words of the levels of reliability."""
 
 
 @dataclass(frozen=True)
-class Reliability:
+class OutputReliability:
     """How reliable one quantity is: an output, an output without a time, or the probability of a requirement."""
 
     quantity: str  # its name
@@ -107,7 +107,7 @@ class Assessment:
     recommendation: tuple[str, ...]
     reasons: tuple[str, ...]
     judgements: tuple[Judgement, ...]
-    reliability: tuple[Reliability, ...]
+    reliability: tuple[OutputReliability, ...]
     order: tuple[str, ...]
     precision: tuple[str, ...]
     contradictions: tuple[str, ...]
@@ -136,7 +136,7 @@ class Assessment:
         known = ", ".join(f"{one.output!r} of {one.method!r}" for one in self.judgements)
         raise StudyError(f"There is no output {output!r} of a method {method!r} here; expected one of: {known}.")
 
-    def of(self, quantity: str, kind: str = "output") -> tuple[Reliability, ...]:
+    def of(self, quantity: str, kind: str = "output") -> tuple[OutputReliability, ...]:
         """Return the reliability of a quantity, the most reliable method first: several after a calibration.
 
         Parameters
@@ -278,7 +278,7 @@ def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
     return any(not m and any(other.get(name) for other in moves.values()) for name, m in moves[label].items())
 
 
-def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) -> Reliability:
+def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) -> OutputReliability:
     """Assess an output by the most reliable method that has it, or the next that knows it better and agrees."""
     first, *others = (held[label] for label in order if label in held)
     shown = first
@@ -294,19 +294,19 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) 
         pairs = [(k, one.method) for k in (AGREES, NO_SPREAD, DIFFERS) for one in others if one.kind == k]
         verdict, other = pairs[0] if pairs else ("", "")
     if not shown.varies and verdict != DIFFERS:
-        return Reliability(shown.output, kind, shown.method, 3, f"{by}{STILL}")
+        return OutputReliability(shown.output, kind, shown.method, 3, f"{by}{STILL}")
     level = 2 if shown.error <= WELL else 1 if shown.error <= COARSE or not math.isfinite(shown.error) else 0
     level = {DIFFERS: 0, UNDER_RESOLVED: 0, FEW: min(level, 1)}.get(verdict, level)
     compared = sum(bool(one.kind) for one in held.values()) > 1
     alone = "no other method is resolved well enough to compare" if compared else "compared with nothing"
     words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict) or alone
     error, said = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
-    return Reliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
+    return OutputReliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
 
 
 def _of_requirements(
     tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], advised: list[str]
-) -> tuple[list[Reliability], list[str]]:
+) -> tuple[list[OutputReliability], list[str]]:
     """Assess requirements, and name those without a violation whose probability may still be large.
 
     Their numbers are those of a recommended method, else of that with the narrowest interval.
@@ -320,7 +320,7 @@ def _of_requirements(
         one = next((alike[label] for label in advised if label in alike), narrow)
         met = None if allowed is None else meets(every.values(), float(allowed))
         level, reason, error = _of_probability(one, list(alike.values()))
-        found.append(Reliability(name, "requirement", one.method, level, reason, error, met=met))
+        found.append(OutputReliability(name, "requirement", one.method, level, reason, error, met=met))
         if name != ANY and one.probability == 0 and one.upper > RARE:
             rare.append(name)
     return found, rare

@@ -31,7 +31,7 @@ AS_GOOD = 1.5
 
 
 @dataclass(frozen=True)
-class _Method:
+class _RatedMethod:
     """What speaks for a method, and against it: ``same`` has the results of the reference for as many realisations."""
 
     label: str
@@ -58,7 +58,7 @@ class _Method:
         plural = "" if self.unknown == 1 else "s"
         return f"does not know its mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
 
-    def equals(self, other: _Method) -> bool:
+    def equals(self, other: _RatedMethod) -> bool:
         """Test whether two methods that agree have the same error and the same cost, but for chance."""
         if self.same and other.same:
             return True
@@ -143,7 +143,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
         lead = "No output varies beyond the integration error: one realisation tells as much as any method."
         return tuple(m.label for m in methods), (lead,)
     fit = [m for m in methods if m.kind in (AGREES, REFERENCE, NO_SPREAD) and not m.unknown]
-    use: list[_Method] = []
+    use: list[_RatedMethod] = []
     if not fit:
         lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
     elif fit == [base]:
@@ -164,7 +164,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(m.label for m in use), (lead, *others)
 
 
-def _methods(comparison: xr.Dataset) -> list[_Method]:
+def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
     """Read what counts; costs are wall times, or realisations where a wall time is not known."""
     found, scale = judgements_of(comparison), comparison["reference_std_max"].values
     unknown = comparison["unknown_times"].values if "unknown_times" in comparison else [0] * len(found)
@@ -179,11 +179,11 @@ def _methods(comparison: xr.Dataset) -> list[_Method]:
         error = float(np.max(own)) if np.isfinite(own).all() else math.inf
         same = all(np.all(still[k] | (d[k] <= SAME * scale)) for d in off) and bool(counts[k] == counts[base])
         numbers = (error, float(costs[k]), float(times[k]), int(counts[k]), int(unknown[k]))
-        made.append(_Method(label, of, *numbers, same))
+        made.append(_RatedMethod(label, of, *numbers, same))
     return made
 
 
-def _alone(methods: list[_Method], base: _Method) -> str:
+def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
     """Say that no other method can be relied on: it differs, or it is not resolved well enough."""
     holed = any(m.unknown for m in methods)
     if any(m.kind == DIFFERS for m in methods) or holed:
@@ -217,7 +217,7 @@ def _few(names: list[str]) -> list[str]:
     return names if len(names) <= 3 else [*names[:2], f"{len(names) - 2} more"]
 
 
-def _listed(methods: list[_Method], last: str) -> str:
+def _listed(methods: list[_RatedMethod], last: str) -> str:
     return _joined([m.label for m in methods], last)
 
 
@@ -225,14 +225,20 @@ def _joined(names: list[str], last: str) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
-def _cheapest(methods: list[_Method]) -> _Method:
+def _cheapest(methods: list[_RatedMethod]) -> _RatedMethod:
     for limit in (EXACT, WELL):
         if enough := [m for m in methods if m.error <= limit]:
             return min(enough, key=lambda m: m.cost)
     return min(methods, key=lambda m: (m.error, m.cost))
 
 
-def _reasons(use: list[_Method], fit: list[_Method], best: _Method, base: _Method, methods: list[_Method]) -> str:
+def _reasons(
+    use: list[_RatedMethod],
+    fit: list[_RatedMethod],
+    best: _RatedMethod,
+    base: _RatedMethod,
+    methods: list[_RatedMethod],
+) -> str:
     if len(use) > 1:
         parts = ["they agree" if base in use else f"they agree with {base.label}"]
         parts += [f"{m.label}: {words}" for m in use if (words := largest_error(m.found))]
@@ -250,7 +256,7 @@ def _reasons(use: list[_Method], fit: list[_Method], best: _Method, base: _Metho
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])}, and {parts[-1]}"
 
 
-def _compared(one: _Method, other: _Method) -> str:
+def _compared(one: _RatedMethod, other: _RatedMethod) -> str:
     said = []
     if all(math.isfinite(t) and t > 0 for t in (one.wall_time, other.wall_time)):
         said.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)}")
@@ -267,7 +273,7 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def _other(method: _Method, base: _Method) -> str:
+def _other(method: _RatedMethod, base: _RatedMethod) -> str:
     one, which = worst(method.found)
     if one.kind in (AGREES, NO_SPREAD):
         gaps = f"{method.gaps}; at the others it " if method.unknown else ""

@@ -18,7 +18,7 @@ from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
-from uqmbd.results.chaos.readouts import Composed, Samples
+from uqmbd.results.chaos.readouts import Composed, SampleBlocks
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
 
@@ -284,12 +284,12 @@ class ComposedChaos(Surrogate):
     def _derivative(self, germs: Array, germ: int) -> Array:
         return self._gathered(lambda part: part._derivative(germs, germ), 1)
 
-    def _sampler(self, germs: Array) -> Samples:
+    def _sampler(self, germs: Array) -> SampleBlocks:
         drawn = [part._sampler(germs) for part in self.parts.values()]
         owner = {row: (k, n) for k, rows in enumerate(self._rows) for n, row in enumerate(rows)}
         times = int(np.prod(self.labels.shape[1:]))
 
-        def pieces(part: slice) -> Sequence[tuple[Samples, slice]]:
+        def pieces(part: slice) -> Sequence[tuple[SampleBlocks, slice]]:
             first, last, _ = part.indices(int(np.prod(self.labels.shape)))
             found = []
             for output in range(first // times, -(-last // times)):
@@ -299,7 +299,7 @@ class ComposedChaos(Surrogate):
                 found.append((drawn[k], slice(begin + shift, end + shift)))
             return found
 
-        return Samples(
+        return SampleBlocks(
             lambda part: np.concatenate([one.columns(where) for one, where in pieces(part)], axis=1),
             lambda part: np.concatenate([one.rows(where) for one, where in pieces(part)], axis=0),
         )

@@ -31,7 +31,7 @@ from uqmbd.results.chaos.boxes import (
     verification_of,
     verification_of_all,
 )
-from uqmbd.results.chaos.readouts import Piece, Readout, SampledPiece, Samples
+from uqmbd.results.chaos.readouts import Piece, Readout, SampleBlocks, SampledPiece
 from uqmbd.results.chaos.sampling import basis_values
 from uqmbd.results.chaos.surrogate_moments import SampledMoments
 from uqmbd.results.chaos.terms import constant_columns
@@ -119,9 +119,9 @@ class SurrogateContainer:
             one.evaluate_change(change, self._reader.since(self.labels), found)
         return found
 
-    def _sampler(self, germs: Array) -> Samples:
+    def _sampler(self, germs: Array) -> SampleBlocks:
         """Prepare samples at germ points (K, d), in any order."""
-        found: Samples = self._reader.samples([one for _, one in self._sampled(germs)], self.labels)
+        found: SampleBlocks = self._reader.samples([one for _, one in self._sampled(germs)], self.labels)
         return found
 
     @cached_property

@@ -16,7 +16,7 @@ from uqmbd.results.chaos.container import frozen
 from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity, find_discontinuities
 from uqmbd.results.chaos.interface import Surrogate
-from uqmbd.results.chaos.readouts import Piece, Plain, Terms
+from uqmbd.results.chaos.readouts import Piece, Plain, TermCoefficients
 from uqmbd.results.chaos.surrogate_moments import ExactMoments
 from uqmbd.results.schema import Labels, check_shape
 from uqmbd.typing import Array, Index
@@ -98,7 +98,7 @@ class PolynomialChaos(Surrogate):
     verification_germs: Array | None = None
     verification_response: Array | None = None
     verification_weights: Array | None = None
-    elements: tuple[Terms, ...] = field(init=False)
+    elements: tuple[TermCoefficients, ...] = field(init=False)
 
     _kind = Plain
 
@@ -140,7 +140,7 @@ class PolynomialChaos(Surrogate):
                 _check_finite(name, getattr(self, name))
         weights = checked_weights(self.verification_weights, self.verification_germs)
         object.__setattr__(self, "verification_weights", weights)
-        object.__setattr__(self, "elements", (Terms(GermBox.whole(self.space), self.coefficients),))
+        object.__setattr__(self, "elements", (TermCoefficients(GermBox.whole(self.space), self.coefficients),))
 
     def __repr__(self) -> str:
         sizes = zip(("terms", *self.labels.dims), self.coefficients.shape, strict=True)

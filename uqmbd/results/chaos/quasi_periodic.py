@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.arguments import typechecked
 from uqmbd.compiled import wave_values
 from uqmbd.results.chaos.interface import Surrogate
-from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
+from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
@@ -26,7 +26,7 @@ __all__ = ["QuasiPeriodicChaos", "QuasiPeriodicElement"]
 
 @typechecked
 @dataclass(frozen=True, eq=False)
-class QuasiPeriodicElement(Element):
+class QuasiPeriodicElement(GermElement):
     """Part of the germ space in which motions are sums of the same harmonics.
 
     Attributes

@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Composed",
-    "Element",
+    "GermElement",
     "OverTime",
     "Piece",
     "Plain",
     "Readout",
     "SampledPiece",
-    "Samples",
-    "Terms",
+    "SampleBlocks",
+    "TermCoefficients",
 ]
 
 
-class Samples(NamedTuple):
+class SampleBlocks(NamedTuple):
     """Samples of a surrogate, block by block: from a slice of its O x T columns to (K, c), or to rows (c, K)."""
 
     columns: Callable[[slice], Array]
@@ -39,7 +39,7 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Element:
+class GermElement:
     """Part of the germ space with coefficients: arrays whose first axis is terms (P, ...)."""
 
     box: GermBox
@@ -65,13 +65,13 @@ class Element:
 
 
 @dataclass(frozen=True, eq=False)
-class Terms(Element):
+class TermCoefficients(GermElement):
     """Coefficients (P, ...) of outputs at fixed times."""
 
     coefficients: Array
 
 
-Piece: TypeAlias = "tuple[GermSpace, Index, Element]"  # an element with its local germ space and its terms (P, d)
+Piece: TypeAlias = "tuple[GermSpace, Index, GermElement]"  # an element with its local germ space and its terms (P, d)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class OverTime(Readout, ABC):
     def read(cls, data: xr.Dataset, boxes: Sequence[GermBox]) -> tuple[Self, tuple[Any, ...]]:
         """Return the readout and the elements of a dataset."""
 
-    def samples(self, sampled: Sequence[SampledPiece], labels: Labels) -> Samples:
+    def samples(self, sampled: Sequence[SampledPiece], labels: Labels) -> SampleBlocks:
         """Return samples in the order of their numbers, output by output."""
         times, number = self.since(labels), sum(len(one.rows) for one in sampled)
         count, size = len(times), len(labels.outputs) * len(times)
@@ -138,7 +138,7 @@ class OverTime(Readout, ABC):
                 found[:, begin - first : end - first] = values[:, 0]
             return found
 
-        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
+        return SampleBlocks(columns, lambda part: np.ascontiguousarray(columns(part).T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +171,7 @@ class Plain(Readout):
 
     name = "chaos"
 
-    def at(self, element: Terms, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
+    def at(self, element: TermCoefficients, rows: NDArray[np.intp], basis: Array) -> SampledPiece:
         """Prepare samples of an element: their numbers (K,) and basis (K, P)."""
         return SampledTerms(element, rows, basis)
 
@@ -179,9 +179,9 @@ class Plain(Readout):
         """Return nothing: times are those of the coefficients."""
         return np.zeros(0)
 
-    def samples(self, sampled: Sequence[Any], labels: Labels) -> Samples:
+    def samples(self, sampled: Sequence[Any], labels: Labels) -> SampleBlocks:
         """Return samples element by element."""
-        return Samples(
+        return SampleBlocks(
             lambda part: np.concatenate([one.basis @ one.flat[:, part] for one in sampled]),
             lambda part: np.concatenate(
                 [np.ascontiguousarray(one.flat[:, part].T) @ one.basis.T for one in sampled], axis=1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uqmbd.arguments import typechecked
 from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.readouts import Element, OverTime, SampledPiece
+from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
 from uqmbd.results.schema import fixed_width
 from uqmbd.typing import Array, Mask
 
@@ -39,7 +39,7 @@ Landmarks = Literal["events", "phase", "time"]
 
 @typechecked
 @dataclass(frozen=True, eq=False)
-class AlignedElement(Element):
+class AlignedElement(GermElement):
     """Where all realisations have the same sequence of landmarks.
 
     Attributes

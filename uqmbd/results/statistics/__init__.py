@@ -13,7 +13,7 @@ from uqmbd.results.statistics.circular_moments import CircularMoments
 from uqmbd.results.statistics.counted_quantiles import CountedQuantiles
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
 from uqmbd.results.statistics.moments import Moments, independent_errors, usual_errors
-from uqmbd.results.statistics.quantiles import Chunk, quantiles_of_chunks
+from uqmbd.results.statistics.quantiles import ConsecutiveSamples, quantiles_of_chunks
 from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
     replicate_statistics,
@@ -25,7 +25,7 @@ from uqmbd.results.statistics.scaling import divisor, over_time, relative
 from uqmbd.results.statistics.spread import integration_error, rtol_of, settled, varies, varying
 
 __all__ = [
-    "Chunk",
+    "ConsecutiveSamples",
     "CircularMoments",
     "CountedQuantiles",
     "Moments",

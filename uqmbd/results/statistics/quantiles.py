@@ -16,7 +16,7 @@ from uqmbd.results.statistics.brackets import Brackets, Counts, row_blocks
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = [
-    "Chunk",
+    "ConsecutiveSamples",
     "bin_of",
     "check_counts",
     "first_brackets",
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 
-class Chunk(Protocol):
+class ConsecutiveSamples(Protocol):
     """Consecutive samples, as `uqmbd.extend.Realisations` and the chunks of a `uqmbd.results.SampleStore` are."""
 
     @property
@@ -69,7 +69,7 @@ POOR = 4
 
 @typechecked
 def quantiles_of_chunks(
-    chunks: Iterable[Chunk], probabilities: Sequence[float] = DEFAULT_PROBABILITIES
+    chunks: Iterable[ConsecutiveSamples], probabilities: Sequence[float] = DEFAULT_PROBABILITIES
 ) -> dict[str, Array]:
     """Compute the quantiles and extremes of samples that can be gone through again, exactly, in bounded memory.
 
@@ -203,14 +203,14 @@ def _grouped(column: Index) -> tuple[Index, Index]:
     return by_column[order], group[order]
 
 
-def _counted(chunks: Iterable[Chunk], brackets: Brackets, columns: int) -> Counts:
+def _counted(chunks: Iterable[ConsecutiveSamples], brackets: Brackets, columns: int) -> Counts:
     counts = Counts(brackets, columns)
     for block in row_blocks(_good_rows(chunks)):
         counts.add(block)
     return counts
 
 
-def _gathered(chunks: Iterable[Chunk], parents: Brackets, narrowed: _Narrowed) -> Array:
+def _gathered(chunks: Iterable[ConsecutiveSamples], parents: Brackets, narrowed: _Narrowed) -> Array:
     """Return all values in brackets, sorted in each, bracket after bracket."""
     if not len(narrowed.number):
         return np.empty(0)
@@ -233,7 +233,7 @@ def _gathered(chunks: Iterable[Chunk], parents: Brackets, narrowed: _Narrowed) -
     return values[np.lexsort((values, owner))]
 
 
-def _first_samples(chunks: Iterable[Chunk]) -> tuple[Array, tuple[int, ...]]:
+def _first_samples(chunks: Iterable[ConsecutiveSamples]) -> tuple[Array, tuple[int, ...]]:
     """Return the first samples that succeeded, at least one row, and the shape of a sample."""
     found, shape, count = list[Array](), None, 0
     for chunk in chunks:
@@ -249,7 +249,7 @@ def _first_samples(chunks: Iterable[Chunk]) -> tuple[Array, tuple[int, ...]]:
     return np.concatenate(found), shape
 
 
-def _good_rows(chunks: Iterable[Chunk]) -> Iterator[Array]:
+def _good_rows(chunks: Iterable[ConsecutiveSamples]) -> Iterator[Array]:
     for chunk in chunks:
         rows = chunk.response if chunk.good.all() else chunk.response[chunk.good]
         if len(rows):

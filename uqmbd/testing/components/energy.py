@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.compiled import Kernel, cached
-from uqmbd.dynamics import Derived, Instance, derive
+from uqmbd.dynamics import BlockSymbols, Instance, derive
 from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 
@@ -18,7 +18,7 @@ STEP = 1e-5
 """Of central differences along the motion, s."""
 
 
-def is_timeless(derived: Derived) -> bool:
+def is_timeless(derived: BlockSymbols) -> bool:
     """Return whether time is in no potential and no constraint, nor a state that changes at rest, which is a clock.
 
     A drive of given speed has such a state, or a constraint between velocities that does not hold at rest; it may do

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.execution.transport.calls import Answer, said_before
+from uqmbd.propagation.execution.transport.calls import Reply, said_before
 from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
 from uqmbd.propagation.execution.transport.machines import machine_attribute, machine_counter, solver_counters
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
 from uqmbd.propagation.execution.transport.routes import Route, death, route_to
 from uqmbd.propagation.execution.transport.said import forward
-from uqmbd.propagation.execution.transport.seen import Seen
+from uqmbd.propagation.execution.transport.seen import WorkerRegistry
 
 __all__ = [
-    "Answer",
+    "Reply",
     "Packed",
     "Processes",
     "Route",
-    "Seen",
+    "WorkerRegistry",
     "Worker",
     "WorkerDied",
     "death",

@@ -13,24 +13,24 @@ from uqmbd.propagation.execution.transport.identity import Versions, Worker, thi
 from uqmbd.propagation.execution.transport.packed import Missing, Packed
 from uqmbd.propagation.execution.transport.said import Listener, collected, listener
 
-__all__ = ["Answer", "Terms", "answer", "said_before", "terms"]
+__all__ = ["Reply", "CallTerms", "answer", "said_before", "terms"]
 
 
 @dataclass(frozen=True)
-class Terms:
+class CallTerms:
     """Data that accompany every call to a worker."""
 
     versions: Versions  # required of the worker
     listener: Listener | None  # process that receives log records of the worker; None: no process
 
 
-def terms() -> Terms:
+def terms() -> CallTerms:
     """Return those of calls of this process."""
-    return Terms(versions(), listener())
+    return CallTerms(versions(), listener())
 
 
 @dataclass(frozen=True)
-class Answer:
+class Reply:
     """Answer of a worker to a call."""
 
     worker: Worker
@@ -41,11 +41,11 @@ class Answer:
     said: tuple[logging.LogRecord, ...] = ()  # log records, where the worker is another process
 
 
-def answer(asked: Terms, function: Callable[..., Any], *arguments: Any) -> Answer:
+def answer(asked: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
     """Call a function of some arguments, which may be packed, if this worker has the versions that are expected."""
     worker = this_worker()
     if asked.versions != worker.versions:
-        return Answer(worker, "refused")
+        return Reply(worker, "refused")
     begin = time.perf_counter()
     with collected(asked.listener) as said:
         try:
@@ -54,13 +54,13 @@ def answer(asked: Terms, function: Callable[..., Any], *arguments: Any) -> Answe
                     argument.value()
             result = function(*arguments)
         except Missing:
-            return Answer(worker, "missing", said=tuple(said))
+            return Reply(worker, "missing", said=tuple(said))
         except Exception as error:
             if said:
                 with suppress(AttributeError):  # of an error that has no attributes
                     setattr(error, _SAID, tuple(said))
             raise
-    return Answer(worker, "done", result, time.perf_counter() - begin, tuple(said))
+    return Reply(worker, "done", result, time.perf_counter() - begin, tuple(said))
 
 
 def said_before(error: BaseException) -> tuple[logging.LogRecord, ...]:

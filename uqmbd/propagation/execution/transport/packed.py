@@ -45,7 +45,7 @@ class Packed:
         return _SHELF.value(self)
 
 
-class _Shelf:
+class _ObjectCache:
     """Cache of the most recently used objects."""
 
     def __init__(self) -> None:
@@ -65,4 +65,4 @@ class _Shelf:
             return value
 
 
-_SHELF = _Shelf()
+_SHELF = _ObjectCache()

@@ -22,7 +22,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.execution.transport.calls import Answer
+from uqmbd.propagation.execution.transport.calls import Reply
 from uqmbd.propagation.execution.transport.packed import CAPACITY, Packed
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class Processes(Executor):
         with self._lock:
             self.started |= began
             worker.task = None
-            if isinstance(result, Answer) and result.kind == "missing":
+            if isinstance(result, Reply) and result.kind == "missing":
                 worker.clear()
             if isinstance(error, BrokenProcessPool):
                 self._workers = [other for other in self._workers if other is not worker]

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from uuid import uuid4
 from weakref import WeakKeyDictionary
 
-from uqmbd.propagation.execution.transport.calls import Answer, Terms, answer, terms
+from uqmbd.propagation.execution.transport.calls import CallTerms, Reply, answer, terms
 from uqmbd.propagation.execution.transport.identity import Worker
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes
@@ -31,7 +31,7 @@ class Route(Protocol):
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
-    ) -> Future[Answer]:
+    ) -> Future[Reply]:
         """Send a call, with packed arguments entirely (`whole`) or in the usual form.
 
         `late`: futures of the same call that are overdue. Their workers may have stopped, and so may workers that
@@ -46,17 +46,17 @@ class Route(Protocol):
 
 
 @dataclass(frozen=True)
-class _Direct:
+class _DirectRoute:
     """Threads, and `Processes`, which pack arguments themselves: arguments pass unchanged."""
 
     executor: Executor
     apart: bool
     names_the_dead: bool = True
-    asked: Terms = field(default_factory=terms)
+    asked: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
-    ) -> Future[Answer]:
+    ) -> Future[Reply]:
         return self.executor.submit(answer, self.asked, function, *arguments)
 
     def renew(self) -> None:
@@ -67,17 +67,17 @@ class _Direct:
 
 
 @dataclass(frozen=True)
-class _Asking:
+class _HashRoute:
     """Any other executor: the hash is sent, and the bytes go to workers that request them."""
 
     executor: Executor
     names_the_dead: bool = False
     apart: bool = True
-    asked: Terms = field(default_factory=terms)
+    asked: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
-    ) -> Future[Answer]:
+    ) -> Future[Reply]:
         sent = [_shown(x) if isinstance(x, Packed) and not whole else x for x in arguments]
         return self.executor.submit(answer, self.asked, function, *sent)
 
@@ -95,7 +95,7 @@ def _shown(packed: Packed) -> Packed:
 
 
 @dataclass(frozen=True)
-class _Dask:
+class _DaskRoute:
     """Workers of a Dask cluster, which send packed objects to each other on request.
 
     Packed objects are results of tasks, not scattered: the scheduler recomputes those that are lost with a worker.
@@ -110,11 +110,11 @@ class _Dask:
     """Dask's names of running tasks."""
     names_the_dead: bool = False
     apart: bool = True
-    asked: Terms = field(default_factory=terms)
+    asked: CallTerms = field(default_factory=terms)
 
     def send(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
-    ) -> Future[Answer]:
+    ) -> Future[Reply]:
         if late:
             self.renew()
             sent = list(arguments)
@@ -157,11 +157,11 @@ def _same(packed: Packed) -> Packed:
 def route_to(executor: Executor) -> Route:
     """Return the route to the workers of an executor."""
     if isinstance(executor, (ThreadPoolExecutor, Processes)):
-        return _Direct(executor, apart=isinstance(executor, Processes))
+        return _DirectRoute(executor, apart=isinstance(executor, Processes))
     client = getattr(executor, "_client", None)
     if type(executor).__module__.partition(".")[0] == "distributed" and client is not None:
-        return _Dask(executor, client)
-    return _Asking(executor)
+        return _DaskRoute(executor, client)
+    return _HashRoute(executor)
 
 
 def death(error: BaseException) -> str:

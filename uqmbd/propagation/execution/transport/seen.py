@@ -7,7 +7,7 @@ from collections import OrderedDict
 from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution.transport.identity import Versions, Worker
 
-__all__ = ["AHEAD", "Seen"]
+__all__ = ["AHEAD", "WorkerRegistry"]
 
 AHEAD = 64
 """Pieces that are sent at least before one of them is answered."""
@@ -19,7 +19,7 @@ PATIENCE = 256
 """Refusals, one after another, after which nobody is expected to accept."""
 
 
-class Seen:
+class WorkerRegistry:
     """Who has answered lately, who lacks a packed object, and who has refused."""
 
     def __init__(self, expected: Versions) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.results.chaos.labelled.points import Frame, Named, Points, points_of
+from uqmbd.results.chaos.labelled.points import Named, Points, TableLike, points_of
 from uqmbd.results.chaos.labelled.statistics import (
     DERIVATIVE,
     VALUE,
@@ -13,7 +13,7 @@ from uqmbd.results.chaos.labelled.statistics import (
 __all__ = [
     "DERIVATIVE",
     "VALUE",
-    "Frame",
+    "TableLike",
     "Named",
     "Points",
     "labelled_array",

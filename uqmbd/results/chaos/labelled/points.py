@@ -15,7 +15,7 @@ from uqmbd.names import did_you_mean
 from uqmbd.results.schema import InputInfo
 from uqmbd.typing import Array
 
-__all__ = ["Frame", "Named", "Points", "points_of"]
+__all__ = ["TableLike", "Named", "Points", "points_of"]
 
 POINT = "point"
 """Dimension of points that have none of their own."""
@@ -24,7 +24,7 @@ _TAKEN = frozenset({"output", "output_units", "output_angle", "time", "input", "
 """Names of dimensions and coordinates that results have themselves."""
 
 
-class Frame(Protocol):
+class TableLike(Protocol):
     """A table with named columns, as of pandas."""
 
     @property
@@ -38,7 +38,7 @@ class Frame(Protocol):
     def __getitem__(self, key: Any, /) -> Any: ...
 
 
-Named: TypeAlias = Mapping[str, Any] | xr.Dataset | Frame
+Named: TypeAlias = Mapping[str, Any] | xr.Dataset | TableLike
 """Inputs by name."""
 
 
