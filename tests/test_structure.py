@@ -318,6 +318,16 @@ def test_no_module_is_long_without_a_reason():
     assert not wrong
 
 
+def test_each_class_has_a_name_of_its_own():
+    """A leading underscore makes no difference: readers search for the word."""
+    found = {}
+    for name, tree in _trees().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name.strip("_"), []).append(f"{name}:{node.lineno}")
+    assert {name: places for name, places in found.items() if len(places) > 1} == {}
+
+
 def test_no_package_exceeds_its_budget_of_statements():
     found = dict.fromkeys(STATEMENTS, 0)
     for name, tree in _trees().items():

@@ -27,7 +27,7 @@ class _Thread(threading.local):
         self.before: dict[str, int] = {}
 
 
-class _Process:
+class _ProcessLibraries:
     """Libraries with threads of their own, and what the last thread has to give back."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class _Process:
                 self.before.clear()
 
 
-_PROCESS = _Process()
+_PROCESS = _ProcessLibraries()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_calibration.inference import Bias, Block, Case, Level, OperatingPoint, Unknown, Unknowns
+from uqmbd_calibration.inference import Bias, Block, Level, MachineRecords, OperatingPoint, UnknownInput, Unknowns
 from uqmbd_calibration.records import Record, Series
 
 __all__ = ["Arrangement", "arrange"]
@@ -27,7 +27,7 @@ class Arrangement:
 
     unknowns: Unknowns
     points: tuple[OperatingPoint, ...]  # each with the times of its records
-    cases: tuple[Case, ...]  # machines at operating points
+    cases: tuple[MachineRecords, ...]  # machines at operating points
 
     def physical(self, vectors: Array) -> Array:
         """Return the unknown inputs (K, D), in their units, of vectors of unknowns (K, N)."""
@@ -80,7 +80,7 @@ def arrange(
                 block = _block(points[known], record, series, levels, bias.get(series.output), robust, first)
                 first += block.modes.shape[1] if robust else 0
                 blocks.append(block)
-        case = Case(points[known], columns, tuple(blocks))
+        case = MachineRecords(points[known], columns, tuple(blocks))
         for column in case.free.tolist():
             if (values := points[known].space.germs[column].values) is not None:
                 raise uqmbd.StudyError(
@@ -92,20 +92,20 @@ def arrange(
     return Arrangement(Unknowns(unknown, first - len(unknown), levels), tuple(points.values()), tuple(cases))
 
 
-def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequence[str]) -> tuple[Unknown, ...]:
+def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequence[str]) -> tuple[UnknownInput, ...]:
     """Return the inputs that are not known in all records, of each machine those that are its own."""
     found = []
     for column, name in enumerate(names):
         own = [machine for known, machine in groups if name not in dict(known)]
         if name not in individual:
-            found += [Unknown(name, column)] if own else []
+            found += [UnknownInput(name, column)] if own else []
         elif not own:
             raise uqmbd.StudyError(
                 f"calibrate: individual names {name!r}, which all records know; leave it out of individual, or out of "
                 "what is known."
             )
         else:
-            found += [Unknown(f"{name}[{machine}]", column, machine) for machine in dict.fromkeys(own)]
+            found += [UnknownInput(f"{name}[{machine}]", column, machine) for machine in dict.fromkeys(own)]
     if not found:
         raise uqmbd.StudyError("calibrate: all inputs are known in all records; there is nothing to be found.")
     return tuple(found)
@@ -152,7 +152,7 @@ def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
             )
 
 
-def _check_levels(levels: Sequence[Level], cases: Sequence[Case], inputs: int) -> None:
+def _check_levels(levels: Sequence[Level], cases: Sequence[MachineRecords], inputs: int) -> None:
     """Refuse to find a noise level where some inputs give just the values that were measured."""
     for number, level in enumerate(levels):
         different, predicted = 0, 0

@@ -17,9 +17,9 @@ from uqmbd.typing import Array
 from uqmbd_calibration.arranging import Arrangement, arrange
 from uqmbd_calibration.inference import (
     Bias,
-    Case,
     Direction,
     Inferred,
+    MachineRecords,
     OperatingPoint,
     Posterior,
     default_methods,
@@ -110,7 +110,7 @@ def find(
         methods += [_described(node) for node in nodes[id(point)]]
         notes += [str(one.message) for one in told]
 
-    def build(cases: tuple[Case, ...], *, doubted: bool = True) -> Posterior:
+    def build(cases: tuple[MachineRecords, ...], *, doubted: bool = True) -> Posterior:
         """Make the posterior by the surrogates over the prior; what these state of their errors adds to the noise."""
         predictors = tuple(prior_surrogate(nodes[id(case.point)], case.point, case.blocks) for case in cases)
         if doubted:

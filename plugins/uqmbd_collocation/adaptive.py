@@ -9,8 +9,8 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
-from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
+from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import Level, in_order, lower_levels, nodes_of_levels, tensor_projection
 
 __all__ = ["DEEPEST", "refine_dimensions"]
@@ -26,7 +26,7 @@ class _Grid:
     The sum is that of :class:`~uqmbd_collocation.sparse_grids.SparseProjection`, one level after the other.
     """
 
-    runs: Runs
+    runs: CollocationRuns
     total: dict[Level, Array] = field(default_factory=dict)
     """Coefficients by the degrees of their terms."""
     found: dict[Level, dict[Level, Array]] = field(default_factory=dict)
@@ -99,7 +99,9 @@ class _Scale:
         return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())
 
 
-def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limits: Limits, label: str) -> Refinement:
+def refine_dimensions(
+    runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, limits: Limits, label: str
+) -> Refinement:
     """Refine a sparse grid where mean and standard deviation change most, until the changes meet the tolerance.
 
     The changes of all levels without successors are added up (Gerstner and Griebel, Computing 71 (2003) 65-87). The
@@ -118,7 +120,7 @@ def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limit
         )
     runs.at(first)
     done, reason = {root}, ""
-    steps: list[Step] = []
+    steps: list[RefinementStep] = []
     waiting: dict[Level, tuple[Array, Array]] = {}
     ended: list[tuple[Array, Array]] = []
     new = [root, *new]
@@ -134,7 +136,7 @@ def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limit
         changes = scale.measure(*(_sum(k, [*waiting.values(), *ended], scale.std) for k in (0, 1)))
         settled = max(changes) < limits.tolerance
         missed = missed_share(runs, coefficients, multi_index, points) if settled else np.nan
-        steps.append(Step(len(runs), len(multi_index), *changes, missed))
+        steps.append(RefinementStep(len(runs), len(multi_index), *changes, missed))
         steps[-1].log(label, limits)
         if settled and missed < limits.tolerance:
             break
@@ -160,7 +162,7 @@ def refine_dimensions(runs: Runs, points: uqmbd.extend.VerificationPoints, limit
     return Refinement(fit, tuple(steps), met=not reason)
 
 
-def _scale(runs: Runs, coefficients: Array) -> _Scale:
+def _scale(runs: CollocationRuns, coefficients: Array) -> _Scale:
     variance = np.sum(coefficients[1:] ** 2, axis=0)
     return _Scale(np.sqrt(variance), scale_of(runs, coefficients[0], variance))
 
@@ -171,7 +173,7 @@ def _sum(which: int, changes: list[tuple[Array, Array]], like: Array) -> Array:
 
 
 def _after_failure(
-    runs: Runs, tried: list[Level], grid: _Grid, steps: list[Step], limits: Limits, label: str
+    runs: CollocationRuns, tried: list[Level], grid: _Grid, steps: list[RefinementStep], limits: Limits, label: str
 ) -> Refinement:
     """Fit the terms that were found by regression on all nodes that did not fail."""
     if grid.total:

@@ -10,13 +10,13 @@ from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.orders import raise_order
 from uqmbd_collocation.plans import DEFAULT_ORDER, Plans
 from uqmbd_collocation.refinement import Limits, Refinement
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["computed"]
 
 
 def computed(
-    runs: Runs, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
+    runs: CollocationRuns, plans: Plans, points: uqmbd.extend.VerificationPoints, limits: Limits
 ) -> tuple[Fit, Refinement | None]:
     """Compute the realisations that the plans require, with the verification points, add them to `runs`, and fit."""
     label, space = runs.problem.label, runs.space

@@ -17,7 +17,7 @@ from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_of_elements
 from uqmbd_collocation.refinement import Limits, Refinement, history
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["ElementFits", "FittedElement"]
 
@@ -28,8 +28,8 @@ class FittedElement:
 
     chaos: Any
     fit: Fit
-    runs: Runs
-    verified: Runs
+    runs: CollocationRuns
+    verified: CollocationRuns
     refinement: Refinement | None
     sequence: tuple[str, ...] = ()
     lost: float = 0.0

@@ -15,29 +15,29 @@ from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of
-from uqmbd_collocation.runs import Runs, announced_once
+from uqmbd_collocation.runs import CollocationRuns, announced_once
 
 __all__ = ["collocate_elements"]
 
 
 @dataclass(frozen=True)
-class _Element:
+class _BoxResult:
     """What was computed in a box."""
 
     probability: float
-    runs: Runs
+    runs: CollocationRuns
     fit: Fit
     verification: uqmbd.extend.Verification
     warned: tuple[str, ...]
 
 
 @dataclass
-class _Elements:
+class _ElementSplitting:
     """All elements that were computed, replaced ones too, in that order."""
 
     plans: Plans
     problem: uqmbd.extend.Problem
-    done: list[_Element] = field(default_factory=list)
+    done: list[_BoxResult] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -66,14 +66,14 @@ class _Elements:
         self.counters.update(found.counters)
         start, chaoses = 0, []
         for box, plan, where, germs in zip(boxes, planned, points, wanted, strict=True):
-            runs = Runs.filled(self.problem, box.local, germs, found[start : start + len(germs)])
+            runs = CollocationRuns.filled(self.problem, box.local, germs, found[start : start + len(germs)])
             start += len(germs)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 fit = plan.fit(runs)
             verification = runs.verification(where)
             told = tuple(str(w.message) for w in caught)
-            self.done.append(_Element(box.probability, runs, fit, verification, told))
+            self.done.append(_BoxResult(box.probability, runs, fit, verification, told))
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
@@ -92,7 +92,7 @@ def collocate_elements(
     """
     begin = problem.clock()
     plans.plan(space, plans.order).check(space)
-    work = _Elements(plans, announced_once(problem, plans.max_realisations))
+    work = _ElementSplitting(plans, announced_once(problem, plans.max_realisations))
     with problem.timed("fitting"):
         refined = uqmbd.extend.refine_elements(
             space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
@@ -134,7 +134,7 @@ def collocate_elements(
     )
 
 
-def _failed_share(elements: Sequence[_Element]) -> float:
+def _failed_share(elements: Sequence[_BoxResult]) -> float:
     """Return the share of the probability at which realisations of elements fail."""
     verified = [one.verification for one in elements]
     failures = sum(int((one.runs.status != Status.OK).sum()) for one in elements)
@@ -145,7 +145,7 @@ def _failed_share(elements: Sequence[_Element]) -> float:
     )
 
 
-def _nodes(work: _Elements, kept: tuple[int, ...]) -> xr.Dataset:
+def _nodes(work: _ElementSplitting, kept: tuple[int, ...]) -> xr.Dataset:
     """Return the dataset `nodes`: where realisations were, in which element (-1: one that was replaced), what for."""
     place = {number: k for k, number in enumerate(kept)}
     purposes = []

@@ -20,7 +20,7 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.refinement import Limits, UnmetWarning
-from uqmbd_collocation.runs import Derived
+from uqmbd_collocation.runs import DerivedSource
 from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
@@ -49,7 +49,7 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
 
 @dataclass
-class _Work:
+class _FamilyContext:
     """What the families have in common."""
 
     problem: uqmbd.extend.Problem
@@ -146,7 +146,7 @@ class _Work:
 
 
 @dataclass(frozen=True)
-class _AtTimes(Derived):
+class _AtTimes(DerivedSource):
     """A problem whose realisations are read from those that were followed for a clock."""
 
     problem: uqmbd.extend.Problem
@@ -186,7 +186,7 @@ def expand_families(
     With both events and phases their combination is one more family, if it is possible. Raise StudyError or
     IntegrationError if all families are impossible or, with `wanted`, if one is; without `wanted` it is left out.
     """
-    work = _Work(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
+    work = _FamilyContext(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
     ways: tuple[Way, ...] = (*names, COMBINED) if {"events", "phase"} <= set(names) else tuple(names)
     for family in sorted(ways, key=FIRST.index):
         if family == COMBINED:
@@ -220,7 +220,9 @@ def expand_families(
     return found
 
 
-def _composed(work: _Work, chaoses: Mapping[Way, Part], taken: Sequence[Way], errors: Mapping[Way, Array]) -> Expanded:
+def _composed(
+    work: _FamilyContext, chaoses: Mapping[Way, Part], taken: Sequence[Way], errors: Mapping[Way, Array]
+) -> Expanded:
     """Put the outputs together, each from the family that it takes; errors (O,) are those of all families."""
     outputs = [o.name for o in work.problem.labels.outputs]
     used = [name for name in SIMPLEST if name in taken]
@@ -277,14 +279,14 @@ def _composed(work: _Work, chaoses: Mapping[Way, Part], taken: Sequence[Way], er
     )
 
 
-def _fits(work: _Work, rows: Mapping[Way, Sequence[int]]) -> str:
+def _fits(work: _FamilyContext, rows: Mapping[Way, Sequence[int]]) -> str:
     """Say how outputs are fitted, from the numbers of those that take a family."""
     outputs = [o.name for o in work.problem.labels.outputs]
     said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
     return "; ".join(said)
 
 
-def _nodes(work: _Work) -> xr.Dataset:
+def _nodes(work: _FamilyContext) -> xr.Dataset:
     """Return where realisations were, and which family needed them."""
     about = {"long_name": "family that needed the realisation"}
     return xr.concat(

@@ -10,10 +10,10 @@ import numpy as np
 import uqmbd
 from uqmbd.extend import least_squares, project
 from uqmbd.typing import Array, Index
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse import sparse_regression
 
-__all__ = ["Fit", "Projection", "Regression", "refitted"]
+__all__ = ["Fit", "QuadratureProjection", "Regression", "refitted"]
 
 
 ALIASED = 0.2
@@ -38,7 +38,7 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
+class QuadratureProjection:
     """Pseudo-spectral projection on a basis by a quadrature rule."""
 
     rule: uqmbd.extend.Quadrature
@@ -67,7 +67,7 @@ class Projection:
                 stacklevel=2,
             )
 
-    def fit(self, runs: Runs) -> Fit:
+    def fit(self, runs: CollocationRuns) -> Fit:
         """Project; if a node failed, fit the others by regression."""
         where = runs.at(self.rule.nodes)
         if not runs.good(where).all():
@@ -103,7 +103,7 @@ class Regression:
                 f"{self.label}: {len(self.nodes)} samples are too few for method={self.method!r}; take some dozens."
             )
 
-    def fit(self, runs: Runs) -> Fit:
+    def fit(self, runs: CollocationRuns) -> Fit:
         """Fit without failed samples, and warn of these; raise IntegrationError if failures leave too few."""
         terms, every = len(self.multi_index), runs.at(self.nodes)
         where = every[runs.good(every)]
@@ -132,7 +132,7 @@ class Regression:
         return Fit(coefficients[kept], self.multi_index[kept], how, where, leave_one_out, None, failed)
 
 
-def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
+def refitted(runs: CollocationRuns, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
     """Project on quadrature nodes (indices `every`, (K,)), or fit the successful ones and warn.
 
     See `uqmbd.extend.fit_nodes`.

@@ -12,8 +12,8 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array, Index
-from uqmbd_collocation.fitting import ALIASED, COARSE, Fit, Projection
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.fitting import ALIASED, COARSE, Fit, QuadratureProjection
+from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["Given", "GivenProjection", "Polynomials"]
 
@@ -140,7 +140,7 @@ class Given:
         rank = np.linalg.matrix_rank(table / norms[:, None], tol=1e-8)
         projector = None if rank == len(terms) else np.linalg.pinv(table, rcond=1e-10) @ table
         rule = uqmbd.extend.Quadrature(nodes, np.array(self.weights), None, f"{len(nodes)} given nodes")
-        return GivenProjection(Projection(rule, terms, False, label), projector)
+        return GivenProjection(QuadratureProjection(rule, terms, False, label), projector)
 
     def _table(self, space: uqmbd.extend.GermSpace, terms: Index, label: str) -> Array:
         """Return the coefficients (polynomial, term) of the polynomials in the terms of the germs."""
@@ -162,7 +162,7 @@ class Given:
 class GivenProjection:
     """Projection on the span of given polynomials, by a given rule."""
 
-    complete: Projection  # on all terms that occur in the polynomials
+    complete: QuadratureProjection  # on all terms that occur in the polynomials
     projector: Array | None  # (P, P), onto the span, where it is smaller than the complete basis
 
     @property
@@ -179,7 +179,7 @@ class GivenProjection:
         """Raise if the rule cannot tell the terms apart, and warn if it can only roughly."""
         self.complete.check(space)
 
-    def fit(self, runs: Runs) -> Fit:
+    def fit(self, runs: CollocationRuns) -> Fit:
         """Project; if a node failed, fit the others by regression.
 
         Raise IntegrationError if a node failed and the polynomials are not all products up to their degrees.

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 import uqmbd
-from uqmbd_collocation.fitting import Fit, Projection, Regression
+from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
 from uqmbd_collocation.given import GivenProjection
-from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
+from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
 
 __all__ = ["HIGHEST", "raise_order"]
@@ -22,9 +22,9 @@ HIGHEST = 32
 
 
 def raise_order(
-    runs: Runs,
+    runs: CollocationRuns,
     points: uqmbd.extend.VerificationPoints,
-    plan: Callable[[int], Projection | SparseProjection | Regression | GivenProjection],
+    plan: Callable[[int], QuadratureProjection | SparseProjection | Regression | GivenProjection],
     first: int,
     limits: Limits,
     label: str,
@@ -34,7 +34,7 @@ def raise_order(
     `plan` gives nodes and fit of an order. The tolerance is not met while the error at the verification points exceeds
     it. Raise StudyError if the first order is impossible.
     """
-    steps: list[Step] = []
+    steps: list[RefinementStep] = []
     fit: Fit | None = None
     terms = 0
     for order in range(first, max(first, HIGHEST) + 1):
@@ -58,7 +58,7 @@ def raise_order(
         changes = _changes(runs, fit, following)
         fit = following
         missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
-        steps.append(Step(len(runs), len(fit.multi_index), *changes, missed))
+        steps.append(RefinementStep(len(runs), len(fit.multi_index), *changes, missed))
         steps[-1].log(label, limits)
         complete = terms == _most_terms(runs.space)
         if missed < limits.tolerance and (complete or steps[-1].change < limits.tolerance):
@@ -81,7 +81,7 @@ def _most_terms(space: uqmbd.extend.GermSpace) -> int | None:
     return math.prod(values) if len(values) == space.dimension else None
 
 
-def _changes(runs: Runs, before: Fit | None, now: Fit) -> tuple[float, float]:
+def _changes(runs: CollocationRuns, before: Fit | None, now: Fit) -> tuple[float, float]:
     """Largest change of mean and standard deviation, over the scale of each output."""
     if before is None:
         return np.inf, np.inf

@@ -13,13 +13,13 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures
 from uqmbd_collocation.refinement import Limits, history
-from uqmbd_collocation.runs import Runs, Source
+from uqmbd_collocation.runs import CollocationRuns, RealisationSource
 
 __all__ = ["expand", "warn_of_discontinuities"]
 
 
 def expand(
-    source: Source,
+    source: RealisationSource,
     space: uqmbd.extend.GermSpace,
     plans: Plans,
     limits: Limits,
@@ -31,14 +31,14 @@ def expand(
     `given` are verification realisations that are known; `quiet` suppresses the warning of outputs that look
     discontinuous. Raise IntegrationError if failures leave too few realisations.
     """
-    label, runs, points = source.label, Runs(source, space), plans.verification_points(space)
+    label, runs, points = source.label, CollocationRuns(source, space), plans.verification_points(space)
     if given is not None:
         points = given.points
         count = len(points)
         known = uqmbd.extend.Realisations(
             space.to_inputs(points.germs), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
         )
-        runs = Runs.filled(source, space, points.germs, known)
+        runs = CollocationRuns.filled(source, space, points.germs, known)
     fit, refinement = computed(runs, plans, points, limits)
     verification = runs.verification(points)
     warn_of_failures(verification, label)

@@ -12,7 +12,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array, Index
-from uqmbd_collocation.fitting import Projection, Regression
+from uqmbd_collocation.fitting import QuadratureProjection, Regression
 from uqmbd_collocation.given import Given, GivenProjection
 from uqmbd_collocation.sparse import SOLVERS, linear_models
 from uqmbd_collocation.sparse_grids import SparseProjection, fewest_nodes, level_of, levels_for, levels_of
@@ -132,7 +132,7 @@ class Plans:
 
     def plan(
         self, space: uqmbd.extend.GermSpace, order: int | None
-    ) -> Projection | SparseProjection | Regression | GivenProjection:
+    ) -> QuadratureProjection | SparseProjection | Regression | GivenProjection:
         """Choose nodes and fit without computing realisations.
 
         Raise StudyError if an option does not suit the inputs or more than ``max_realisations`` would be needed.
@@ -145,7 +145,7 @@ class Plans:
 
     def _planned(
         self, space: uqmbd.extend.GermSpace, order: int | None
-    ) -> Projection | SparseProjection | Regression | GivenProjection:
+    ) -> QuadratureProjection | SparseProjection | Regression | GivenProjection:
         """Choose nodes; too many are refused without a remedy."""
         if self.expansion is not None:
             given = self.expansion.plan(space, self.label)
@@ -161,12 +161,12 @@ class Plans:
                 self._check_number(space, order, math.prod(self._gauss_counts(space, terms)))
             rule = self._grid(space, order, terms)
             self._check_number(space, order, len(rule))
-            return Projection(rule, terms, self._exact(rule, terms, space), self.label)
+            return QuadratureProjection(rule, terms, self._exact(rule, terms, space), self.label)
         count = self.samples or _enough(len(terms), self.method)
         self._check_number(space, order, count)
         rule = uqmbd.extend.monte_carlo_rule(space, count, self.seed, self.design)
         if self.method == "projection":
-            return Projection(rule, terms, False, self.label)
+            return QuadratureProjection(rule, terms, False, self.label)
         return Regression(rule.nodes, terms, self.method, self.label)
 
     def first_nodes(self, space: uqmbd.extend.GermSpace) -> Array:

@@ -14,7 +14,7 @@ from uqmbd.extend import Labels
 from uqmbd.results import Status
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["nodes_dataset", "nodes_of", "nodes_of_elements", "warn_of_failures"]
 
@@ -33,7 +33,9 @@ def nodes_of(
     return xr.Dataset(data, coords={**labels.input_coords(), "germ": np.array([str(name) for name in names])})
 
 
-def nodes_of_elements(labels: Labels, names: Sequence[str], runs: Sequence[tuple[Runs, Runs]]) -> xr.Dataset:
+def nodes_of_elements(
+    labels: Labels, names: Sequence[str], runs: Sequence[tuple[CollocationRuns, CollocationRuns]]
+) -> xr.Dataset:
     """Return the dataset `nodes` of elements, from pairs of realisations: fit, verification (may be empty)."""
     parts = [(fit, "fit") for fit, _ in runs] + [(other, "verification") for _, other in runs if len(other)]
     return nodes_of(
@@ -47,7 +49,7 @@ def nodes_of_elements(labels: Labels, names: Sequence[str], runs: Sequence[tuple
     )
 
 
-def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
+def nodes_dataset(runs: CollocationRuns, verification: Index, fit: Fit) -> xr.Dataset:
     """Return the dataset `nodes` of a collocation on the whole germ space.
 
     `purpose` is ``fit``, ``verification``, both (germs of few values meet), or ``refinement``: what an earlier step

@@ -12,9 +12,18 @@ import xarray as xr
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
-__all__ = ["Limits", "Refinement", "Step", "UnmetWarning", "history", "missed_share", "scale_of", "warn_unmet"]
+__all__ = [
+    "Limits",
+    "Refinement",
+    "RefinementStep",
+    "UnmetWarning",
+    "history",
+    "missed_share",
+    "scale_of",
+    "warn_unmet",
+]
 
 
 @dataclass(frozen=True)
@@ -27,7 +36,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Step:
+class RefinementStep:
     """State of a refinement after one of its steps."""
 
     realisations: int  # so far
@@ -53,11 +62,11 @@ class Refinement:
     """A fit, how it came about, and whether the tolerance was met."""
 
     fit: Fit
-    steps: tuple[Step, ...] = field(default=())
+    steps: tuple[RefinementStep, ...] = field(default=())
     met: bool = False
 
 
-def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
+def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:
     """Return what changes of each output are compared with, shape (O,), from mean and variance (O, T).
 
     Sizes that the runs have of their own; else the largest standard deviation over time; where that is below what the
@@ -69,7 +78,9 @@ def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
     return np.asarray(np.maximum(np.sqrt(variance.max(axis=-1)), floor))
 
 
-def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: uqmbd.extend.VerificationPoints) -> float:
+def missed_share(
+    runs: CollocationRuns, coefficients: Array, multi_index: Index, points: uqmbd.extend.VerificationPoints
+) -> float:
     """Return by how much the standard deviation is too small because of the error of the chaos at verification points.
 
     A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is
@@ -91,7 +102,7 @@ class UnmetWarning(UserWarning):
     """A refinement ended before its tolerance was met."""
 
 
-def warn_unmet(label: str, limits: Limits, steps: list[Step], reason: str) -> None:
+def warn_unmet(label: str, limits: Limits, steps: list[RefinementStep], reason: str) -> None:
     """Warn that a refinement ended before its tolerance was met."""
     known = bool(steps) and np.isfinite(steps[-1].change)
     last = f"; mean and standard deviation are settled to {steps[-1].change:.2g} only" if known else ""
@@ -105,7 +116,7 @@ def warn_unmet(label: str, limits: Limits, steps: list[Step], reason: str) -> No
     )
 
 
-def history(steps: tuple[Step, ...]) -> xr.Dataset:
+def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:
     """Return the dataset `refinement` of a node."""
     note = {"comment": "largest over outputs and times, over the largest standard deviation of the output over time"}
     missed = {"comment": "what the standard deviation lacks by the verification; NaN where it was not asked for"}

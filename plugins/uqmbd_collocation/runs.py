@@ -13,14 +13,14 @@ from uqmbd.extend import Labels
 from uqmbd.results import Status
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["DIGITS", "Derived", "Runs", "announced_once"]
+__all__ = ["DIGITS", "DerivedSource", "CollocationRuns", "announced_once"]
 
 
 DIGITS = 11
 """Decimals to which germ points are compared: rules of different sizes meet in nodes that differ by rounding."""
 
 
-class Source(Protocol):
+class RealisationSource(Protocol):
     """Whatever computes realisations: a problem, or one whose outputs are other ones."""
 
     @property
@@ -36,7 +36,7 @@ class Source(Protocol):
         """Compute the response to each row of inputs."""
 
 
-class Derived:
+class DerivedSource:
     """A source of realisations that is made from a problem, as which it is called; outputs are the same unless said."""
 
     problem: uqmbd.extend.Problem
@@ -58,10 +58,10 @@ class Derived:
 
 
 @dataclass
-class Runs:
+class CollocationRuns:
     """All realisations of a collocation so far."""
 
-    problem: Source  # computes the realisations
+    problem: RealisationSource  # computes the realisations
     space: uqmbd.extend.GermSpace
     counters: Counter[str] = field(default_factory=Counter)  # of the solver, summed
     wall_time: float = 0.0  # s
@@ -74,8 +74,8 @@ class Runs:
 
     @classmethod
     def filled(
-        cls, problem: Source, space: uqmbd.extend.GermSpace, germs: Array, found: uqmbd.extend.Realisations
-    ) -> Runs:
+        cls, problem: RealisationSource, space: uqmbd.extend.GermSpace, germs: Array, found: uqmbd.extend.Realisations
+    ) -> CollocationRuns:
         """Return the runs of realisations at `germs` (K, d), each point once."""
         runs = cls(problem, space)
         rows = runs.missing(germs)

@@ -61,7 +61,7 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
         # what is far below the rounding of the values themselves does not vary
         rounding = 1e-13 * np.abs(rows).max(axis=1, initial=0.0) * np.sqrt(samples)
         floor = np.maximum.accumulate(np.maximum(NOISE * size, rounding))
-        known: list[_Order] = []
+        known: list[_TermOrder] = []
         for t in np.flatnonzero(size > floor):
             coefficients[:, k, t], error = _at_time(centred[t] / size[t], psi, solver, known)
             coefficients[:, k, t] *= size[t]
@@ -71,7 +71,7 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
 
 
 @dataclass(frozen=True, eq=False)
-class _Order:
+class _TermOrder:
     """Order in which terms enter, found from responses in a direction, and the factorisation that its fits share."""
 
     direction: Array  # (K,) responses about their mean, of length 1
@@ -82,7 +82,7 @@ class _Order:
     correction: Array  # (N,) factor of the mean squared leave-one-out error: K / (K - P) (1 + trace((Psi^T Psi)^-1))
 
     @classmethod
-    def of(cls, direction: Array, psi: Array, solver: str) -> _Order:
+    def of(cls, direction: Array, psi: Array, solver: str) -> _TermOrder:
         from scipy.linalg import solve_triangular
 
         terms = np.concatenate([[0], _entering(direction, psi, solver)])
@@ -107,7 +107,7 @@ class _Order:
         return coefficients, float(score[best - 1])
 
 
-def _at_time(values: Array, psi: Array, solver: str, known: list[_Order]) -> tuple[Array, float]:
+def _at_time(values: Array, psi: Array, solver: str, known: list[_TermOrder]) -> tuple[Array, float]:
     """Fit responses of length 1 (K,) on the nearest known order, or on their own, which is known from then on."""
     found: tuple[Array, float] | None = None
     if known:
@@ -118,7 +118,7 @@ def _at_time(values: Array, psi: Array, solver: str, known: list[_Order]) -> tup
         missed = np.sqrt(found[1] * len(values))
         if missed <= ENOUGH or turned <= TURNED * missed:
             return found
-    known.append(_Order.of(values, psi, solver))
+    known.append(_TermOrder.of(values, psi, solver))
     own = known[-1].fit(values, psi.shape[1])
     return own if found is None or own[1] <= found[1] else found
 

@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd.extend import project
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
-from uqmbd_collocation.runs import DIGITS, Runs
+from uqmbd_collocation.runs import DIGITS, CollocationRuns
 
 __all__ = [
     "Level",
@@ -118,7 +118,7 @@ class TensorProjection:
     terms: dict[Level, Array]  # coefficients (O, T) by the degrees of their terms
 
 
-def tensor_projection(runs: Runs, level: Level) -> TensorProjection:
+def tensor_projection(runs: CollocationRuns, level: Level) -> TensorProjection:
     """Project the realisations at the nodes of a level.
 
     A rule of n nodes is exact to the degree 2 n - 1, which products of two polynomials of degrees below n do not
@@ -169,7 +169,7 @@ class SparseProjection:
     def check(self, space: uqmbd.extend.GermSpace) -> None:
         """Nothing is in the way: the levels resolve the terms."""
 
-    def fit(self, runs: Runs) -> Fit:
+    def fit(self, runs: CollocationRuns) -> Fit:
         """Project; if a node failed, fit the others by regression."""
         where = runs.at(self.nodes)
         if not runs.good(where).all():

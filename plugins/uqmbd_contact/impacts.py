@@ -12,7 +12,7 @@ from uqmbd_contact.geometry import Meeting, OnPlane, OnRoad, OnSphere, tangents
 __all__ = ["PlaneImpact", "RoadImpact", "SphereImpact"]
 
 
-class _Impact(uqmbd.extend.TypedComponent):
+class _ImpactComponent(uqmbd.extend.TypedComponent):
     """What all impacts share."""
 
     body_i: uqmbd.extend.NamedFrame
@@ -33,7 +33,7 @@ class _Impact(uqmbd.extend.TypedComponent):
         yield uqmbd.Event(meeting.gap, uqmbd.extend.Impact(p.rate_of(meeting.gap), p.restitution, sliding, p.friction))
 
 
-class PlaneImpact(_Impact, OnPlane):
+class PlaneImpact(_ImpactComponent, OnPlane):
     """Impacts of a sphere (or point, of radius 0) of body j on a plane fixed in body i.
 
     Newton's law of restitution with Coulomb friction; bounces that die down end in a contact that lasts, and sticks,
@@ -51,7 +51,7 @@ class PlaneImpact(_Impact, OnPlane):
     """
 
 
-class SphereImpact(_Impact, OnSphere):
+class SphereImpact(_ImpactComponent, OnSphere):
     """Impacts of a sphere of body j on a sphere of body i, as of `PlaneImpact`.
 
     Examples
@@ -61,7 +61,7 @@ class SphereImpact(_Impact, OnSphere):
     """
 
 
-class RoadImpact(_Impact, OnRoad):
+class RoadImpact(_ImpactComponent, OnRoad):
     """Impacts of a point of body j on a road that lies in body i, as of `PlaneImpact`.
 
     The road is that of `RoadContact`.

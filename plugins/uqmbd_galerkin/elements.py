@@ -53,7 +53,7 @@ def solve_element(
 
 
 @dataclass
-class _Elements:
+class _GalerkinElements:
     """All elements that were computed, replaced ones too, in that order."""
 
     problem: uqmbd.extend.Problem
@@ -142,7 +142,7 @@ def galerkin_elements(
     """
     quiet = problem.using(progress=_Quiet(problem.progress))
     problem.progress.start(problem.label, uqmbd.extend.AtMost(limits.computed))
-    work = _Elements(quiet, *how)
+    work = _GalerkinElements(quiet, *how)
     refined = uqmbd.extend.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
     problem.progress.finish(problem.label)
     chaos = refined.chaos

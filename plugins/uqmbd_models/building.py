@@ -18,7 +18,7 @@ from uqmbd_models.gaps import gaps
 from uqmbd_models.inertia import Settled, excess, settle
 from uqmbd_models.motion import PlacedJoint, place
 from uqmbd_models.names import Names
-from uqmbd_models.tree import Coupling, Inertial, Link, Loop, Tree
+from uqmbd_models.tree import Coupling, Inertial, Link, LoopClosure, Tree
 from uqmbd_springs import Gravity, RotorInertia
 
 __all__ = ["build"]
@@ -194,7 +194,7 @@ def _zero(placed: PlacedJoint, component: Any) -> float | None:
     return float(placed.joint.reference[0]) if placed.joint.kind == "slide" else None
 
 
-def _close(built: Built, loop: Loop) -> None:
+def _close(built: Built, loop: LoopClosure) -> None:
     """Close a loop; on the ground alone it closes nothing."""
     i, j = built.bodies[loop.link_i], built.bodies[loop.link_j]
     name = built.names.take(loop.name, "loop")

@@ -19,7 +19,7 @@ from defusedxml import DefusedXmlException
 
 import uqmbd
 
-__all__ = ["Document", "Element", "parse", "prefix"]
+__all__ = ["Document", "XmlElement", "parse", "prefix"]
 
 NESTED = 500
 """Elements inside each other: robots have chains of joints, not of elements."""
@@ -31,30 +31,30 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True)
-class Element:
+class XmlElement:
     """An element, with the line in which it begins."""
 
     tag: str
     attrib: dict[str, str]
     line: int
-    children: list[Element] = field(default_factory=list)
+    children: list[XmlElement] = field(default_factory=list)
 
-    def __iter__(self) -> Iterator[Element]:
+    def __iter__(self) -> Iterator[XmlElement]:
         return iter(self.children)
 
     def get(self, key: str, default: str = "") -> str:
         """Return an attribute, or the default."""
         return self.attrib.get(key, default)
 
-    def find(self, tag: str) -> Element | None:
+    def find(self, tag: str) -> XmlElement | None:
         """Return the first child of this tag."""
         return next(iter(self.findall(tag)), None)
 
-    def findall(self, tag: str) -> list[Element]:
+    def findall(self, tag: str) -> list[XmlElement]:
         """Return the children of this tag."""
         return [x for x in self.children if x.tag == tag]
 
-    def everything(self) -> Iterator[Element]:
+    def everything(self) -> Iterator[XmlElement]:
         """Yield the element and all inside of it."""
         waiting = [self]
         while waiting:
@@ -68,7 +68,7 @@ class Document:
     """A parsed file."""
 
     path: str
-    root: Element
+    root: XmlElement
     slips: tuple[str, ...]  # what XML does not allow, and was read nevertheless
 
 
@@ -171,8 +171,8 @@ class _Builder(ContentHandler):
         self.before = before
         self.opaque = opaque
         self.slips = slips
-        self.root: Element | None = None
-        self.open: list[Element] = []
+        self.root: XmlElement | None = None
+        self.open: list[XmlElement] = []
         self.known: list[frozenset[str]] = [frozenset(("", "xml", "xmlns"))]
         self.closed = 0
         self.locator: Any = None
@@ -198,7 +198,7 @@ class _Builder(ContentHandler):
         if self.closed:
             self.closed += 1
             return
-        element = Element(name, given, self.line)
+        element = XmlElement(name, given, self.line)
         if self.open:
             self.open[-1].children.append(element)
         else:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 import uqmbd
-from uqmbd_models.files import Loaded, listening
+from uqmbd_models.files import ParsedFile, listening
 from uqmbd_models.rotations import inverse, matrix, product
-from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Loop, Tree, remarks
+from uqmbd_models.tree import Array, Coupling, Inertial, Link, LoopClosure, Tree, TreeJoint, remarks
 
 __all__ = ["extract"]
 
@@ -25,7 +25,7 @@ FIELDS = {
 """What is read of bodies and joints and has to be finite."""
 
 
-def extract(loaded: Loaded, keyframe: str | int | None = None) -> Tree:
+def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
     """Compile a model and read it.
 
     `loaded`: a parsed file; `keyframe`: where to start from.
@@ -57,7 +57,7 @@ def extract(loaded: Loaded, keyframe: str | int | None = None) -> Tree:
     )
 
 
-def _require_finite(loaded: Loaded, model: Any) -> None:
+def _require_finite(loaded: ParsedFile, model: Any) -> None:
     """Raise where a number of a body or joint is none."""
     for group, count, name in (("body", model.nbody, model.body), ("jnt", model.njnt, model.joint)):
         for field in FIELDS[group]:
@@ -72,7 +72,7 @@ def _require_finite(loaded: Loaded, model: Any) -> None:
             raise uqmbd.StudyError(f"{loaded.path}: {field} of MuJoCo's model is not finite; expected numbers.")
 
 
-def _switches(loaded: Loaded, model: Any) -> set[str]:
+def _switches(loaded: ParsedFile, model: Any) -> set[str]:
     """Names of what the file switches off."""
     flags = loaded.mujoco.mjtDisableBit.__members__
     off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}
@@ -81,7 +81,7 @@ def _switches(loaded: Loaded, model: Any) -> set[str]:
     return off | ({"EQUALITY", "FRICTIONLOSS", "LIMIT"} if "CONSTRAINT" in off else set())
 
 
-def _state(loaded: Loaded, model: Any, keyframe: str | int | None) -> tuple[Array, Array]:
+def _state(loaded: ParsedFile, model: Any, keyframe: str | int | None) -> tuple[Array, Array]:
     """Position and speed at the start."""
     if keyframe is None:
         return np.array(model.qpos0), np.zeros(model.nv)
@@ -96,7 +96,7 @@ def _state(loaded: Loaded, model: Any, keyframe: str | int | None) -> tuple[Arra
     return np.array(model.key_qpos[number]), np.array(model.key_qvel[number])
 
 
-def _links(loaded: Loaded, model: Any) -> tuple[Link, ...]:
+def _links(loaded: ParsedFile, model: Any) -> tuple[Link, ...]:
     found = []
     for k in range(model.nbody):
         name = model.body(k).name
@@ -115,7 +115,7 @@ def _links(loaded: Loaded, model: Any) -> tuple[Link, ...]:
     return tuple(found)
 
 
-def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: Array) -> tuple[Joint, ...]:
+def _joints(loaded: ParsedFile, model: Any, off: set[str], position: Array, speed: Array) -> tuple[TreeJoint, ...]:
     found = []
     for k in range(model.njnt):
         kind, size, freedoms = KINDS[int(model.jnt_type[k])]
@@ -126,7 +126,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
             limits = float(model.jnt_range[k][0]), float(model.jnt_range[k][1])
         damping, inertia = loaded.rotors.get(model.joint(k).name, (0.0, 0.0))
         found.append(
-            Joint(
+            TreeJoint(
                 model.joint(k).name,
                 kind,
                 int(model.jnt_bodyid[k]),
@@ -147,11 +147,11 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
 
 
 def _equalities(
-    loaded: Loaded, model: Any, off: set[str]
-) -> tuple[tuple[Loop, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
+    loaded: ParsedFile, model: Any, off: set[str]
+) -> tuple[tuple[LoopClosure, ...], tuple[Coupling, ...], list[uqmbd.extend.Omission]]:
     """Read equality constraints: loops and couplings; those that are switched off are listed as omissions."""
     kinds = loaded.mujoco.mjtEq
-    loops: list[Loop] = []
+    loops: list[LoopClosure] = []
     couplings: list[Coupling] = []
     left_out: list[str] = []
     for k in range(model.neq):
@@ -174,7 +174,7 @@ def _equalities(
     return tuple(loops), tuple(couplings), rows
 
 
-def _loop(loaded: Loaded, model: Any, k: int, name: str, weld: bool) -> Loop:
+def _loop(loaded: ParsedFile, model: Any, k: int, name: str, weld: bool) -> LoopClosure:
     """Read a loop: of bodies, or of sites."""
     first, second, data = int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k])
     turned = weld and data[10] > 0
@@ -186,10 +186,10 @@ def _loop(loaded: Loaded, model: Any, k: int, name: str, weld: bool) -> Loop:
         i, j = first, second
         points = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
         rotation = data[6:10]
-    return Loop(name, i, j, *points, rotation if turned else None)
+    return LoopClosure(name, i, j, *points, rotation if turned else None)
 
 
-def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str]) -> list[uqmbd.extend.Omission]:
+def _remarks(loaded: ParsedFile, model: Any, joints: Sequence[TreeJoint], off: set[str]) -> list[uqmbd.extend.Omission]:
     """Tell what a mechanism does not have, and what it has in another form."""
     rows = remarks(joints)
 

@@ -22,7 +22,7 @@ from uqmbd_models.documents import parse
 from uqmbd_models.names import Names
 from uqmbd_models.sizes import require_sizes
 
-__all__ = ["Loaded", "listening", "load"]
+__all__ = ["ParsedFile", "listening", "load"]
 
 
 def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.extend.Omission]]:
@@ -112,7 +112,7 @@ AUTO, NEVER = 2, 0
 
 
 @dataclass(frozen=True)
-class Loaded:
+class ParsedFile:
     """A parsed file."""
 
     path: str
@@ -129,7 +129,7 @@ class Loaded:
         return uqmbd.StudyError(f"{self.path}: MuJoCo {self.mujoco.__version__} cannot use it: {text}")
 
 
-def load(path: str) -> Loaded:
+def load(path: str) -> ParsedFile:
     """Parse a file, and set aside what is not taken.
 
     `path`: the file. Raise StudyError if MuJoCo is not installed, or the file is not MJCF, or asks for more than
@@ -146,8 +146,8 @@ def load(path: str) -> Loaded:
         with listening(mujoco) as told:
             spec = _spec(mujoco, path)
     except Exception as error:  # its parser raises errors of several types
-        raise Loaded(path, mujoco, None).error(error) from None
-    loaded = Loaded(path, mujoco, spec, advice=told)
+        raise ParsedFile(path, mujoco, None).error(error) from None
+    loaded = ParsedFile(path, mujoco, spec, advice=told)
     try:
         _name(spec)
         _set_aside(loaded)
@@ -215,7 +215,7 @@ def _name(spec: Any) -> None:
                 joint.name = joints.take(f"{body.name}_joint")
 
 
-def _set_aside(loaded: Loaded) -> None:
+def _set_aside(loaded: ParsedFile) -> None:
     """Take out of a model what is not needed, and note it."""
     spec = loaded.spec
     spec.compiler.fusestatic = False
@@ -234,7 +234,7 @@ def _set_aside(loaded: Loaded) -> None:
     _shapes(loaded)
 
 
-def _drop(loaded: Loaded, what: str, elements: Iterable[Any], why: str) -> None:
+def _drop(loaded: ParsedFile, what: str, elements: Iterable[Any], why: str) -> None:
     """Delete elements of a model, and note them."""
     found = list(elements)
     if found:
@@ -251,7 +251,7 @@ def _delete(spec: Any, element: Any) -> None:
         element.delete()
 
 
-def _shapes(loaded: Loaded) -> None:
+def _shapes(loaded: ParsedFile) -> None:
     """Delete shapes that no inertia is computed from, and all that belongs to them only."""
     spec = loaded.spec
     always = spec.compiler.inertiafromgeom not in (AUTO, NEVER)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uqmbd_models.rotations import matrix, product, turned
-from uqmbd_models.tree import Array, Inertial, Loop, Tree
+from uqmbd_models.tree import Array, Inertial, LoopClosure, Tree
 
 __all__ = ["Fused", "fuse"]
 
@@ -84,7 +84,7 @@ def _together(parts: Sequence[Inertial]) -> Inertial:
     return Inertial(mass, com, inertia)
 
 
-def _moved(loop: Loop, home: dict[int, tuple[int, Array, Array]], number: dict[int, int]) -> Loop:
+def _moved(loop: LoopClosure, home: dict[int, tuple[int, Array, Array]], number: dict[int, int]) -> LoopClosure:
     """Write a loop in the frames of the links that are left."""
     (i, position_i, turn_i), (j, position_j, turn_j) = home[loop.link_i], home[loop.link_j]
     rotation = None

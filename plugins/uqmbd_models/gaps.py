@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import uqmbd
-from uqmbd_models.motion import Pose
+from uqmbd_models.motion import FramePose
 from uqmbd_models.rotations import inverse, product
 from uqmbd_models.tree import Tree
 
@@ -17,7 +17,7 @@ NONE = 1e-6
 """Gaps that are rounding: rad, or relative to the size of the model."""
 
 
-def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.extend.Omission]:
+def gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:
     """Tell the loops and couplings that do not hold at the start of the file, and by how much.
 
     `tree`: a model; `poses`: of its links at the start.
@@ -29,7 +29,7 @@ def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.extend.Omission]:
     return [uqmbd.extend.Omission("constraints that do not hold at the start", found, why)] if found else []
 
 
-def _gaps(tree: Tree, poses: dict[int, Pose]) -> Iterator[tuple[str, float, str]]:
+def _gaps(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
     """Yield name, size and units of what is open."""
     for loop in tree.loops:
         i, j = poses[loop.link_i], poses[loop.link_j]

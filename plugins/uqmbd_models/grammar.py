@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import uqmbd
-from uqmbd_models.documents import Document, Element, prefix
+from uqmbd_models.documents import Document, XmlElement, prefix
 from uqmbd_models.tree import Array
 
 __all__ = ["JOINT", "LINK", "OPAQUE", "number", "place", "refuse", "unknown_words", "vector"]
@@ -50,14 +50,14 @@ TURNED = 1e6
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
-def place(path: str, element: Element, owner: Element | None = None) -> str:
+def place(path: str, element: XmlElement, owner: XmlElement | None = None) -> str:
     """Say where an element is: file, line, tag, and the link or joint that it belongs to."""
     name = f" {element.get('name')!r}" if element.get("name") else ""
     of = f" of {owner.tag} {owner.get('name', '')!r}" if owner is not None else ""
     return f"{path}: line {element.line}: <{element.tag}>{name}{of}"
 
 
-def number(where: str, element: Element | None, key: str, default: float, low: float = -np.inf) -> float:
+def number(where: str, element: XmlElement | None, key: str, default: float, low: float = -np.inf) -> float:
     """Return the number of an attribute, or the default where it is left out."""
     given = None if element is None else element.attrib.get(key)
     if given is None:
@@ -70,7 +70,7 @@ def number(where: str, element: Element | None, key: str, default: float, low: f
     return found
 
 
-def vector(where: str, element: Element | None, key: str, default: tuple[float, float, float] = (0, 0, 0)) -> Array:
+def vector(where: str, element: XmlElement | None, key: str, default: tuple[float, float, float] = (0, 0, 0)) -> Array:
     """Return the three numbers of an attribute, or the default where it is left out."""
     given = None if element is None else element.attrib.get(key)
     if given is None:
@@ -103,7 +103,7 @@ def refuse(document: Document) -> None:
                     "xacro fills in; expand the template first: xacro FILE.xacro > FILE.urdf"
                 )
     for tag in (LINK, JOINT):
-        first: dict[str, Element] = {}
+        first: dict[str, XmlElement] = {}
         for element in root.findall(tag):
             name = element.get("name", "")
             if not name.strip():
@@ -134,7 +134,7 @@ def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
     return [uqmbd.extend.Omission(what, tuple(names), why) for what, names, why in rows if names]
 
 
-def _unknown(element: Element, tag: str, where: str) -> Iterator[tuple[str, str]]:
+def _unknown(element: XmlElement, tag: str, where: str) -> Iterator[tuple[str, str]]:
     """Yield unknown words of an element and those inside it, and what is there more than once."""
     for key in element.attrib:
         if key not in ATTRIBUTES[tag] and prefix(key) not in ("xmlns", "xml") and key != "xmlns":

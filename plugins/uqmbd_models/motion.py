@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from uqmbd_models.rotations import about, inverse, product, turned
-from uqmbd_models.tree import Array, Joint, Tree
+from uqmbd_models.tree import Array, Tree, TreeJoint
 
-__all__ = ["Placed", "PlacedJoint", "Pose", "place"]
+__all__ = ["PlacedLinks", "PlacedJoint", "FramePose", "place"]
 
 
 @dataclass(frozen=True)
-class Pose:
+class FramePose:
     """Place, orientation and velocity of a frame in the world; the spin in its own axes."""
 
     position: Array
@@ -33,31 +33,31 @@ class PlacedJoint:
     """A joint between two frames: the parent, or what comes before it in the same link, and what it moves."""
 
     name: str  # in the mechanism
-    joint: Joint
+    joint: TreeJoint
     # point_i, axis_i, point_j, axis_j: in the frames of the two
     point_i: tuple[float, ...]
     axis_i: tuple[float, ...]
     point_j: tuple[float, ...]
     axis_j: tuple[float, ...]
     turn: Array  # quaternion of the second frame relative to the first, where the joint is at its reference
-    pose: Pose  # of the frame that it moves, at the start
+    pose: FramePose  # of the frame that it moves, at the start
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedLinks:
     """All joints in the order of the links, and the pose of each link."""
 
     joints: tuple[PlacedJoint, ...]
-    poses: dict[int, Pose]
+    poses: dict[int, FramePose]
 
 
-def place(tree: Tree, names: dict[int, str]) -> Placed:
+def place(tree: Tree, names: dict[int, str]) -> PlacedLinks:
     """Find where links are at the start.
 
     `tree`: a model; `names`: of its joints in the mechanism, by their numbers.
     """
     zero, one = np.zeros(3), np.array([1.0, 0, 0, 0])
-    poses = {0: Pose(zero, one, zero, zero, False)}
+    poses = {0: FramePose(zero, one, zero, zero, False)}
     moving = any(np.any(joint.speed) for joint in tree.joints)
     found = []
     for k, link in enumerate(tree.links[1:], 1):
@@ -70,25 +70,29 @@ def place(tree: Tree, names: dict[int, str]) -> Placed:
             found.append(PlacedJoint(names[n], joint, point_i, axis_i, point_j, axis_j, turn, pose))
             shift, turn = zero, one
         poses[k] = pose if joints else _carried(pose, shift, turn, moving)
-    return Placed(tuple(found), poses)
+    return PlacedLinks(tuple(found), poses)
 
 
-def _carried(pose: Pose, shift: Array, turn: Array, moving: bool) -> Pose:
+def _carried(pose: FramePose, shift: Array, turn: Array, moving: bool) -> FramePose:
     """Pose of a frame that is fixed in another one."""
     velocity = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, shift))
-    return Pose(pose.point(shift), product(pose.quaternion, turn), velocity, turned(inverse(turn), pose.spin), moving)
+    return FramePose(
+        pose.point(shift), product(pose.quaternion, turn), velocity, turned(inverse(turn), pose.spin), moving
+    )
 
 
-def _moved(pose: Pose, joint: Joint) -> Pose:
+def _moved(pose: FramePose, joint: TreeJoint) -> FramePose:
     """Pose of a frame after a joint has moved it away from where it is at the reference of the joint."""
     if joint.kind == "free":
         quaternion = joint.start[3:] / np.linalg.norm(joint.start[3:])
-        return Pose(joint.start[:3], quaternion, joint.speed[:3], joint.speed[3:], pose.moves)
+        return FramePose(joint.start[:3], quaternion, joint.speed[:3], joint.speed[3:], pose.moves)
     if joint.kind == "slide":
         way = turned(pose.quaternion, joint.axis)
         position = pose.position + way * (joint.start[0] - joint.reference[0])
         carried = np.cross(turned(pose.quaternion, pose.spin), position - pose.position)
-        return Pose(position, pose.quaternion, pose.velocity + carried + way * joint.speed[0], pose.spin, pose.moves)
+        return FramePose(
+            position, pose.quaternion, pose.velocity + carried + way * joint.speed[0], pose.spin, pose.moves
+        )
     anchor = pose.point(joint.point)
     at_anchor = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, joint.point))
     if joint.kind == "hinge":
@@ -98,7 +102,9 @@ def _moved(pose: Pose, joint: Joint) -> Pose:
     quaternion = product(pose.quaternion, turn)
     spin = turned(inverse(turn), pose.spin) + speed
     position = anchor - turned(quaternion, joint.point)
-    return Pose(position, quaternion, at_anchor - turned(quaternion, np.cross(spin, joint.point)), spin, pose.moves)
+    return FramePose(
+        position, quaternion, at_anchor - turned(quaternion, np.cross(spin, joint.point)), spin, pose.moves
+    )
 
 
 def _numbers(vector: Any) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import uqmbd
-from uqmbd_models.documents import Element, parse
+from uqmbd_models.documents import XmlElement, parse
 
 __all__ = ["require_sizes"]
 
@@ -48,7 +48,7 @@ INCLUDES = {"include": "file", "model": "file"}
 """Elements that name another file of the model."""
 
 
-def require_sizes(path: str, root: Element) -> None:
+def require_sizes(path: str, root: XmlElement) -> None:
     """Raise where a file, or one that it includes, asks for more than can be made.
 
     `path`: the file; `root`: as parsed. Raise StudyError with file, line and element.
@@ -61,11 +61,11 @@ class _Looked:
     """What was found so far."""
 
     bodies: float = 0.0
-    files: dict[str, tuple[Element, float, float]] = field(default_factory=dict)
+    files: dict[str, tuple[XmlElement, float, float]] = field(default_factory=dict)
     """Of each file that is included: its root, the most copies that were looked at, and bodies of each copy."""
 
 
-def _look(path: str, root: Element, seen: frozenset[str], copies: float, found: _Looked) -> None:
+def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _Looked) -> None:
     """Look at all elements, each with the number of its copies."""
     waiting = [(root, copies)]
     while waiting:
@@ -92,7 +92,7 @@ def _look(path: str, root: Element, seen: frozenset[str], copies: float, found: 
         waiting.extend((inner, times) for inner in element)
 
 
-def _included(path: str, element: Element, seen: frozenset[str], copies: float, found: _Looked) -> None:
+def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _Looked) -> None:
     """Look at a file of the model; one that is not found is left to MuJoCo, which names it.
 
     What a file asks for grows with its copies: one that was looked at with as many is not looked at again, else files
@@ -123,7 +123,7 @@ def _require(where: str, what: str, found: float, most: float) -> None:
         )
 
 
-def _product(element: Element, keys: tuple[str, ...]) -> float:
+def _product(element: XmlElement, keys: tuple[str, ...]) -> float:
     """Product of the numbers of attributes; of those that are none MuJoCo tells."""
     found = 1.0
     for text in (part for key in keys for part in element.get(key).split()):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 
-__all__ = ["Array", "Coupling", "Inertial", "Joint", "Link", "Loop", "Tree", "remarks"]
+__all__ = ["Array", "Coupling", "Inertial", "TreeJoint", "Link", "LoopClosure", "Tree", "remarks"]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Joint:
+class TreeJoint:
     """What lets a link move; several of one link follow each other."""
 
     name: str
@@ -62,7 +62,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Loop:
+class LoopClosure:
     """Two points that coincide, of bodies which keep a relative rotation as well where there is one."""
 
     name: str
@@ -95,13 +95,13 @@ class Tree:
     read_by: str
     gravity: Array
     links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    loops: tuple[Loop, ...]
+    joints: tuple[TreeJoint, ...]
+    loops: tuple[LoopClosure, ...]
     couplings: tuple[Coupling, ...]
     omissions: tuple[uqmbd.extend.Omission, ...]
 
 
-def remarks(joints: Sequence[Joint]) -> list[uqmbd.extend.Omission]:
+def remarks(joints: Sequence[TreeJoint]) -> list[uqmbd.extend.Omission]:
     """List what a mechanism has of joints in another form."""
     limited = tuple(joint.name for joint in joints if joint.limits)
     dry = tuple(joint.name for joint in joints if joint.friction)

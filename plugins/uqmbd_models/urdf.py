@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import uqmbd
-from uqmbd_models.documents import Document, Element, parse, prefix
+from uqmbd_models.documents import Document, XmlElement, parse, prefix
 from uqmbd_models.grammar import JOINT, LINK, OPAQUE, number, place, refuse, unknown_words, vector
 from uqmbd_models.names import Names
 from uqmbd_models.rotations import across, from_rpy, matrix
-from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Tree, remarks
+from uqmbd_models.tree import Array, Coupling, Inertial, Link, Tree, TreeJoint, remarks
 
 __all__ = ["read_urdf"]
 
@@ -37,8 +37,8 @@ class Robot:
 
     document: Document
     # links, joints: by name, in the order of the file
-    links: dict[str, Element]
-    joints: dict[str, Element]
+    links: dict[str, XmlElement]
+    joints: dict[str, XmlElement]
     above: dict[str, str] = field(default_factory=dict)  # the joint that carries a link, by the name of the link
     parents: dict[str, str] = field(default_factory=dict)  # the link that carries a link, by its name
     rows: list[uqmbd.extend.Omission] = field(default_factory=list)  # what is left out
@@ -48,7 +48,7 @@ class Robot:
         """Links that no joint carries."""
         return [name for name in self.links if name not in self.parents]
 
-    def where(self, element: Element, owner: Element | None = None) -> str:
+    def where(self, element: XmlElement, owner: XmlElement | None = None) -> str:
         """Say where an element is."""
         return place(self.document.path, element, owner)
 
@@ -129,7 +129,7 @@ def _connect(robot: Robot) -> None:
         )
 
 
-def _end(robot: Robot, joint: Element, tag: str) -> str:
+def _end(robot: Robot, joint: XmlElement, tag: str) -> str:
     """Return the name of the link at one end of a joint."""
     end = joint.find(tag)
     if end is None:
@@ -164,7 +164,7 @@ def _order(robot: Robot) -> list[str]:
     return found
 
 
-def _inertial(robot: Robot, link: Element) -> Inertial:
+def _inertial(robot: Robot, link: XmlElement) -> Inertial:
     """Return mass, centre of mass and inertia of a link, as the file states them; none where it states none."""
     given = link.find("inertial")
     if given is None:
@@ -183,10 +183,10 @@ def _inertial(robot: Robot, link: Element) -> Inertial:
 
 def _tree(
     robot: Robot, order: list[str], inertials: dict[str, Inertial], floating: bool
-) -> tuple[list[Link], list[Joint]]:
+) -> tuple[list[Link], list[TreeJoint]]:
     """Return links and joints in order; the ground is the first link."""
     links = [Link(WORLD, 0, np.zeros(3), np.array(ONE), Inertial(0.0, np.zeros(3), np.zeros((3, 3))))]
-    joints: list[Joint] = []
+    joints: list[TreeJoint] = []
     number_of: dict[str, int] = {}
     names = Names(robot.joints)
     carrying = set(robot.parents.values())
@@ -196,7 +196,7 @@ def _tree(
             number_of[name] = 0
             continue
         number_of[name] = k = len(links)
-        stated: list[Joint] = []
+        stated: list[TreeJoint] = []
         parent, position, turn = 0, np.zeros(3), np.array(ONE)
         if name in robot.above:
             joint = robot.joints[robot.above[name]]
@@ -213,7 +213,7 @@ def _tree(
     return links, joints
 
 
-def _joints(robot: Robot, element: Element, link: int, pose: Array, names: Names) -> list[Joint]:
+def _joints(robot: Robot, element: XmlElement, link: int, pose: Array, names: Names) -> list[TreeJoint]:
     """Return what lets a link move: nothing, a joint, or the three of a planar one."""
     name, kind = element.get("name"), element.get("type")
     if kind == "fixed":
@@ -232,9 +232,9 @@ def _joints(robot: Robot, element: Element, link: int, pose: Array, names: Names
     axis = axis / largest
     axis = axis / np.linalg.norm(axis)
 
-    def one(suffix: str, form: str, along: Array, limits: tuple[float, float] | None = None) -> Joint:
+    def one(suffix: str, form: str, along: Array, limits: tuple[float, float] | None = None) -> TreeJoint:
         zero = np.zeros(1)
-        return Joint(
+        return TreeJoint(
             names.take(name + suffix) if suffix else name,
             form,
             link,
@@ -260,15 +260,15 @@ def _joints(robot: Robot, element: Element, link: int, pose: Array, names: Names
     return [one("", form, axis, _limits(robot, element))]
 
 
-def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: float = 0.0) -> Joint:
+def _free(name: str, link: int, pose: Array, damping: float = 0.0, friction: float = 0.0) -> TreeJoint:
     """Return the joint of a link that moves freely, from a pose on."""
-    return Joint(
+    return TreeJoint(
         name, "free", link, np.zeros(3), np.array([0.0, 0, 1]), pose, pose, np.zeros(6), rest=pose, damping=damping,
         friction=friction,
     )  # fmt: skip
 
 
-def _limits(robot: Robot, joint: Element) -> tuple[float, float] | None:
+def _limits(robot: Robot, joint: XmlElement) -> tuple[float, float] | None:
     """Return the limits of a joint, zero where one is left out; None if they leave no range."""
     limit = joint.find("limit")
     if limit is None:

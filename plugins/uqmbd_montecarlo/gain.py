@@ -11,7 +11,7 @@ import xarray as xr
 import uqmbd
 from uqmbd_montecarlo.allocation import optimum
 from uqmbd_montecarlo.lowfidelity import PairedControl
-from uqmbd_montecarlo.surrogate import Surrogate
+from uqmbd_montecarlo.surrogate import ControlSurrogate
 
 __all__ = ["of_study", "of_surrogate"]
 
@@ -20,7 +20,7 @@ HARM = 0.8
 """Gain on an equal budget below which a warning says that there is none: times are measured to some per cent."""
 
 
-def of_surrogate(statistics: xr.Dataset, surrogate: Surrogate) -> dict[str, Any]:
+def of_surrogate(statistics: xr.Dataset, surrogate: ControlSurrogate) -> dict[str, Any]:
     """Make the attributes of controlled statistics whose control is a surrogate."""
     cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
     return {

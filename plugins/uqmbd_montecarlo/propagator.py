@@ -42,7 +42,7 @@ from uqmbd_montecarlo.replicates import (
     uniform_samples,
 )
 from uqmbd_montecarlo.sensitivity import SobolRun, rows_at_once, run_sobol
-from uqmbd_montecarlo.surrogate import ChaosControl, Surrogate, surrogate_of
+from uqmbd_montecarlo.surrogate import ChaosControl, ControlSurrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
@@ -340,7 +340,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         statistics: xr.Dataset,
         samples: xr.Dataset,
         found: Gathered,
-        surrogate: Surrogate | None,
+        surrogate: ControlSurrogate | None,
         paired: PairedControl | None,
         sobol: SobolRun | None,
         attrs: dict[str, Any],

@@ -12,11 +12,11 @@ from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array
 from uqmbd_montecarlo.controlledsums import ROUNDING
 
-__all__ = ["ChaosControl", "Surrogate", "surrogate_of"]
+__all__ = ["ChaosControl", "ControlSurrogate", "surrogate_of"]
 
 
 @dataclass(frozen=True)
-class Surrogate:
+class ControlSurrogate:
     """Polynomial chaos, and its cost."""
 
     chaos: PolynomialChaos
@@ -26,14 +26,14 @@ class Surrogate:
     wall_time: float = 0.0  # s
 
 
-def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> Surrogate:
+def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uqmbd.extend.Problem) -> ControlSurrogate:
     """Train the surrogate on separate realisations, or return the one that is given.
 
     A propagator must return a node with a child ``chaos``. Raise StudyError if there is none, or if its inputs, outputs
     or times differ.
     """
     if isinstance(control, PolynomialChaos):
-        found = Surrogate(control)
+        found = ControlSurrogate(control)
     else:
         node = control.propagate(problem.part(f"{problem.label}: control").using(observed=problem.runner.observed))
         if "chaos" not in node.children:
@@ -42,7 +42,7 @@ def surrogate_of(control: uqmbd.extend.Propagator | PolynomialChaos, problem: uq
                 "take a propagator that does, e.g. Collocation(order=3)."
             )
         counters = json.loads(node.attrs["solver_counters"])
-        found = Surrogate(
+        found = ControlSurrogate(
             PolynomialChaos.from_dataset(node.children["chaos"]),
             int(node.attrs["realisations"]),
             int(node.attrs["failures"]),

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.stats import norm
 
 from uqmbd.typing import Array
-from uqmbd_reliability.estimating import Estimate, estimate, with_any
+from uqmbd_reliability.estimating import ProbabilityEstimate, estimate, with_any
 from uqmbd_reliability.importance import Sampled, adapt, sample
-from uqmbd_reliability.ledger import Ledger, LimitState
+from uqmbd_reliability.ledger import LimitState, LimitStateLedger
 from uqmbd_reliability.proposals import Proposal, Region, around_points, from_design_point, proposal, round_region
 from uqmbd_reliability.searching import DesignPoint, distinct, search, starts
 
@@ -50,7 +50,12 @@ class Levels:
 
 
 def multilevel(
-    ledger: Ledger, column: int, points: Array, margins: Array, generator: np.random.Generator, spared: int = 0
+    ledger: LimitStateLedger,
+    column: int,
+    points: Array,
+    margins: Array,
+    generator: np.random.Generator,
+    spared: int = 0,
 ) -> Levels:
     """Descend from level to level of one margin by adaptive conditional sampling, from known points (K, d).
 
@@ -113,10 +118,10 @@ STARTS = 5
 class Analysis:
     """Result of a reliability analysis."""
 
-    estimates: tuple[Estimate, ...]  # of each requirement; with several one more: that any is violated
+    estimates: tuple[ProbabilityEstimate, ...]  # of each requirement; with several one more: that any is violated
     design_points: tuple[DesignPoint, ...]  # of all requirements, nearest first
     sampled: Sampled  # the samples of the estimates
-    ledger: Ledger  # all computed realisations
+    ledger: LimitStateLedger  # all computed realisations
     notes: tuple[str, ...]  # statements for the reader
     dependent: bool = False  # whether samples depend on each other, so that they give no standard error
     used: Proposal | None = None  # last proposal; None where no violation was found
@@ -136,7 +141,7 @@ def analyse(
     `method` "form" omits the splitting, by which "auto" finds violations that no search finds; `target` is the
     coefficient of variation at which sampling ends.
     """
-    ledger = Ledger(limit, dimension, most)
+    ledger = LimitStateLedger(limit, dimension, most)
     pilot = generator.standard_normal((PILOT, dimension))
     margins = ledger(pilot)
     requirements = margins.shape[1]
@@ -164,7 +169,7 @@ def analyse(
     return Analysis(tuple(estimates), tuple(points), sampled, ledger, tuple(notes), used=used)
 
 
-def _design_points(ledger: Ledger, origin: Array, requirements: int) -> list[DesignPoint]:
+def _design_points(ledger: LimitStateLedger, origin: Array, requirements: int) -> list[DesignPoint]:
     """Search from where rays through known points seem to meet the limits soonest."""
     known, margins = ledger.points, ledger.margins
     affordable = ledger.left / 3 / (requirements * (ledger.dimension + 8))
@@ -180,7 +185,7 @@ def _design_points(ledger: Ledger, origin: Array, requirements: int) -> list[Des
     return distinct(search(ledger, np.concatenate(begin), np.array(which), origin))
 
 
-def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: Ledger) -> list[Region]:
+def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: LimitStateLedger) -> list[Region]:
     """Return the regions of design points, of violations that lie elsewhere, and a round one of each requirement."""
     regions: list[Region] = []
     known, margins = ledger.points, ledger.margins
@@ -205,7 +210,7 @@ def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: Led
     return regions
 
 
-def _plain(ledger: Ledger, generator: np.random.Generator) -> Sampled:
+def _plain(ledger: LimitStateLedger, generator: np.random.Generator) -> Sampled:
     """Sample the standard normal distribution, where no violation is in sight."""
     first = ledger.count
     points = generator.standard_normal((ledger.left, ledger.dimension))
@@ -214,7 +219,7 @@ def _plain(ledger: Ledger, generator: np.random.Generator) -> Sampled:
 
 def _estimates(
     sampled: Sampled, used: Proposal | None, pilot: Array, levels: list[Levels | None], notes: list[str]
-) -> list[Estimate]:
+) -> list[ProbabilityEstimate]:
     margins, failures = with_any(sampled.margins), sampled.failures
     # of the mixture, the standard part's samples are samples of the standard distribution, as the pilot is
     share = 1.0 if used is None else float(used.mixture.weights[0])
@@ -231,11 +236,11 @@ def _estimates(
         # any is at least as likely as each
         last = found[-1]
         upper = min(max(last.upper, max(one.upper for one in found[:-1])), 1.0)
-        found[-1] = Estimate(last.probability, last.error, last.lower, upper)
+        found[-1] = ProbabilityEstimate(last.probability, last.error, last.lower, upper)
     return found
 
 
-def _checked(one: Estimate, level: Levels, column: int, notes: list[str]) -> Estimate:
+def _checked(one: ProbabilityEstimate, level: Levels, column: int, notes: list[str]) -> ProbabilityEstimate:
     """Widen an interval that splitting contradicts: there may be violations which the proposal does not see."""
     spread = float(np.exp(norm.ppf(0.995) * np.sqrt(np.log1p((1.3 * level.cov) ** 2))))
     if level.probability / spread <= one.upper:
@@ -244,4 +249,4 @@ def _checked(one: Estimate, level: Levels, column: int, notes: list[str]) -> Est
         f"importance sampling gives {one.probability:.3g} for margin {column + 1}, splitting {level.probability:.3g}: "
         "there are violations that the former does not see, and the interval holds both"
     )
-    return Estimate(one.probability, one.error, one.lower, min(level.probability * spread, 1.0))
+    return ProbabilityEstimate(one.probability, one.error, one.lower, min(level.probability * spread, 1.0))

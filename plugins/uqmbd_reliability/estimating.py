@@ -10,7 +10,7 @@ from scipy.stats import beta as beta_distribution
 
 from uqmbd.typing import Array
 
-__all__ = ["Estimate", "derivatives", "estimate", "failing", "tail_index", "weighted_bound", "with_any"]
+__all__ = ["ProbabilityEstimate", "derivatives", "estimate", "failing", "tail_index", "weighted_bound", "with_any"]
 
 
 CONFIDENCE = 0.95
@@ -22,7 +22,7 @@ HEAVY = 0.4
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ProbabilityEstimate:
     """A probability, its standard error, and its interval of 95 %."""
 
     probability: float
@@ -72,7 +72,7 @@ def tail_index(weights: Array) -> float:
     return float((np.log1p(-mean * x).mean() * tail + 5) / (tail + 10))
 
 
-def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int, int] = (0, 0)) -> Estimate:
+def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int, int] = (0, 0)) -> ProbabilityEstimate:
     """Return the probability of violation from weights (N,) of the samples that violate, and of those that fail.
 
     Weights of other samples are zero. The probability is that of the realisations that do not fail; the interval holds
@@ -85,7 +85,7 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
     mean = float(violations.mean())
     share = mean / (1.0 - lost) if lost < 1.0 else 1.0
     error = float(violations.std(ddof=1)) / np.sqrt(len(violations)) / max(1.0 - lost, 1e-12)
-    return Estimate(min(max(share, low), high), error, low, high)
+    return ProbabilityEstimate(min(max(share, low), high), error, low, high)
 
 
 def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.typing import Array, Index
-from uqmbd_reliability.ledger import Ledger
-from uqmbd_reliability.mixtures import Mixture
+from uqmbd_reliability.ledger import LimitStateLedger
+from uqmbd_reliability.mixtures import WeightedMixture
 from uqmbd_reliability.proposals import Proposal, Region, adapted, around_points, proposal
 
 __all__ = ["Sampled", "adapt", "coefficients", "sample"]
@@ -51,13 +51,13 @@ def coefficients(weights: Array) -> Array:
     return np.where(mean > 0, found, np.inf)
 
 
-def adapt(ledger: Ledger, begin: Proposal, requirements: int, generator: np.random.Generator) -> Proposal:
+def adapt(ledger: LimitStateLedger, begin: Proposal, requirements: int, generator: np.random.Generator) -> Proposal:
     """Sample pilots, and adapt the proposal to the violations of all of them.
 
     It ends as soon as a pilot is so good that better ones would not pay for themselves.
     """
     current = begin
-    used: list[Mixture] = []
+    used: list[WeightedMixture] = []
     points, margins = np.zeros((0, ledger.dimension)), np.zeros((0, requirements))
     for _ in range(ROUNDS):
         if ledger.left < 3 * PILOT:
@@ -82,7 +82,7 @@ def adapt(ledger: Ledger, begin: Proposal, requirements: int, generator: np.rand
 
 
 def sample(
-    ledger: Ledger, begin: Proposal, requirements: int, target: float, generator: np.random.Generator
+    ledger: LimitStateLedger, begin: Proposal, requirements: int, target: float, generator: np.random.Generator
 ) -> tuple[Proposal, Sampled]:
     """Sample until all requirements have the coefficient of variation that is wanted, or the ledger is full.
 

@@ -26,9 +26,9 @@ from scipy.special import chdtri, ndtr
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_reliability.analysis import Analysis, analyse
-from uqmbd_reliability.estimating import Estimate, failing, with_any
+from uqmbd_reliability.estimating import ProbabilityEstimate, failing, with_any
 from uqmbd_reliability.importance import Sampled
-from uqmbd_reliability.ledger import Ledger, LimitState
+from uqmbd_reliability.ledger import LimitState, LimitStateLedger
 from uqmbd_reliability.proposals import Proposal
 
 __all__ = ["FIRST", "gaussian_processes", "learn"]
@@ -79,11 +79,11 @@ def learn(
     Other arguments are those of `analyse`; `most` counts real realisations. Return None where the surrogate has no
     violation at all and is therefore useless.
     """
-    ledger = Ledger(limit, dimension, most)
+    ledger = LimitStateLedger(limit, dimension, most)
     ledger(generator.standard_normal((FIRST, dimension)))
     free, population = None, None
     for cycle in range(CYCLES):
-        corrected = _Corrected.of(predict, ledger)
+        corrected = _CorrectedSurrogate.of(predict, ledger)
         found = analyse(
             lambda u, by=corrected: (by(u), np.zeros(len(u), dtype=bool)),  # type: ignore[misc] # bound in the loop
             dimension,
@@ -103,7 +103,7 @@ def learn(
 
 
 @dataclass(frozen=True, eq=False)
-class _Corrected:
+class _CorrectedSurrogate:
     """A surrogate, and Gaussian processes of what it leaves of real margins; None where too few are known."""
 
     predict: Callable[[Array], Array]
@@ -111,7 +111,7 @@ class _Corrected:
     scales: tuple[float, ...]
 
     @classmethod
-    def of(cls, predict: Callable[[Array], Array], ledger: Ledger) -> _Corrected:
+    def of(cls, predict: Callable[[Array], Array], ledger: LimitStateLedger) -> _CorrectedSurrogate:
         """Fit to all that was computed."""
         gaussian, kernels, exceptions = gaussian_processes()
         known = ledger.points
@@ -151,7 +151,7 @@ class _Corrected:
         return found
 
 
-def _population(used: Proposal, corrected: _Corrected, generator: np.random.Generator) -> _Population:
+def _population(used: Proposal, corrected: _CorrectedSurrogate, generator: np.random.Generator) -> _Population:
     points = used.mixture.sample(POPULATION, generator)
     ratio, predicted = used.mixture.ratio(points), corrected(points)
     doubt = corrected.doubt(points, predicted)
@@ -163,13 +163,13 @@ def _population(used: Proposal, corrected: _Corrected, generator: np.random.Gene
 
 
 def _verified(
-    free: Analysis, ledger: Ledger, population: _Population, target: float, generator: np.random.Generator
+    free: Analysis, ledger: LimitStateLedger, population: _Population, target: float, generator: np.random.Generator
 ) -> Analysis:
     """Draw real realisations with the surrogate frozen, until the probabilities are known as well as is wanted."""
     drawn = np.zeros(0, dtype=np.int64)
     rows = np.zeros(0, dtype=np.int64)
     place: dict[int, int] = {}
-    estimates: list[Estimate] = []
+    estimates: list[ProbabilityEstimate] = []
     lost = int(np.isnan(ledger.margins[:FIRST, 0]).sum())
     while ledger.left > 0:
         more = generator.choice(len(population.points), min(2 * BATCH, ledger.left), p=population.drawn)
@@ -197,11 +197,11 @@ def _verified(
     return Analysis(tuple(estimates), free.design_points, sampled, ledger, notes, used=free.used)
 
 
-def _settled(one: Estimate, target: float) -> bool:
+def _settled(one: ProbabilityEstimate, target: float) -> bool:
     return one.probability > 0 and one.upper - one.lower < 2 * 1.96 * target * one.probability
 
 
-def _estimates(population: _Population, drawn: Index, margins: Array, lost: int) -> list[Estimate]:
+def _estimates(population: _Population, drawn: Index, margins: Array, lost: int) -> list[ProbabilityEstimate]:
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
     real, guess = with_any(margins), with_any(population.predicted)
     doubt = with_any(-population.doubt)  # the largest of all stands for any
@@ -221,7 +221,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
         error = float(np.hypot(_error(counted), _error(missed - false)))
         low, high = _combined(mean, counted, missed, false, most)
         high = min(high + most_gone, 1.0)
-        found.append(Estimate(min(max(mean / kept, low), high), error / kept, low, high))
+        found.append(ProbabilityEstimate(min(max(mean / kept, low), high), error / kept, low, high))
     return found
 
 

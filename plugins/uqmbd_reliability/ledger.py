@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uqmbd.typing import Array
 
-__all__ = ["Exhausted", "Ledger", "LimitState"]
+__all__ = ["BudgetExhausted", "LimitStateLedger", "LimitState"]
 
 
 LimitState = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
@@ -18,11 +18,11 @@ LimitState = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
 A margin below zero is a violation.  Margins of failed realisations do not matter."""
 
 
-class Exhausted(Exception):
+class BudgetExhausted(Exception):
     """The realisations that were allowed are spent."""
 
 
-class Ledger:
+class LimitStateLedger:
     """Limit state with a budget of `most` realisations, that stores all points and margins."""
 
     def __init__(self, limit: LimitState, dimension: int, most: int) -> None:
@@ -37,7 +37,7 @@ class Ledger:
         Raise Exhausted, without computing any, if more realisations are requested than are left.
         """
         if len(points) > self.left:
-            raise Exhausted
+            raise BudgetExhausted
         margins, failed = self._limit(points)
         # what is not finite downwards or no number is a failure; infinite upwards is safe: nothing has happened yet
         found = np.where(failed[:, None] | np.isnan(margins), np.nan, margins)

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from uqmbd.typing import Array
 
-__all__ = ["Mixture", "Normal", "Outside", "standard_log_density"]
+__all__ = ["WeightedMixture", "Normal", "Outside", "standard_log_density"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +87,14 @@ class Outside:
 
 
 @dataclass(frozen=True, eq=False)
-class Mixture:
+class WeightedMixture:
     """Mixture of distributions with weights."""
 
     parts: tuple[Normal | Outside, ...]
     weights: Array
 
     @classmethod
-    def of(cls, parts: Sequence[Normal | Outside], weights: Sequence[float] | Array) -> Mixture:
+    def of(cls, parts: Sequence[Normal | Outside], weights: Sequence[float] | Array) -> WeightedMixture:
         """Return a mixture whose weights add up to one."""
         given = np.asarray(weights, dtype=float)
         return cls(tuple(parts), given / given.sum())

@@ -29,7 +29,7 @@ from uqmbd_reliability.subset import MISSING, available, subset
 __all__ = ["Reliability"]
 
 
-class Known(Protocol):
+class MarginSource(Protocol):
     """Margins of realisations, as they are given beside outputs, and alone."""
 
     @property
@@ -42,7 +42,7 @@ class Known(Protocol):
     def messages(self) -> tuple[str, ...]: ...
 
 
-class Runs:
+class MarginRuns:
     """Margins of chosen requirements, computed on request."""
 
     def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
@@ -65,7 +65,7 @@ class Runs:
             self.counters.update(self.pilot.counters)
             self.wall_time += self.pilot.wall_time
             # computed beside the outputs, and not again
-            found: Known = self.pilot.margins or self._problem.margins(inputs)
+            found: MarginSource = self.pilot.margins or self._problem.margins(inputs)
         else:
             found = more = self._problem.margins(inputs)
             self.counters.update(more.counters)
@@ -256,7 +256,7 @@ class Reliability(uqmbd.extend.Propagator):
         if not problem.answers_requirements:
             return self._without(problem, space)
         chosen = list(range(len(names))) if self.requirement is None else [names.index(self.requirement)]
-        runs = Runs(problem, space, chosen)
+        runs = MarginRuns(problem, space, chosen)
         predicted = None if self.surrogate is None else predictor(self.surrogate, problem, space, chosen)
         found = self._analyse(runs, space.dimension, predicted)
         attrs = self._told(problem, runs, found, requirement_names([names[k] for k in chosen]))
@@ -272,7 +272,7 @@ class Reliability(uqmbd.extend.Propagator):
         assert pilot is not None
         return self._node(problem, pilot, attrs, runs, {"requirements": data}, predicted)
 
-    def _analyse(self, runs: Runs, dimension: int, predicted: Predictor | None) -> Analysis:
+    def _analyse(self, runs: MarginRuns, dimension: int, predicted: Predictor | None) -> Analysis:
         if self.method == "subset":
             return subset(runs, dimension, most=self.max_realisations, seed=self.seed)
         generator, target, most = np.random.default_rng(self.seed), self.target_cov, self.max_realisations
@@ -326,7 +326,7 @@ class Reliability(uqmbd.extend.Propagator):
         problem: uqmbd.extend.Problem,
         pilot: uqmbd.extend.Realisations,
         attrs: dict[str, Any],
-        runs: Runs | None,
+        runs: MarginRuns | None,
         children: dict[str, xr.Dataset],
         predicted: Predictor | None = None,
     ) -> xr.DataTree:
@@ -365,7 +365,7 @@ class Reliability(uqmbd.extend.Propagator):
         )
 
     def _told(
-        self, problem: uqmbd.extend.Problem, runs: Runs, found: Analysis, names: tuple[str, ...]
+        self, problem: uqmbd.extend.Problem, runs: MarginRuns, found: Analysis, names: tuple[str, ...]
     ) -> dict[str, Any]:
         """Say in words what was done, and warn where it is not what was asked for."""
         counted = len(found.sampled.points)

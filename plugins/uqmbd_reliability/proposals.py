@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from uqmbd.typing import Array
-from uqmbd_reliability.mixtures import Mixture, Normal, Outside
+from uqmbd_reliability.mixtures import Normal, Outside, WeightedMixture
 from uqmbd_reliability.searching import DesignPoint
 
 __all__ = ["Proposal", "Region", "adapted", "around_points", "from_design_point", "proposal", "round_region"]
@@ -44,7 +44,7 @@ class Region:
 class Proposal:
     """A mixture, and what its parts are for: first the standard normal one, then sharp and blunt of each region."""
 
-    mixture: Mixture
+    mixture: WeightedMixture
     regions: tuple[Region, ...]
 
 
@@ -104,7 +104,7 @@ def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) ->
     for region, part in zip(regions, parts, strict=True):
         listed += [region.sharp, region.blunt]
         weights += [(1.0 - BLUNT) * part, BLUNT * part]
-    return Proposal(Mixture.of(listed, weights), tuple(regions))
+    return Proposal(WeightedMixture.of(listed, weights), tuple(regions))
 
 
 def adapted(old: Proposal, points: Array, weights: Array) -> Proposal:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_reliability.ledger import Exhausted, Ledger
+from uqmbd_reliability.ledger import BudgetExhausted, LimitStateLedger
 
 __all__ = ["DesignPoint", "distinct", "search", "starts"]
 
@@ -64,14 +64,14 @@ def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
     return np.array([points[k] * s for k, s in zip(chosen, scale, strict=True)]).reshape(-1, points.shape[1])
 
 
-def search(ledger: Ledger, begin: Array, requirement: Array, origin: Array) -> list[DesignPoint]:
+def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: Array) -> list[DesignPoint]:
     """Search design points from all starts (S, d) together.
 
     Steps are those of Hasofer, Lind, Rackwitz and Fiessler with backtracking. `requirement` (S,) is the index of the
     margin for each start, `origin` (requirement,) holds the margins of the origin. Several searches may end at the same
     point.
     """
-    paths = [_Path(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
+    paths = [_SearchPath(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
     for _ in range(ROUNDS):
         going = [path for path in paths if not path.done]
         asked = [path.asked() for path in going]
@@ -79,7 +79,7 @@ def search(ledger: Ledger, begin: Array, requirement: Array, origin: Array) -> l
             break
         try:
             found = ledger(np.concatenate(asked))
-        except Exhausted:
+        except BudgetExhausted:
             break
         edges = np.cumsum([0, *map(len, asked)])
         for path, low, high in zip(going, edges, edges[1:], strict=False):
@@ -92,7 +92,7 @@ def search(ledger: Ledger, begin: Array, requirement: Array, origin: Array) -> l
     return ended
 
 
-class _Path:
+class _SearchPath:
     """One search: what it asks for next, and what it makes of the answer."""
 
     def __init__(self, begin: Array, requirement: int) -> None:

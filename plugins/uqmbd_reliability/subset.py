@@ -11,9 +11,9 @@ from scipy.stats import norm
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_reliability.analysis import Analysis
-from uqmbd_reliability.estimating import Estimate, failing
+from uqmbd_reliability.estimating import ProbabilityEstimate, failing
 from uqmbd_reliability.importance import Sampled
-from uqmbd_reliability.ledger import Exhausted, Ledger, LimitState
+from uqmbd_reliability.ledger import BudgetExhausted, LimitState, LimitStateLedger
 
 __all__ = ["MISSING", "available", "subset"]
 
@@ -46,7 +46,7 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
     """
     import openturns as ot
 
-    ledger = Ledger(limit, dimension, most)
+    ledger = LimitStateLedger(limit, dimension, most)
     seen: dict[bytes, int] = {}
     trouble: list[BaseException] = []
 
@@ -77,7 +77,7 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
     except Exception as error:
         if not trouble:
             raise uqmbd.IntegrationError(f"OpenTURNS's subset simulation: {error}; take method='auto'.") from error
-        if not isinstance(trouble[0], Exhausted):
+        if not isinstance(trouble[0], BudgetExhausted):
             raise trouble[0] from None
         raise uqmbd.IntegrationError(
             f"OpenTURNS's subset simulation needs more than the {most} realisations that are allowed; increase "
@@ -93,7 +93,7 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
     # the points of the first level are standard normal ones: what is lost is counted among them
     lost, most_lost = failing(np.zeros(0), LEAST, int(np.isnan(ledger.margins[:LEAST, 0]).sum()))
     known = max(1.0 - lost, 1e-12)
-    one = Estimate(
+    one = ProbabilityEstimate(
         min(probability / known, 1.0),
         cov * probability / known,
         probability / factor,

@@ -16,7 +16,7 @@ from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.results import Status
 from uqmbd_collocation import Collocation
 from uqmbd_collocation.plans import Plans
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
 FAMILIES = {
     "hermite": chaospy.Normal(1, 2),
@@ -65,7 +65,7 @@ def planned(space, **options):
 
 def fitted(space, function, **options):
     """The fit of a function of inputs (K, d)."""
-    return planned(space, **options).fit(Runs(Source(function), space))
+    return planned(space, **options).fit(CollocationRuns(Source(function), space))
 
 
 def moments(fit):

@@ -12,7 +12,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.extend import statistics_dataset
 from uqmbd.results import propagator_node, validate
-from uqmbd.testing.propagators.executors import Recorder
+from uqmbd.testing.propagators.executors import RecordingExecutor
 from uqmbd.wording import format_percent
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
@@ -121,7 +121,7 @@ def test_same_bits_for_any_number_of_workers_and_after_a_resume(springs, tmp_pat
     propagators = [MonteCarlo(samples=150, seed=1), Collocation(order=2)]
     study = uqmbd.Study("s", springs, TIMES, propagators)
     # it pickles what it is given, as another process would have it
-    alone, two = study.run(1), study.run(Recorder())
+    alone, two = study.run(1), study.run(RecordingExecutor())
 
     class Stop(BaseException):
         pass
@@ -141,7 +141,7 @@ def test_same_bits_for_any_number_of_workers_and_after_a_resume(springs, tmp_pat
         study.run(1, progress=AtTheSecond(), folder=tmp_path)
     kept = {path.parent.name for path in tmp_path.rglob("*.npz")}
     assert len(kept) == 2, "the second integration is kept beside the samples"
-    resumed = study.run(Recorder(), folder=tmp_path, resume=True)
+    resumed = study.run(RecordingExecutor(), folder=tmp_path, resume=True)
     for label in ("monte-carlo", "collocation"):
         first = alone[f"{label}/statistics/integration_error"].values
         assert np.isfinite(first).all() and first.max() > 0

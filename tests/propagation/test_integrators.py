@@ -11,7 +11,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics.integrators import capabilities_of, integrate
-from uqmbd.testing.propagators.executors import Recorder
+from uqmbd.testing.propagators.executors import RecordingExecutor
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin
@@ -113,7 +113,7 @@ def spring(stiffness=25.0, damping=0.0):
 def test_no_ball_falls_through_the_floor(integrator, tmp_path):
     """Whoever cannot follow events is told before anything is computed, in every way to a result."""
     study = uqmbd.Study("drops", ball(), TIMES, [MonteCarlo(samples=4, seed=1)], integrator=integrator)
-    crew = Recorder()
+    crew = RecordingExecutor()
     ways = [
         lambda: uqmbd.simulate(study.mechanism, TIMES, integrator=integrator),
         lambda: study.run(crew, folder=tmp_path),

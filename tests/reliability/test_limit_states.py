@@ -16,8 +16,8 @@ import uqmbd
 from uqmbd_reliability.analysis import analyse, multilevel
 from uqmbd_reliability.estimating import estimate, tail_index
 from uqmbd_reliability.learning import learn
-from uqmbd_reliability.ledger import Exhausted, Ledger
-from uqmbd_reliability.mixtures import Mixture, Normal, Outside
+from uqmbd_reliability.ledger import BudgetExhausted, LimitStateLedger
+from uqmbd_reliability.mixtures import Normal, Outside, WeightedMixture
 from uqmbd_reliability.subset import subset
 
 SCRIPT = Path(__file__).parents[2] / "studies" / "benchmarks" / "limit_states.py"
@@ -236,8 +236,8 @@ def test_the_budget_is_kept_and_the_interval_is_wide():
     one = found(CASES["two design points"], 5, most=600)
     assert one.ledger.count <= 600
     assert one.estimates[0].lower < CASES["two design points"].probability < one.estimates[0].upper
-    ledger = Ledger(CASES["plane"], 2, 10)
-    with pytest.raises(Exhausted):
+    ledger = LimitStateLedger(CASES["plane"], 2, 10)
+    with pytest.raises(BudgetExhausted):
         ledger(np.zeros((11, 2)))
     assert ledger.count == 0
 
@@ -247,7 +247,7 @@ def test_splitting_alone_has_the_probability():
     logs = []
     for seed in range(30):
         generator = np.random.default_rng(seed)
-        ledger = Ledger(case, 10, 5000)
+        ledger = LimitStateLedger(case, 10, 5000)
         points = generator.standard_normal((150, 10))
         levels = multilevel(ledger, 0, points, ledger(points)[:, 0], generator)
         assert levels.reached
@@ -259,7 +259,7 @@ def test_splitting_alone_has_the_probability():
 def test_the_density_of_a_mixture_is_that_of_its_samples():
     generator = np.random.default_rng(1)
     parts = [Normal.round(np.zeros(3)), Normal(np.array([3.0, 0, 1]), np.eye(3)[:, :1], np.array([[0.25]]), 0.7)]
-    mixture = Mixture.of(parts, [0.3, 0.7])
+    mixture = WeightedMixture.of(parts, [0.3, 0.7])
     points = mixture.sample(40_000, generator)
     ratio = mixture.ratio(points)
     assert ratio.mean() == pytest.approx(1, abs=0.02)
@@ -280,7 +280,7 @@ def test_what_is_outside_a_sphere_is_sampled_as_it_is_distributed(dimension):
     assert np.mean(square > nearest**2) == pytest.approx(0.5, abs=0.03)
     assert np.allclose(points.mean(axis=0) / points.std(axis=0), 0, atol=0.07)
     # its density integrates to one over what it covers: weights of the standard one are its probability
-    assert np.allclose(Mixture.of([part], [1]).ratio(points), 2e-6)
+    assert np.allclose(WeightedMixture.of([part], [1]).ratio(points), 2e-6)
     assert np.isneginf(part.log_density(np.zeros((1, dimension)))).all()
     assert Outside.around(0.1, 40).radius == 0  # nearly all
 

@@ -7,7 +7,7 @@ import pytest
 
 import uqmbd
 from uqmbd.testing.components.bench import Bench
-from uqmbd.testing.components.cases import Case
+from uqmbd.testing.components.cases import ComponentCase
 from uqmbd.testing.components.component import check_broadcasting, check_jacobian
 
 # Ones and zeros are written into the equations, other numbers are parameters: each pattern is another expression.
@@ -27,6 +27,6 @@ def test_body(space, given):
     mechanism = uqmbd.Mechanism("trial", space(gravity=(1.0, -2.0, 0.5)[: space.dimension]))
     body = mechanism.body("body", **given)
     rng = np.random.default_rng(5)
-    bench = Bench.of("body", Case("alone", mechanism, body.terms, free=True), rng)
+    bench = Bench.of("body", ComponentCase("alone", mechanism, body.terms, free=True), rng)
     check_jacobian(bench, rng)
     check_broadcasting(bench, rng)

@@ -12,7 +12,7 @@ from uqmbd.wording import format_duration
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["Board", "State", "Work"]
+__all__ = ["Board", "State", "TaskProgress"]
 
 State = Literal["waiting", "running", "done", "failed", "stopped"]
 
@@ -24,7 +24,7 @@ _STYLES = {"waiting": "dim", "running": "", "done": "green", "failed": "bold red
 
 
 @dataclass
-class Work:
+class TaskProgress:
     """Progress of one task."""
 
     total: int | None = None  # number of steps; None: unknown
@@ -76,7 +76,7 @@ class Work:
 class Board:
     """All tasks, in the order in which they were announced."""
 
-    works: dict[str, Work] = field(default_factory=dict)  # by label
+    works: dict[str, TaskProgress] = field(default_factory=dict)  # by label
     stages: set[str] = field(default_factory=set)  # labels of tasks without a number of steps
     expected: list[str] = field(default_factory=list)  # labels of the announced methods
 
@@ -84,27 +84,27 @@ class Board:
         """Announce methods."""
         self.expected = list(totals)
         for label, total in totals.items():
-            self.works[label] = Work(total, isinstance(total, AtMost))
+            self.works[label] = TaskProgress(total, isinstance(total, AtMost))
 
     def stage(self, label: str, now: float) -> None:
         """Begin work without a number; what came before it is done."""
         self.settle(now)
         self.stages.add(label)
-        self.works[label] = Work(state="running", begin=now)
+        self.works[label] = TaskProgress(state="running", begin=now)
 
     def settle(self, now: float) -> None:
         """End what has no number."""
         for label in tuple(self.stages):
             self.ended(label, "done", now)
 
-    def begun(self, label: str, total: int, now: float) -> Work:
+    def begun(self, label: str, total: int, now: float) -> TaskProgress:
         """Begin work: that which goes on grows, that which has ended starts again."""
         work = self.works.get(label)
         if work is not None and work.state == "running":
             work.total = (work.total or 0) + total
             work.at_most = work.at_most or isinstance(total, AtMost)
         else:
-            work = self.works[label] = Work(int(total), isinstance(total, AtMost), state="running", begin=now)
+            work = self.works[label] = TaskProgress(int(total), isinstance(total, AtMost), state="running", begin=now)
         return work
 
     def moved(self, label: str, count: int) -> None:
@@ -124,20 +124,20 @@ class Board:
         for label in tuple(self.works):
             self.ended(label, "stopped", now)
 
-    def whole(self) -> Work:
+    def whole(self) -> TaskProgress:
         """All methods that were announced, as one piece of work."""
         parts = [self.works[label] for label in self.expected]
         ended = [part.state in ("done", "failed") for part in parts]
         begun = [part.begin for part in parts if part.state != "waiting"]
         if self.counts_methods:
-            found = Work(len(parts), done=sum(ended))
+            found = TaskProgress(len(parts), done=sum(ended))
         else:
             # of what has ended, what there was
             early = [part.state == "failed" or (part.state == "done" and part.at_most) for part in parts]
             totals = [part.done if end else part.total or 0 for part, end in zip(parts, early, strict=True)]
             steps = [total if end else part.done for total, part, end in zip(totals, parts, ended, strict=True)]
             at_most = any(part.at_most and not end for part, end in zip(parts, ended, strict=True))
-            found = Work(sum(totals), at_most, done=sum(steps))
+            found = TaskProgress(sum(totals), at_most, done=sum(steps))
         found.begin, found.end = min(begun, default=0.0), max((p.end for p in parts), default=0.0)
         over: State = "failed" if any(part.state == "failed" for part in parts) else "done"
         found.state = over if all(ended) else "running" if begun else "waiting"
@@ -168,7 +168,7 @@ class Board:
                 self._add(made, "methods" if self.counts_methods else "all methods", self.whole(), now, width)
         return made
 
-    def _add(self, table: Table, label: str, work: Work, now: float, width: int) -> None:
+    def _add(self, table: Table, label: str, work: TaskProgress, now: float, width: int) -> None:
         from rich.progress_bar import ProgressBar
         from rich.text import Text
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
-from uqmbd.progress.board import Board, State, Work
+from uqmbd.progress.board import Board, State, TaskProgress
 from uqmbd.wording import format_count, format_duration
 
 __all__ = ["Lines"]
@@ -69,7 +69,7 @@ class Lines:
         if now - self.last >= max(SOON, LATER * (now - work.begin)):
             self._tell(label, work, now)
 
-    def _tell(self, label: str, work: Work, now: float) -> None:
+    def _tell(self, label: str, work: TaskProgress, now: float) -> None:
         self.last = now
         spent = format_duration(now - work.begin, rough=True)
         if label in self.board.stages:
@@ -95,7 +95,7 @@ class Lines:
         """Write nothing: each line stands by itself."""
 
     def _end(self, label: str, state: State) -> None:
-        work: Work | None = self.board.works.get(label)
+        work: TaskProgress | None = self.board.works.get(label)
         if work is None or work.state not in ("running", "waiting"):
             return
         begun = work.state == "running"

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from uqmbd_calibration.inference.bias import Bias
 from uqmbd_calibration.inference.blocks import FREEDOM, Block
-from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks, climb
 from uqmbd_calibration.inference.identifiability import Direction, combination, directions, expected_covariance
-from uqmbd_calibration.inference.inferring import Check, Inferred, Mode, infer
+from uqmbd_calibration.inference.inferring import Inferred, Mode, PosteriorCheck, infer
 from uqmbd_calibration.inference.points import OperatingPoint
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, prior_surrogate
 from uqmbd_calibration.inference.sampling import Draws, require_sampler, sample
 from uqmbd_calibration.inference.searching import search, spread_over_prior
-from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, Unknown, Unknowns
+from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, UnknownInput, Unknowns
 
 __all__ = [
     "FREEDOM",
     "LEVEL_SPREAD",
     "Bias",
     "Block",
-    "Case",
-    "Check",
+    "MachineRecords",
+    "PosteriorCheck",
     "Direction",
     "Draws",
     "Inferred",
@@ -32,7 +32,7 @@ __all__ = [
     "Posterior",
     "Predictor",
     "PriorSurrogate",
-    "Unknown",
+    "UnknownInput",
     "Unknowns",
     "climb",
     "combination",

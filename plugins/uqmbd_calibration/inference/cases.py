@@ -10,11 +10,11 @@ from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
 from uqmbd_calibration.inference.points import OperatingPoint
 
-__all__ = ["Case"]
+__all__ = ["MachineRecords"]
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class MachineRecords:
     """Records of one machine at one operating point."""
 
     point: OperatingPoint  # the mechanism
@@ -32,7 +32,7 @@ class Case:
         found[:, self.free] = vectors[:, self.columns[self.free]]
         return found
 
-    def part(self, rows: list[Index]) -> Case:
+    def part(self, rows: list[Index]) -> MachineRecords:
         """Return the case of some values of each block."""
         kept = [(block, r) for block, r in zip(self.blocks, rows, strict=True) if len(r)]
         return replace(self, blocks=tuple(block.part(r) for block, r in kept))

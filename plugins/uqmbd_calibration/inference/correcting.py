@@ -15,7 +15,7 @@ import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.posterior import Predictor
 
-__all__ = ["Corrected", "corrected", "enough", "tangent"]
+__all__ = ["CorrectedPredictions", "corrected", "enough", "tangent"]
 
 
 OVER = (1.4, 1.4, 1.4, 2.5)
@@ -26,7 +26,7 @@ EXACT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class CorrectedPredictions:
     """Predictions of a case: a base, and a polynomial about a centre."""
 
     base: Predictor | None  # the surrogate over the prior
@@ -62,7 +62,7 @@ def corrected(
     centre: Array,
     scale: Array,
     measure: Callable[[Array], Array],
-) -> Corrected:
+) -> CorrectedPredictions:
     """Fit a correction.
 
     `base`: predictions over the prior; `points` (K, d): standard normal variables of realisations; `values` (K, n):
@@ -83,7 +83,7 @@ def corrected(
     usable = bool(np.isfinite(predicted).all())
     # as dense as the posterior, with tails; where none is near the nearest ones count
     weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
-    best: tuple[float, Corrected] | None = None
+    best: tuple[float, CorrectedPredictions] | None = None
     for degree, over in enumerate(OVER):
         terms = uqmbd.extend.index_set(len(free), degree, "total")
         if degree and len(near) < over * len(terms) + 1:
@@ -94,7 +94,7 @@ def corrected(
             target = real[near] - (predicted if own is not None else 0.0)
             coefficients, left = _fitted(_basis(local[near], terms), target, np.sqrt(weights))
             scaled = left * np.sqrt(weights / weights.sum())[:, None]
-            found = Corrected(own, free, centre, scale, terms, coefficients, splits, scaled)
+            found = CorrectedPredictions(own, free, centre, scale, terms, coefficients, splits, scaled)
             score = float(np.average(measure(left), weights=weights)) if len(near) > 1 else 0.0
             # a simpler one is taken unless the other is clearly better
             if best is None or (score < 0.8 * best[0] and best[0] > EXACT):
@@ -105,7 +105,7 @@ def corrected(
 
 def tangent(
     base: Predictor, point: Array, values: Sequence[Array], free: Index, centre: Array, scale: Array
-) -> Corrected:
+) -> CorrectedPredictions:
     """Correct a base so that it has given values at a point, and given differences along each free input.
 
     `base`: predictions over the prior; `point` (d,): standard normal variables; `values` (1 + f, n): of each block:
@@ -124,7 +124,7 @@ def tangent(
     for k in range(len(free)):
         coefficients[terms[:, k] == 1] = left[1 + k] - left[0]
     splits = np.cumsum([v.shape[1] for v in values])[:-1]
-    return Corrected(own, free, centre, scale, terms, coefficients, splits, np.zeros((0, real.shape[1])))
+    return CorrectedPredictions(own, free, centre, scale, terms, coefficients, splits, np.zeros((0, real.shape[1])))
 
 
 def enough(inputs: int, degree: int = 2) -> int:

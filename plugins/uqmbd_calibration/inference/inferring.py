@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks
-from uqmbd_calibration.inference.correcting import Corrected
+from uqmbd_calibration.inference.correcting import CorrectedPredictions
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
 from uqmbd_calibration.inference.settling import Mode, settle
 from uqmbd_calibration.inference.unknowns import Unknowns
-from uqmbd_calibration.inference.working import CHECKED, Work, peak_of
+from uqmbd_calibration.inference.working import CHECKED, CalibrationState, peak_of
 
-__all__ = ["Check", "Inferred", "Mode", "infer"]
+__all__ = ["PosteriorCheck", "Inferred", "Mode", "infer"]
 
 
 EVEN, SHIFT = 0.8, 0.1
@@ -29,7 +29,7 @@ WITHIN = 4.0
 
 
 @dataclass(frozen=True)
-class Check:
+class PosteriorCheck:
     """Real realisations at draws of the posterior."""
 
     draws: int  # how many
@@ -58,7 +58,7 @@ class Inferred:
     target: Posterior  # by the last surrogate
     peak: Array  # (N,): its maximum
     draws: Draws  # of the posterior
-    checks: tuple[Check, ...]  # one after another
+    checks: tuple[PosteriorCheck, ...]  # one after another
     modes: tuple[Mode, ...]  # the best first
     widened: bool  # whether the errors of the surrogate are in the likelihood, as they were not small enough in the end
     unseen: int  # maxima of the surrogate, about as likely as the best one, that were not followed on the mechanism
@@ -66,7 +66,7 @@ class Inferred:
 
 def infer(
     unknowns: Unknowns,
-    cases: tuple[Case, ...],
+    cases: tuple[MachineRecords, ...],
     base: tuple[Predictor, ...],
     variances: tuple[list[Array], ...],
     peaks: Peaks,
@@ -83,10 +83,10 @@ def infer(
     prior has maxima, the best first; `draws`, `chains`, `seed`: of the sampler; `mechanism`: whether draws are those
     of the mechanism itself, not of a surrogate.
     """
-    work = Work(unknowns, cases, base, variances)
+    work = CalibrationState(unknowns, cases, base, variances)
     modes, start, unseen = settle(work, peaks)
     seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
-    checks: list[Check] = []
+    checks: list[PosteriorCheck] = []
     peak, factor = peak_of(work.target, start)
     # far out in each direction, and where chance leads in so many dimensions
     about: dict[str, Any] = {"draws": draws, "chains": chains, "within": WITHIN + 3.0 * np.sqrt(len(peak))}
@@ -107,7 +107,7 @@ def infer(
     return Inferred(widened, peak, found, tuple(checks), modes, True, unseen)
 
 
-def _checked(work: Work, found: Draws, seed: int) -> Check:
+def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
     """Weigh draws by the likelihood of the mechanism over that of the surrogate."""
     flat = found.flat
     rows = np.sort(np.random.default_rng(seed).choice(len(flat), CHECKED, replace=False))
@@ -117,7 +117,7 @@ def _checked(work: Work, found: Draws, seed: int) -> Check:
     away = target.log_likelihood(vectors, real) - target.log_likelihood(vectors)
     failed = int(np.count_nonzero(~np.isfinite(away)))
     if failed == len(away):
-        return Check(CHECKED, 0.0, np.inf, np.inf, failed, work.degree)
+        return PosteriorCheck(CHECKED, 0.0, np.inf, np.inf, failed, work.degree)
     weights = np.where(np.isfinite(away), np.exp(away - np.max(away[np.isfinite(away)])), 0.0)
     weights /= weights.sum()
     share = 1.0 / float((weights**2).sum()) / len(weights)
@@ -126,10 +126,10 @@ def _checked(work: Work, found: Draws, seed: int) -> Check:
     shift = np.abs(weights @ scaled - scaled.mean(axis=0)).max()
     ratio = np.sqrt(weights @ (scaled - weights @ scaled) ** 2) / scaled.std(axis=0)
     spread = float(np.maximum(ratio, 1 / np.maximum(ratio, 1e-12)).max())
-    return Check(CHECKED, share, float(shift), spread, failed, work.degree)
+    return PosteriorCheck(CHECKED, share, float(shift), spread, failed, work.degree)
 
 
-def _widened(work: Work) -> Posterior:
+def _widened(work: CalibrationState) -> Posterior:
     """Return the posterior whose likelihood holds the errors of the surrogate.
 
     Those of realisations that are left out; where there are none, what the surrogate over the prior states.
@@ -137,8 +137,12 @@ def _widened(work: Work) -> Posterior:
     cases = []
     for case, predictor, stated in zip(work.cases, work.predictors, work.variances, strict=True):
         blocks = []
-        known = isinstance(predictor, Corrected) and len(predictor.errors) > 1
-        parts = np.split(predictor.errors, predictor.splits, axis=1) if isinstance(predictor, Corrected) else stated
+        known = isinstance(predictor, CorrectedPredictions) and len(predictor.errors) > 1
+        parts = (
+            np.split(predictor.errors, predictor.splits, axis=1)
+            if isinstance(predictor, CorrectedPredictions)
+            else stated
+        )
         for block, own, variance in zip(case.blocks, parts, stated, strict=True):
             if not known:
                 blocks.append(replace(block, variance=block.variance + variance))

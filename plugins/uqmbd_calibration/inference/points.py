@@ -19,7 +19,7 @@ from uqmbd.results import surrogate
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
 
-__all__ = ["Exhausted", "OperatingPoint", "picked"]
+__all__ = ["SearchExhausted", "OperatingPoint", "picked"]
 
 
 def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
@@ -47,12 +47,12 @@ FOLLOWED = 0.05
 """Error of a surrogate, over the largest deviation of an output, at which no other method is tried."""
 
 
-class Exhausted(Exception):
+class SearchExhausted(Exception):
     """The realisations that are allowed are spent."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Asking(uqmbd.extend.Propagator):
+class _NamedPropagator(uqmbd.extend.Propagator):
     """What `Study.problem` is asked for: a name, as calibration computes realisations itself."""
 
     name: ClassVar[str] = "calibration"
@@ -83,7 +83,7 @@ class OperatingPoint:
     ) -> None:
         self.study, self.known, self.most = study, dict(known), most
         self._executor, self._progress = executor, progress
-        asked = study.problem(_Asking(), executor, progress)
+        asked = study.problem(_NamedPropagator(), executor, progress)
         self._moving = asked if moving else None
         self._still = asked.without_time() if still else None
         self.space = asked.germ_space()
@@ -128,7 +128,7 @@ class OperatingPoint:
     def _realised(self, normals: Array) -> tuple[Array, Array]:
         """Return outputs over time, and those without, (K, output, time); NaN where a realisation failed."""
         if len(normals) > self.left:
-            raise Exhausted
+            raise SearchExhausted
         inputs = self.inputs(normals)
         found, failed = [], np.zeros(len(normals), dtype=bool)
         for problem in (self._moving, self._still):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Unknowns
 
 __all__ = ["Linearised", "Posterior", "Predictor"]
@@ -35,7 +35,7 @@ class Posterior:
     """Prior times likelihood, in the standard normal space of the unknowns."""
 
     unknowns: Unknowns  # what the columns of a vector are
-    cases: tuple[Case, ...]  # with their records
+    cases: tuple[MachineRecords, ...]  # with their records
     predictors: tuple[Predictor, ...]  # one for each
 
     def predictions(self, vectors: Array) -> list[list[Array]]:
@@ -118,6 +118,6 @@ class Posterior:
                     hessian[:, at, at] += block.level_information(LEVEL_SPREAD)
         return Linearised(np.where(np.isfinite(cost), cost, np.inf), gradient, hessian)
 
-    def part(self, cases: tuple[Case, ...], predictors: tuple[Predictor, ...]) -> Posterior:
+    def part(self, cases: tuple[MachineRecords, ...], predictors: tuple[Predictor, ...]) -> Posterior:
         """Return that of other data."""
         return Posterior(self.unknowns, cases, predictors)

@@ -13,14 +13,14 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from uqmbd.typing import Array, Index
-from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks, climb, distinct
 from uqmbd_calibration.inference.posterior import Posterior
 
 __all__ = ["Builder", "search", "spread_over_prior"]
 
 
-Builder = Callable[[tuple[Case, ...]], Posterior]
+Builder = Callable[[tuple[MachineRecords, ...]], Posterior]
 """From cases with some of their values to the posterior density by the surrogate over the prior."""
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
@@ -43,7 +43,7 @@ def spread_over_prior(dimension: int, count: int, seed: int) -> Array:
     return np.asarray(norm.ppf(np.clip(points, 1e-9, 1 - 1e-9)))
 
 
-def search(build: Builder, cases: tuple[Case, ...], dimension: int, width: int, seed: int) -> Peaks:
+def search(build: Builder, cases: tuple[MachineRecords, ...], dimension: int, width: int, seed: int) -> Peaks:
     """Return maxima over all the time, the best one first.
 
     `build`: makes the posterior density of some of the values; `dimension`: of the unknown inputs; `width`: of the
@@ -66,14 +66,14 @@ def search(build: Builder, cases: tuple[Case, ...], dimension: int, width: int, 
     return peaks
 
 
-def _ends(cases: tuple[Case, ...]) -> tuple[float, float]:
+def _ends(cases: tuple[MachineRecords, ...]) -> tuple[float, float]:
     times = [block.times for case in cases for block in case.blocks if not block.timeless]
     if not times:
         return 0.0, 0.0
     return min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
 
 
-def _windows(cases: tuple[Case, ...], dimension: int) -> list[float]:
+def _windows(cases: tuple[MachineRecords, ...], dimension: int) -> list[float]:
     """Return the ends of windows, s: those that hold enough values, and the last."""
     begin, end = _ends(cases)
     ends = [begin + part * (end - begin) for part in WINDOWS[:-1]] if end > begin else []

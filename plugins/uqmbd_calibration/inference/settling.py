@@ -15,7 +15,7 @@ import numpy as np
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.climbing import Peaks, climb
 from uqmbd_calibration.inference.posterior import Predictor
-from uqmbd_calibration.inference.working import CHECKED, Work
+from uqmbd_calibration.inference.working import CHECKED, CalibrationState
 
 __all__ = ["Mode", "settle"]
 
@@ -76,7 +76,7 @@ class _Followed:
         return bool(away @ self.hessian @ away < 1.0)
 
 
-def settle(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
+def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
     """Follow the best maxima of the surrogate on the mechanism; the predictions are moved to the best of them.
 
     Returns the maxima, the best first, the vector (N,) to start from, and the number of maxima of the surrogate that
@@ -108,7 +108,7 @@ def settle(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
     return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
 
 
-def _followed(work: Work, start: _Computed, best: float) -> _Followed:
+def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followed:
     """Climb from a realisation to a maximum; another maximum whose cost is `best` ends what stays far above it."""
     at, width, exact, tested, possible, settled = start, WIDEST, False, False, True, False
     inputs = len(work.unknowns.inputs)
@@ -152,7 +152,7 @@ def _followed(work: Work, start: _Computed, best: float) -> _Followed:
     return _Followed(Mode(place, -cost, mass), at, peak.hessian[0], list(work.predictors))
 
 
-def _computed(work: Work, vector: Array) -> _Computed:
+def _computed(work: CalibrationState, vector: Array) -> _Computed:
     """Compute the realisations of a vector (N,); its noise levels become the most probable ones."""
     real = work.run(vector[None])
     target = work.target
@@ -162,7 +162,7 @@ def _computed(work: Work, vector: Array) -> _Computed:
     return _Computed(vector, real, -density)
 
 
-def _differences(work: Work, at: _Computed, hessian: Array) -> bool:
+def _differences(work: CalibrationState, at: _Computed, hessian: Array) -> bool:
     """Give the predictions the slopes of the mechanism at a point; return whether they could be computed.
 
     An input that machines do not share is moved for all of them at once.

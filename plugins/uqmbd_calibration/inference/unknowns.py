@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["LEVEL_SPREAD", "Level", "Unknown", "Unknowns"]
+__all__ = ["LEVEL_SPREAD", "Level", "UnknownInput", "Unknowns"]
 
 
 LEVEL_SPREAD = 3.0
@@ -16,7 +16,7 @@ LEVEL_SPREAD = 3.0
 
 
 @dataclass(frozen=True)
-class Unknown:
+class UnknownInput:
     """An input whose value is to be found, of all machines or of one."""
 
     name: str  # ``stiffness``, or ``stiffness[rig 2]`` of one machine
@@ -43,7 +43,7 @@ class Level:
 class Unknowns:
     """All that is unknown, as one vector of independent standard normal variables: inputs, coefficients, levels."""
 
-    inputs: tuple[Unknown, ...]
+    inputs: tuple[UnknownInput, ...]
     coefficients: int
     levels: tuple[Level, ...]
 

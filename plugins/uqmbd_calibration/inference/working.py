@@ -11,16 +11,16 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.blocks import FREEDOM
-from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import REACH, climb
-from uqmbd_calibration.inference.correcting import Corrected, corrected, enough, tangent
-from uqmbd_calibration.inference.points import Exhausted
+from uqmbd_calibration.inference.correcting import CorrectedPredictions, corrected, enough, tangent
+from uqmbd_calibration.inference.points import SearchExhausted
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
 from uqmbd_calibration.inference.searching import spread_over_prior
 from uqmbd_calibration.inference.unknowns import Unknowns
 
-__all__ = ["CHECKED", "Work", "peak_of"]
+__all__ = ["CHECKED", "CalibrationState", "peak_of"]
 
 
 CHECKED = 24
@@ -37,11 +37,11 @@ NEAR, FOLLOWED = 1.5, 6
 
 
 @dataclass(eq=False)
-class Work:
+class CalibrationState:
     """The cases with what is known of them so far."""
 
     unknowns: Unknowns
-    cases: tuple[Case, ...]
+    cases: tuple[MachineRecords, ...]
     base: tuple[Predictor, ...]
     variances: tuple[list[Array], ...]
     predictors: list[Predictor] = field(default_factory=list)
@@ -140,7 +140,7 @@ class Work:
     def draw(self, peak: Array, factor: Array, *, draws: int, chains: int, seed: int) -> Draws:
         """Draw from the posterior of the mechanism: each ensemble proposes stacks of realisations."""
 
-        def real(case: Case) -> Predictor:
+        def real(case: MachineRecords) -> Predictor:
             return lambda normals: case.point.passing(normals, case.blocks)
 
         target = Posterior(self.unknowns, self.cases, tuple(real(case) for case in self.cases))
@@ -155,7 +155,7 @@ class Work:
         steps: dict[str, Any] = {"walkers": STACK, "burn": BURNED, "block": STEPS, "affordable": self.affordable}
         try:
             return sample(target.log_density, peak, factor, **about, **steps)
-        except Exhausted:
+        except SearchExhausted:
             raise uqmbd.StudyError(
                 "calibrate: the realisations were spent before the chains had started; many of them failed."
             ) from None
@@ -185,7 +185,7 @@ class Work:
     @property
     def degree(self) -> int | None:
         """Highest degree of the corrections."""
-        degrees = [p.degree for p in self.predictors if isinstance(p, Corrected)]
+        degrees = [p.degree for p in self.predictors if isinstance(p, CorrectedPredictions)]
         return max(degrees, default=None)
 
 

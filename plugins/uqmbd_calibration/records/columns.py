@@ -10,10 +10,10 @@ from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.units import same_units
 from uqmbd_calibration.records.wording import check_mapping, check_units, near
 
-__all__ = ["Column", "series_of"]
+__all__ = ["OutputColumn", "series_of"]
 
 
-class Column(NamedTuple):
+class OutputColumn(NamedTuple):
     """Values of one output as they are found."""
 
     output: str
@@ -24,7 +24,7 @@ class Column(NamedTuple):
 
 
 def series_of(
-    columns: Sequence[Column],
+    columns: Sequence[OutputColumn],
     units: Mapping[str, str] | None,
     noise: Mapping[str, float] | None,
     outputs: Collection[str] | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import uqmbd
-from uqmbd_calibration.records.columns import Column
+from uqmbd_calibration.records.columns import OutputColumn
 from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.units import seconds
 from uqmbd_calibration.records.wording import check_name, short
@@ -35,7 +35,7 @@ def read_dataset(path: Path) -> xr.Dataset:
         raise uqmbd.StudyError(f"{path}: this is no netCDF file that can be read: {reason[:300]}") from error
 
 
-def dataset_columns(dataset: xr.Dataset, where: str) -> list[Column]:
+def dataset_columns(dataset: xr.Dataset, where: str) -> list[OutputColumn]:
     """Return the variables of a dataset, each with the times of its one dimension, if it has times."""
     columns = []
     for key, variable in dataset.data_vars.items():
@@ -61,7 +61,7 @@ def dataset_columns(dataset: xr.Dataset, where: str) -> list[Column]:
             raise uqmbd.StudyError(
                 f"{where}: the attribute units of variable {name!r} is {short(units)}; expected a text."
             )
-        columns.append(Column(name, times, np.atleast_1d(variable.values), units, variable.attrs.get("noise")))
+        columns.append(OutputColumn(name, times, np.atleast_1d(variable.values), units, variable.attrs.get("noise")))
     if not columns:
         raise uqmbd.StudyError(f"{where}: there are no variables; expected one for each output that was measured.")
     return columns

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import uqmbd
-from uqmbd_calibration.records.columns import Column
+from uqmbd_calibration.records.columns import OutputColumn
 from uqmbd_calibration.records.datasets import dataset_attributes, dataset_columns, read_dataset
 from uqmbd_calibration.records.units import seconds
 from uqmbd_calibration.records.wording import check_name, short
@@ -23,7 +23,7 @@ __all__ = ["outputs_in", "read_columns"]
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<units>[^\[\]]*)\])?", re.S)
 
 
-def csv_columns(path: Path) -> list[Column]:
+def csv_columns(path: Path) -> list[OutputColumn]:
     """Read the columns of a CSV file: the header names them, and may say their units, as in ``angle [rad]``.
 
     A column ``time`` or ``time [s]`` holds the times of all others; without one, they are outputs without a time.
@@ -61,7 +61,7 @@ def csv_columns(path: Path) -> list[Column]:
     if not columns:
         raise uqmbd.StudyError(f"{path}, line {number}: there is no column besides the times.")
     stated = dict(heads)
-    return [Column(name, times, values, stated[name]) for name, values in columns.items()]
+    return [OutputColumn(name, times, values, stated[name]) for name, values in columns.items()]
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
@@ -139,7 +139,7 @@ TABLES = (".csv", ".tsv", ".txt")
 NETCDF = (".nc", ".nc4")
 
 
-def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[Column], dict[str, Any]]:
+def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[OutputColumn], dict[str, Any]]:
     """Read the columns of a file, and what it says of the record as a whole.
 
     Raise StudyError if it cannot be read.

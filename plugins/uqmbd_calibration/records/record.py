@@ -13,7 +13,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.records.agreement import check_against
-from uqmbd_calibration.records.columns import Column, series_of
+from uqmbd_calibration.records.columns import OutputColumn, series_of
 from uqmbd_calibration.records.datasets import dataset_attributes, dataset_columns, dataset_of
 from uqmbd_calibration.records.reading import read_columns
 from uqmbd_calibration.records.series import Series
@@ -285,7 +285,7 @@ class Record:
 
 
 def _record(
-    columns: Sequence[Column],
+    columns: Sequence[OutputColumn],
     about: Mapping[str, Any],
     name: str | None,
     where: str,

@@ -29,7 +29,7 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import warn_of_failures
 from uqmbd_collocation.refinement import Limits
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 
 __all__ = ["Alignment", "align"]
 
@@ -48,7 +48,7 @@ LATE = 1e-12
 
 
 @dataclass
-class _Elements(ElementFits):
+class _AlignedElements(ElementFits):
     """Elements between landmarks."""
 
     source: Paths
@@ -78,7 +78,7 @@ class _Elements(ElementFits):
         sequence = Counter(sequences).most_common(1)[0][0]
         lost = float(np.mean([other != sequence for other in sequences]))
         watching = Watching(problem, paths)
-        verified = Runs(watching, local)
+        verified = CollocationRuns(watching, local)
         verification = self._known(box, points) or verified.verification(points)
         if (elsewhere := watching.elsewhere(sequence)).any():
             share, count = _share(verified, points, elsewhere), len(verification)
@@ -89,7 +89,7 @@ class _Elements(ElementFits):
         cutting = paths.cutting(local, nodes, spread, sequence)
         for extension in range(EXTENSIONS):
             aligned = AlignedProblem(problem, cutting.cut, len(cutting.labels), paths.points)
-            runs = Runs(aligned, local)
+            runs = CollocationRuns(aligned, local)
             runs.scale = scale
             with warnings.catch_warnings():
                 if lost:
@@ -150,7 +150,7 @@ def align(
     Raise StudyError if the mechanism has too many events or no clock, IntegrationError if realisations fail.
     """
     paths.prepare(space.to_inputs(plans.first_nodes(space)))
-    work, children = _Elements(problem, plans, paths, tolerance, given), dict[str, Any]()
+    work, children = _AlignedElements(problem, plans, paths, tolerance, given), dict[str, Any]()
     if limits.elements is None:
         boxes = _boxes(paths, plans, space, limits.most)
         chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
@@ -197,7 +197,7 @@ def _remedy(limits: uqmbd.extend.ElementLimits, count: int) -> str:
     return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
-def _share(runs: Runs, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
+def _share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
     """Return the share, by the weights of points (V,), that some of the realisations stand for that did not fail."""
     where = runs.at(points.germs)
     good = np.flatnonzero(runs.good(where))

@@ -13,13 +13,13 @@ import uqmbd
 from uqmbd.extend import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.landmarks import Cut
-from uqmbd_collocation.runs import Derived
+from uqmbd_collocation.runs import DerivedSource
 
 __all__ = ["AlignedProblem"]
 
 
 @dataclass(frozen=True, eq=False)
-class AlignedProblem(Derived):
+class AlignedProblem(DerivedSource):
     """Problem whose outputs are the time, then those of the study, at the points of all segments in sequence."""
 
     problem: uqmbd.extend.Problem

@@ -39,7 +39,7 @@ BISECTIONS = 54
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
+class _PhaseHistory:
     """One realisation: a history, with the phase (S, P) at the points of its segments, rad."""
 
     history: uqmbd.extend.History
@@ -213,7 +213,7 @@ class CombinedPaths:
                 return not lacking
             self._longer = min(1.5 * self._longer, LONGEST)
 
-    def _motions(self, values: Array, longer: float = 1.0) -> list[_Motion]:
+    def _motions(self, values: Array, longer: float = 1.0) -> list[_PhaseHistory]:
         """Return realisations at inputs (K, d) with as many points as tell their motion."""
         while True:
             found = self._histories(values, longer)
@@ -221,7 +221,7 @@ class CombinedPaths:
                 break
             self._fine = 2 * self._fine - 1
         rate = TURN / self.clock.turn
-        return [_Motion(history, rate * history.response[:, self.clock.row]) for history in found]
+        return [_PhaseHistory(history, rate * history.response[:, self.clock.row]) for history in found]
 
     def _histories(self, values: Array, longer: float) -> list[uqmbd.extend.History]:
         known = self.events.histories(values)
@@ -267,7 +267,7 @@ def _read(values: Array, at: Array) -> Array:
     return np.asarray(np.polynomial.chebyshev.chebval(2 * at - 1, _coefficients(values).T), dtype=float)
 
 
-def _at(motion: _Motion, segment: int, time: float) -> float:
+def _at(motion: _PhaseHistory, segment: int, time: float) -> float:
     """Return the phase at a time of a segment, rad."""
     begin, end = motion.history.edges[segment : segment + 2]
     where = np.array((time - begin) / (end - begin) if end > begin else 0.0)

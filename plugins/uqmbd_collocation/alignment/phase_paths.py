@@ -52,7 +52,7 @@ STANDS: Sequence = ("the clock stands",)
 
 
 @dataclass(frozen=True)
-class _Path:
+class _PhasePath:
     """One realisation, known until the end of `found`; it fails on the way to `limit`, with the reason `beyond`."""
 
     found: uqmbd.extend.Dense
@@ -80,7 +80,7 @@ class PhasePaths:
     starts: Starts | None = None
     better: str = ""
     """Name of a clock that runs in all nodes, where another one is asked for."""
-    _known: dict[bytes, _Path] = field(default_factory=dict)
+    _known: dict[bytes, _PhasePath] = field(default_factory=dict)
     _late: set[bytes] = field(default_factory=set)
     _fine: int = 0
     """Times that resolved the last realisations."""
@@ -243,7 +243,7 @@ class PhasePaths:
 
     def _reaching(
         self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
-    ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_Path]]:
+    ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhasePath]]:
         """Follow realisations (K, d) until their phases are the last, rad, and longer, s, if they get there."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
@@ -284,7 +284,9 @@ class PhasePaths:
                 messages[at] = message
         return uqmbd.extend.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
-    def _told(self, values: Array, paths: list[_Path], edges: Array, sequence: Sequence) -> uqmbd.extend.Realisations:
+    def _told(
+        self, values: Array, paths: list[_PhasePath], edges: Array, sequence: Sequence
+    ) -> uqmbd.extend.Realisations:
         status = np.array([path.status for path in paths])
         lost = (status == Status.OK) & ~np.isfinite(edges).all(axis=1)
         same = np.array([other == sequence for other in self.sequences(values)])
@@ -332,7 +334,7 @@ class PhasePaths:
         near = self.starts.near(values) if self.starts is not None and not kind.turn else None
         return kind.phases(seen, near)
 
-    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_Path]]:
+    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhasePath]]:
         """Realisations (K) as far as they are known, put together where they have the same times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
@@ -349,7 +351,7 @@ class PhasePaths:
             found_groups.append((whole.of([paths[k].row for k in members]), members))
         return found_groups, paths
 
-    def _continue(self, values: Array, paths: list[_Path], needed: Array) -> bool:
+    def _continue(self, values: Array, paths: list[_PhasePath], needed: Array) -> bool:
         """Follow realisations (K, d) that are known for too short, until times (K,), s; say if there are any.
 
         Those that fail farther on are followed one by one, as far as each of them needs.
@@ -388,6 +390,6 @@ class PhasePaths:
             self._follow(values[again], self.end)
         for n, key in enumerate(keys):
             if status[n] == Status.OK or not beyond:
-                self._known[key] = _Path(found, n, int(status[n]), reasons[n] if status[n] != Status.OK else "")
+                self._known[key] = _PhasePath(found, n, int(status[n]), reasons[n] if status[n] != Status.OK else "")
             else:
                 self._known[key] = replace(self._known[key], limit=until, beyond=reasons[n])

@@ -9,23 +9,23 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.runs import Derived
+from uqmbd_collocation.runs import DerivedSource
 
 __all__ = ["Watching"]
 
 
-class Paths(Protocol):
+class MarkerPaths(Protocol):
     """Whatever knows sequences of landmarks."""
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask: ...
 
 
 @dataclass
-class Watching(Derived):
+class Watching(DerivedSource):
     """Problem that records watched outputs of its realisations."""
 
     problem: uqmbd.extend.Problem
-    paths: Paths  # identify the sequence from the watched outputs
+    paths: MarkerPaths  # identify the sequence from the watched outputs
     _seen: list[Array] = field(default_factory=list)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:

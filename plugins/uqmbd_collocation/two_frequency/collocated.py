@@ -18,14 +18,14 @@ from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import warn_of_failures
 from uqmbd_collocation.refinement import Limits
-from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.two_frequency.realised import SeriesProblem
 
 __all__ = ["expand_series"]
 
 
 @dataclass
-class _Elements(ElementFits):
+class _TwoFrequencyElements(ElementFits):
     """Elements of series."""
 
     source: SeriesProblem
@@ -33,12 +33,12 @@ class _Elements(ElementFits):
     def fitted(self, box: uqmbd.extend.GermBox, points: uqmbd.extend.VerificationPoints) -> FittedElement:
         """Fit an element, and verify it at points by the outputs themselves."""
         problem, local = self.problem, box.local
-        verified = Runs(problem, local)
+        verified = CollocationRuns(problem, local)
         verification = self.given or verified.verification(points)
         if self.given is not None:
             points = self.given.points
         warn_of_failures(verification, problem.label)
-        runs, refined = Runs(self.source, local), self.plans.adaptive != "no"
+        runs, refined = CollocationRuns(self.source, local), self.plans.adaptive != "no"
         if refined:
             runs.scale = self._scale(verification)
         fit, refinement = computed(runs, self.plans, points if refined else points[:0], self.tolerance)
@@ -79,7 +79,7 @@ def expand_series(
     """
     series = SeriesProblem(problem)
     series.find(space.to_inputs(plans.first_nodes(space)))
-    work, children = _Elements(problem, plans, series, tolerance, given), dict[str, Any]()
+    work, children = _TwoFrequencyElements(problem, plans, series, tolerance, given), dict[str, Any]()
     if limits.elements is None:
         (chaos,), kept = work.compute([uqmbd.extend.GermBox.whole(space)]), work.done
     else:

@@ -15,9 +15,9 @@ import numpy as np
 from uqmbd.typing import Array, Index, Mask
 from uqmbd_collocation.two_frequency.lattice import Base, ball, bases
 from uqmbd_collocation.two_frequency.lines import strongest_lines
-from uqmbd_collocation.two_frequency.series import Series, Signals, fit_series, refine
+from uqmbd_collocation.two_frequency.series import HarmonicSeries, Signals, fit_series, refine
 
-__all__ = ["QUASI_PERIODIC", "Identified", "Kind", "follow", "identify"]
+__all__ = ["QUASI_PERIODIC", "Identified", "FrequencyCombinations", "follow", "identify"]
 
 
 QUASI_PERIODIC = 0.01
@@ -61,7 +61,7 @@ ATTEMPTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Kind:
+class FrequencyCombinations:
     """Combinations of base frequencies that all realisations share."""
 
     main: Index  # (C, M) combinations of the base frequencies in the strongest lines
@@ -72,8 +72,8 @@ class Kind:
 class Identified:
     """Realisations as series."""
 
-    kind: Kind
-    series: tuple[Series, ...]  # of each realisation; of a few only where these are not quasi-periodic
+    kind: FrequencyCombinations
+    series: tuple[HarmonicSeries, ...]  # of each realisation; of a few only where these are not quasi-periodic
 
     @property
     def residuals(self) -> Array:
@@ -114,14 +114,18 @@ def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
 
 
 def follow(
-    signals: Sequence[Signals], places: Array, kind: Kind, known: Sequence[Series], known_places: Array
-) -> list[Series]:
+    signals: Sequence[Signals],
+    places: Array,
+    kind: FrequencyCombinations,
+    known: Sequence[HarmonicSeries],
+    known_places: Array,
+) -> list[HarmonicSeries]:
     """Fit series of a kind to K realisations at scaled inputs `places` (K, d), each from the nearest known one.
 
     `known` holds at least one series, at scaled inputs `known_places` (N, d).
     """
     done, where = list(known), [*known_places]
-    found: dict[int, Series] = {}
+    found: dict[int, HarmonicSeries] = {}
     while len(found) < len(signals):
         left = [k for k in range(len(signals)) if k not in found]
         distance = np.linalg.norm(places[left][:, None] - np.array(where), axis=2)
@@ -151,7 +155,7 @@ def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Bas
         short = follow([signals[k] for k in others], places[others], kind, [first], places[begin : begin + 1])
         parts = [kind.lattice]
         parts += [_harmonics(signals[k], one.frequencies, kind.lattice) for k, one in zip(others, short, strict=True)]
-        kind = Kind(kind.main, np.unique(np.concatenate(parts), axis=0))
+        kind = FrequencyCombinations(kind.main, np.unique(np.concatenate(parts), axis=0))
         first = refine(signals[begin], first.frequencies, kind.lattice)
     rest = [k for k in range(len(signals)) if k != begin]
     found = follow([signals[k] for k in rest], places[rest], kind, [first], places[begin : begin + 1])
@@ -159,7 +163,7 @@ def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Bas
     return Identified(kind, tuple(found))
 
 
-def _alone(signals: Signals, base: Base) -> tuple[Kind, Series]:
+def _alone(signals: Signals, base: Base) -> tuple[FrequencyCombinations, HarmonicSeries]:
     """Find main lines and harmonics of a realisation whose base is known, and fit it."""
     series = fit_series(signals, base.frequencies, base.lattice)
     size = np.sqrt(np.mean(series.sizes() ** 2, axis=1))
@@ -168,7 +172,7 @@ def _alone(signals: Signals, base: Base) -> tuple[Kind, Series]:
     if np.linalg.matrix_rank(main) < len(base.frequencies):
         main = base.lattice[order]
     lattice = _harmonics(signals, base.frequencies, base.lattice)
-    return Kind(main, lattice), refine(signals, base.frequencies, lattice)
+    return FrequencyCombinations(main, lattice), refine(signals, base.frequencies, lattice)
 
 
 def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
@@ -219,7 +223,7 @@ def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
     return found
 
 
-def _followed(signals: Signals, guesses: list[Array], kind: Kind, goal: float) -> Series:
+def _followed(signals: Signals, guesses: list[Array], kind: FrequencyCombinations, goal: float) -> HarmonicSeries:
     """Fit a series from frequencies that are roughly known; where that leaves more than a goal, from pairs of lines."""
     best = _sharpened(signals, guesses[0], kind)
     others = iter(guesses[1:])
@@ -232,7 +236,7 @@ def _followed(signals: Signals, guesses: list[Array], kind: Kind, goal: float) -
     return best
 
 
-def _sharpened(signals: Signals, guess: Array, kind: Kind) -> Series:
+def _sharpened(signals: Signals, guess: Array, kind: FrequencyCombinations) -> HarmonicSeries:
     """Fit frequencies in windows that double, then all harmonics in the whole one."""
     lines = np.sort(np.abs(kind.main @ guess))
     closest = float(np.diff(np.concatenate([[0.0], lines])).min())
@@ -244,7 +248,7 @@ def _sharpened(signals: Signals, guess: Array, kind: Kind) -> Series:
     return refine(signals, refine(signals, now, kind.main).frequencies, kind.lattice)
 
 
-def _from_lines(signals: Signals, guess: Array, kind: Kind) -> list[Array]:
+def _from_lines(signals: Signals, guess: Array, kind: FrequencyCombinations) -> list[Array]:
     """Return base frequencies whose main combinations are lines of the spectrum, the nearest to a guess first."""
     lines = strongest_lines(signals, LINES).frequencies
     rows = [0]

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from uqmbd.typing import Array, Index
-from uqmbd_collocation.two_frequency.lines import Lines
+from uqmbd_collocation.two_frequency.lines import SpectralLines
 
 __all__ = ["Base", "ball", "bases"]
 
@@ -47,7 +47,7 @@ def ball(order: int, dimension: int) -> Index:
     return found
 
 
-def bases(lines: Lines, resolution: float) -> list[Base]:
+def bases(lines: SpectralLines, resolution: float) -> list[Base]:
     """Return the simplest base of one frequency, where all lines are multiples, then that of two, if there is one.
 
     The simplest has the least sum of orders of all lines. Its frequencies are lines, differences of two, or halves of

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from uqmbd.typing import Array
 from uqmbd_collocation.two_frequency.series import Signals, fit_series, refine
 
-__all__ = ["Lines", "strongest_lines"]
+__all__ = ["SpectralLines", "strongest_lines"]
 
 
 PADDED = 4
@@ -31,14 +31,14 @@ WEAKEST = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class SpectralLines:
     """Lines of a spectrum, the strongest first."""
 
     frequencies: Array  # (L,) rad/s
     sizes: Array  # (L,) root mean square over the signals
 
 
-def strongest_lines(signals: Signals, count: int) -> Lines:
+def strongest_lines(signals: Signals, count: int) -> SpectralLines:
     """Find at most so many lines: maxima of the spectrum of what those before leave, all fitted anew with each.
 
     Lines that are nearer to each other, or to zero, than the resolution 2 pi / length are not told apart: none is added
@@ -66,7 +66,7 @@ def strongest_lines(signals: Signals, count: int) -> Lines:
     sizes = _sizes(signals, frequencies)
     kept = np.argsort(-sizes)
     kept = kept[sizes[kept] >= WEAKEST * sizes.max(initial=0.0)]
-    return Lines(frequencies[kept], sizes[kept])
+    return SpectralLines(frequencies[kept], sizes[kept])
 
 
 def _smooth(signals: Signals) -> Array:

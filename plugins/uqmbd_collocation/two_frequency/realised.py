@@ -16,11 +16,17 @@ import uqmbd
 from uqmbd.extend import Labels, OutputInfo
 from uqmbd.results import Status
 from uqmbd.typing import Array, Index, Mask
-from uqmbd_collocation.runs import Derived
-from uqmbd_collocation.two_frequency.identification import QUASI_PERIODIC, Identified, Kind, follow, identify
-from uqmbd_collocation.two_frequency.series import Series, Signals, fit_series
+from uqmbd_collocation.runs import DerivedSource
+from uqmbd_collocation.two_frequency.identification import (
+    QUASI_PERIODIC,
+    FrequencyCombinations,
+    Identified,
+    follow,
+    identify,
+)
+from uqmbd_collocation.two_frequency.series import HarmonicSeries, Signals, fit_series
 
-__all__ = ["SeriesProblem", "Waves"]
+__all__ = ["SeriesProblem", "HarmonicSums"]
 
 
 LONGEST = 8.0
@@ -53,7 +59,7 @@ NOTHING = "alignment='two-frequency' needs motions that oscillate, and nothing d
 
 
 @dataclass(frozen=True, eq=False)
-class Waves:
+class HarmonicSums:
     """Coefficients of frequencies, constants, drifts and harmonics, from those of the columns of a `SeriesProblem`."""
 
     frequencies: Array  # (P, M)
@@ -63,11 +69,11 @@ class Waves:
 
 
 @dataclass
-class SeriesProblem(Derived):
+class SeriesProblem(DerivedSource):
     """Problem with outputs: base frequencies, then constant, drift, cosines and sines of each output of the study."""
 
     problem: uqmbd.extend.Problem
-    kind: Kind | None = None  # that of all realisations; set by `find`
+    kind: FrequencyCombinations | None = None  # that of all realisations; set by `find`
     scales: Array = field(default_factory=lambda: np.zeros(0))
     """(O,) root mean squares of the motion, with which residuals are compared."""
     kept: Mask = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
@@ -79,7 +85,7 @@ class SeriesProblem(Derived):
     counters: Counter[str] = field(default_factory=Counter)
     _count: int = 0
     _spread: Array = field(default_factory=lambda: np.zeros(0))
-    _known: dict[bytes, Series] = field(default_factory=dict)
+    _known: dict[bytes, HarmonicSeries] = field(default_factory=dict)
     _lost: dict[bytes, tuple[int, str]] = field(default_factory=dict)
 
     @property
@@ -101,7 +107,7 @@ class SeriesProblem(Derived):
         return found
 
     @property
-    def _kind(self) -> Kind:
+    def _kind(self) -> FrequencyCombinations:
         if self.kind is None:
             raise uqmbd.StudyError(f"{self.label}: no frequencies were looked for.")
         return self.kind
@@ -165,11 +171,11 @@ class SeriesProblem(Derived):
         messages = tuple(self._lost.get(key, (0, ""))[1] for key in keys)
         return uqmbd.extend.Realisations(values, response, status, messages, {}, 0.0)
 
-    def split(self, coefficients: Array) -> Waves:
+    def split(self, coefficients: Array) -> HarmonicSums:
         """Return what coefficients (P, 1 + O, 2 + 2 H) of the columns mean."""
         base, half = self.lattice.shape[1], len(self.lattice)
         outputs = coefficients[:, 1:]
-        return Waves(
+        return HarmonicSums(
             coefficients[:, 0, :base],
             outputs[:, :, 0],
             outputs[:, :, 1] / self.length,
@@ -218,7 +224,7 @@ class SeriesProblem(Derived):
         slowest = min(float(np.abs(one.frequencies).min()) for one in found.series)
         return bool(found.residuals.max() <= ACCURATE or slowest * turns > PERIODS)
 
-    def _refuse(self, series: Sequence[Series]) -> None:
+    def _refuse(self, series: Sequence[HarmonicSeries]) -> None:
         """Raise where some are no sums of harmonics."""
         left = np.array([one.residual for one in series])
         worst = left.max(axis=1, initial=0.0)
@@ -238,7 +244,7 @@ class SeriesProblem(Derived):
             "one angle or oscillation goes on, elements, or leave alignment out."
         )
 
-    def _refuse_slow(self, series: Sequence[Series]) -> None:
+    def _refuse_slow(self, series: Sequence[HarmonicSeries]) -> None:
         """Raise where a frequency is that of the time which was looked at, as of a motion that dies down."""
         seen = self.longer * self.length
         slowest = np.array([float(np.abs(one.frequencies).min(initial=np.inf)) for one in series])
@@ -253,7 +259,7 @@ class SeriesProblem(Derived):
             "on, or leave alignment out."
         )
 
-    def _keep(self, values: Array, series: Sequence[Series]) -> None:
+    def _keep(self, values: Array, series: Sequence[HarmonicSeries]) -> None:
         self._known.update(zip(_keys(values), series, strict=True))
 
     def _lose(self, values: Array, told: uqmbd.extend.Realisations) -> None:
@@ -265,7 +271,7 @@ class SeriesProblem(Derived):
                 self._lost[key] = status, told.messages[k] or "an output is not finite"
 
 
-def _needed(series: Sequence[Series]) -> Mask:
+def _needed(series: Sequence[HarmonicSeries]) -> Mask:
     """Return which harmonics (O, H) matter in some realisation: the smallest that together are little are left out."""
     size = np.max([one.sizes() for one in series], axis=0).T
     order = np.argsort(size, axis=1)

@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from uqmbd.typing import Array, Index
 
-__all__ = ["Series", "Signals", "fit_series", "refine"]
+__all__ = ["HarmonicSeries", "Signals", "fit_series", "refine"]
 
 
 RIDGE = 1e-5
@@ -77,7 +77,7 @@ class Signals:
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class HarmonicSeries:
     """Sum of harmonics of few frequencies, a constant, and a drift."""
 
     frequencies: Array  # (M,) base frequencies, rad/s
@@ -97,7 +97,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _SolvedAmplitudes:
     """Amplitudes at given frequencies."""
 
     design: Array
@@ -107,12 +107,12 @@ class _Solved:
     misfit: float
 
 
-def fit_series(signals: Signals, frequencies: Array, lattice: Index) -> Series:
+def fit_series(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
     """Fit the amplitudes at given frequencies (M,), rad/s."""
     return _series(signals, frequencies, lattice, _solve(signals, frequencies, lattice))
 
 
-def refine(signals: Signals, frequencies: Array, lattice: Index) -> Series:
+def refine(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
     """Fit frequencies, from a guess (M,), and amplitudes."""
     now, found = np.array(frequencies, dtype=float), _solve(signals, frequencies, lattice)
     for _ in range(STEPS):
@@ -133,11 +133,11 @@ def refine(signals: Signals, frequencies: Array, lattice: Index) -> Series:
     return _series(signals, now, lattice, found)
 
 
-def _series(signals: Signals, frequencies: Array, lattice: Index, found: _Solved) -> Series:
+def _series(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> HarmonicSeries:
     amplitudes = found.amplitudes.copy()
     amplitudes[1] /= signals.length
     residual = np.sqrt(np.mean(found.left**2, axis=0))
-    return Series(np.array(frequencies), lattice, amplitudes, residual, found.misfit)
+    return HarmonicSeries(np.array(frequencies), lattice, amplitudes, residual, found.misfit)
 
 
 def _design(times: Array, frequencies: Array, lattice: Index) -> Array:
@@ -146,7 +146,7 @@ def _design(times: Array, frequencies: Array, lattice: Index) -> Array:
     return np.concatenate([ones, times[:, None], np.cos(phases), np.sin(phases)], axis=1)
 
 
-def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _Solved:
+def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _SolvedAmplitudes:
     design = _design(signals.times, frequencies, lattice)
     # a drift counts by what it adds until the end
     design[:, 1] /= signals.length
@@ -161,10 +161,10 @@ def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _Solved:
     amplitudes = cho_solve(factor, weighted.T @ signals.values)
     left = signals.values - design @ amplitudes
     misfit = float(np.sum(weights * left**2) + np.sum(ridge[:, None] * amplitudes**2))
-    return _Solved(design, factor, amplitudes, left, misfit)
+    return _SolvedAmplitudes(design, factor, amplitudes, left, misfit)
 
 
-def _step(signals: Signals, frequencies: Array, lattice: Index, found: _Solved) -> Array:
+def _step(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> Array:
     """Change of the frequencies (M,) by the linearised residuals, of which what amplitudes can follow is taken off."""
     half, weights = len(lattice), signals.window[:, None]
     cosines, sines = found.design[:, 2 : 2 + half], found.design[:, 2 + half :]

@@ -13,9 +13,9 @@ from scipy.stats import beta
 
 import uqmbd
 from uqmbd.typing import Array, Mask
-from uqmbd_reliability.allocation.optimising import Samples, Tightest, cheapest
+from uqmbd_reliability.allocation.optimising import MarginSamples, Tightest, cheapest
 from uqmbd_reliability.allocation.result import Allocation
-from uqmbd_reliability.allocation.surrogates import Surrogate, fitted
+from uqmbd_reliability.allocation.surrogates import MarginSurrogate, fitted
 from uqmbd_reliability.allocation.tightening import Cost, Tightened, tightened
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def _allocated(
     # all is drawn together from the loosest tolerances; values are written as if these were the present ones
     inputs = replace(present, widths=loosest * present.widths)
     least = narrowest / loosest
-    realisations = _Realisations(problem, rows, present, loosest)
+    realisations = _RealRealisations(problem, rows, present, loosest)
     dimension = len(problem.inputs)
     terms = (dimension + 1) * (dimension + 2) // 2
     first = problem.inputs.from_uniform(_uniform(FIRST * terms, dimension, seed))
@@ -221,12 +221,12 @@ def _allocated(
     generator = np.random.default_rng([seed, 2])
     target = probability
     before: float | None = None
-    best: tuple[Tightest, Verified, Surrogate] | None = None
+    best: tuple[Tightest, Verified, MarginSurrogate] | None = None
     for turn in range(ROUNDS):
         surrogate = realisations.surrogate(where, space)
         found = cheapest(surrogate, inputs, germs, target, least)
         if before is None:
-            before = Samples(germs, inputs, surrogate).probability(np.full(len(inputs.names), 1 / loosest))
+            before = MarginSamples(germs, inputs, surrogate).probability(np.full(len(inputs.names), 1 / loosest))
         fresh = inputs.values(problem.inputs.from_uniform(generator.random((verify, dimension))), found.factors)
         predicted: Mask = surrogate.margins(space.to_germs(fresh)).min(axis=1) < 0
         checked = verified(found.probability, count, predicted, realisations(fresh))
@@ -247,7 +247,7 @@ def _allocated(
     return _result(names, probability, present, loosest, before, realisations, *best)
 
 
-class _Realisations:
+class _RealRealisations:
     """Real realisations, and all that were computed."""
 
     def __init__(self, problem: uqmbd.extend.Problem, rows: list[int], inputs: Tightened, loosest: float) -> None:
@@ -274,7 +274,7 @@ class _Realisations:
         """How many failed."""
         return sum(int(np.isnan(m[:, 0]).sum()) for m in self.margins)
 
-    def surrogate(self, where: str, space: uqmbd.extend.GermSpace) -> Surrogate:
+    def surrogate(self, where: str, space: uqmbd.extend.GermSpace) -> MarginSurrogate:
         """Fit a surrogate to those that did not fail."""
         values, margins = np.concatenate(self.values), np.concatenate(self.margins)
         known = ~np.isnan(margins[:, 0])
@@ -292,10 +292,10 @@ def _result(
     inputs: Tightened,
     loosest: float,
     before: float,
-    realisations: _Realisations,
+    realisations: _RealRealisations,
     found: Tightest,
     checked: Verified,
-    surrogate: Surrogate,
+    surrogate: MarginSurrogate,
 ) -> Allocation:
     notes = []
     if checked.lower > allowed:

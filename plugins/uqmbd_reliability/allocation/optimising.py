@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from scipy.stats import norm
 
 from uqmbd.typing import Array, Index
-from uqmbd_reliability.allocation.surrogates import Surrogate
+from uqmbd_reliability.allocation.surrogates import MarginSurrogate
 from uqmbd_reliability.allocation.tightening import Tightened
 
-__all__ = ["Samples", "Tightest", "cheapest"]
+__all__ = ["MarginSamples", "Tightest", "cheapest"]
 
 SMOOTH = 0.05
 """Width of the step from safe to violated, over the standard deviation of the margin."""
@@ -38,12 +38,12 @@ CLOSE = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MarginSamples:
     """Samples of the present inputs, and the margins of a surrogate at them, tightened by factors."""
 
     germs: Array  # (N, d)
     tightened: Tightened  # inputs that factors scale about their means
-    surrogate: Surrogate  # of the margins
+    surrogate: MarginSurrogate  # of the margins
 
     @cached_property
     def centres(self) -> Array | None:
@@ -104,7 +104,9 @@ class Tightest:
     alike: float  # cost of tightening all tolerances by the same factor instead
 
 
-def cheapest(surrogate: Surrogate, tightened: Tightened, germs: Array, target: float, narrowest: float) -> Tightest:
+def cheapest(
+    surrogate: MarginSurrogate, tightened: Tightened, germs: Array, target: float, narrowest: float
+) -> Tightest:
     """Return the cheapest factors between `narrowest` and 1 whose probability is at most `target`.
 
     Sequential quadratic programming (SciPy's SLSQP) in the logarithms of the factors, on the reliability index of the
@@ -112,11 +114,11 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, germs: Array, target: f
 
     Where no factors reach the probability, all of them are `narrowest`.
     """
-    fine = Samples(germs, tightened, surrogate)
+    fine = MarginSamples(germs, tightened, surrogate)
     count = len(tightened.names)
     loose = np.ones(count)
     loosest = fine.probability(loose)
-    coarse = Samples(germs[: max(COARSE, int(COARSE_HITS / target))], tightened, surrogate)
+    coarse = MarginSamples(germs[: max(COARSE, int(COARSE_HITS / target))], tightened, surrogate)
     width = _width(coarse, loose)
     if loosest <= target:
         return Tightest(loose, loosest, _slope(coarse, loose, width), tightened.cost(loose))
@@ -153,18 +155,18 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, germs: Array, target: f
     return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width), scale)
 
 
-def _width(samples: Samples, factors: Array) -> float:
+def _width(samples: MarginSamples, factors: Array) -> float:
     """Return the width of the step from safe to violated."""
     least = samples.least(factors)
     return max(SMOOTH * float(least.std()), np.finfo(float).eps * float(np.abs(least).max()), 1e-300)
 
 
-def _slope(samples: Samples, factors: Array, width: float) -> Array:
+def _slope(samples: MarginSamples, factors: Array, width: float) -> Array:
     probability, slope = samples.smooth(np.log(factors), width)
     return np.asarray(slope / max(probability, 1e-300))
 
 
-def _closed(samples: Samples, factors: Array, target: float, narrowest: float, near: float = np.inf) -> Array:
+def _closed(samples: MarginSamples, factors: Array, target: float, narrowest: float, near: float = np.inf) -> Array:
     """Multiply factors by one number, within their bounds, so that the count of violations is the target.
 
     It is looked for within `near` of 1, in logarithms, first.

@@ -9,7 +9,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 
-__all__ = ["Surrogate", "fitted"]
+__all__ = ["MarginSurrogate", "fitted"]
 
 HIGHEST = 8
 """Order at which the search for one ends."""
@@ -31,7 +31,7 @@ BLOCK = 2**11
 
 
 @dataclass(frozen=True, eq=False)
-class Surrogate:
+class MarginSurrogate:
     """Margins of all requirements as polynomials of the germs."""
 
     space: uqmbd.extend.GermSpace
@@ -46,10 +46,10 @@ class Surrogate:
         return np.concatenate([self.space.evaluate(part, self.index) @ self.coefficients for part in parts])
 
 
-def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> Surrogate:
+def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> MarginSurrogate:
     """Fit polynomials of the germs to margins (K, requirement) at inputs (K, input)."""
     germs = space.to_germs(values)
-    best: Surrogate | None = None
+    best: MarginSurrogate | None = None
     spread = np.maximum(margins.std(axis=0), np.finfo(float).tiny)
     for order in range(1, HIGHEST + 1):
         index = uqmbd.extend.index_set(space.dimension, order)
@@ -65,7 +65,7 @@ def fitted(space: uqmbd.extend.GermSpace, values: Array, margins: Array) -> Surr
         error = np.sqrt(np.mean((off / (1 - leverage[:, None])) ** 2, axis=0)) / spread
         if best is None or error.max() < WORTH * best.error.max():
             coefficients = right[kept].T @ (projected / sizes[kept, None])
-            best = Surrogate(space, index, coefficients, order, error)
+            best = MarginSurrogate(space, index, coefficients, order, error)
         if best.error.max() <= ENOUGH:
             break
     assert best is not None

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd_calibration.inference import Block, Case, Posterior, Unknown, Unknowns
+from uqmbd_calibration.inference import Block, MachineRecords, Posterior, UnknownInput, Unknowns
 
 
 def block(values, noise=0.1, *, times=None, modes=None, robust=False, level=-1, first=0, variance=None):
@@ -61,10 +61,10 @@ class Model:
 
 def model(function, inputs, blocks, levels=(), coefficients=0, most=10_000, surrogate=None):
     """Make the posterior of a formula, by it or by a surrogate of it."""
-    names = tuple(Unknown(f"x{k}", k) for k in range(inputs))
+    names = tuple(UnknownInput(f"x{k}", k) for k in range(inputs))
     unknowns = Unknowns(names, coefficients, tuple(levels))
     point = Formula(function, inputs, most)
-    case = Case(point, np.arange(inputs), tuple(blocks))
+    case = MachineRecords(point, np.arange(inputs), tuple(blocks))
     return Model(Posterior(unknowns, (case,), (predictor(surrogate or function)(case),)), point)
 
 

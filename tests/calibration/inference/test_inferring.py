@@ -8,9 +8,9 @@ from scipy.optimize import least_squares
 
 from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, sample, search
 from uqmbd_calibration.inference.correcting import corrected
-from uqmbd_calibration.inference.inferring import Check
+from uqmbd_calibration.inference.inferring import PosteriorCheck
 from uqmbd_calibration.inference.settling import settle
-from uqmbd_calibration.inference.working import Work
+from uqmbd_calibration.inference.working import CalibrationState
 
 from . import forward
 
@@ -98,7 +98,7 @@ def test_maxima_are_found_on_the_mechanism_whatever_the_slopes_of_the_surrogate(
     made = forward.model(relaxing, 3, [forward.block(values, noise, times=TIMES)], most=400)
     case = made.posterior.cases[0]
     base = forward.predictor(surrogate)(case)
-    work = Work(made.posterior.unknowns, (case,), (base,), ([np.zeros(40)],))
+    work = CalibrationState(made.posterior.unknowns, (case,), (base,), ([np.zeros(40)],))
     peaks = search(forward.builder(made, surrogate), (case,), 3, 3, 1)
     modes, start, _ = settle(work, peaks)
     known = least_squares(
@@ -254,10 +254,10 @@ def test_the_standard_error_of_a_shift_is_that_of_uneven_weights():
         draws, weights = rng.standard_normal((24, 9)), np.exp(rng.normal(size=24))
         weights /= weights.sum()
         shifts = np.abs(weights @ draws - draws.mean(axis=0))
-        check = Check(24, 1 / (24 * float((weights**2).sum())), float(shifts.max()), 1.0, 0, 2)
+        check = PosteriorCheck(24, 1 / (24 * float((weights**2).sum())), float(shifts.max()), 1.0, 0, 2)
         beyond += int((shifts > 1.96 * check.chance).sum())
         largest.append(check.shift / check.chance)
     assert 0.03 < beyond / (400 * 9) < 0.07
     assert 1.5 < np.median(largest) < 2.2  # of nine inputs: a large shift is no sign of an error
-    assert Check(24, 1.0, 0.0, 1.0, 0, 2).chance == 0.0
-    assert Check(24, 0.0, np.inf, np.inf, 24, 2).chance == np.inf
+    assert PosteriorCheck(24, 1.0, 0.0, 1.0, 0, 2).chance == 0.0
+    assert PosteriorCheck(24, 0.0, np.inf, np.inf, 24, 2).chance == np.inf

@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd import plugins
 from uqmbd.testing import check_component
 from uqmbd.testing.components.bench import Bench
-from uqmbd.testing.components.cases import Case
+from uqmbd.testing.components.cases import ComponentCase
 from uqmbd_contact import ContactLaw, PlaneContact, depth, stiffness
 from uqmbd_springs import SpringDamper
 
@@ -159,7 +159,7 @@ def tried(kind, space, options, optional, rng):
             if value is not None:
                 values[key] = value
     made = kind("trial", **dict(zip(kind.bodies, bodies, strict=True)), **values)
-    return Case("trial", mechanism, mechanism.add(made), True)
+    return ComponentCase("trial", mechanism, mechanism.add(made), True)
 
 
 def changes_something(case, names, rng):

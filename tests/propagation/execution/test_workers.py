@@ -15,7 +15,7 @@ from uqmbd import plugins
 from uqmbd.dynamics import integrator_class
 from uqmbd.propagation.execution import WorkerPool, executor_for, pool
 from uqmbd.results import load, save
-from uqmbd.testing.propagators.executors import Recorder
+from uqmbd.testing.propagators.executors import RecordingExecutor
 from uqmbd_contact import PlaneImpact
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import SpringDamper
@@ -64,12 +64,12 @@ class Both(WorkerPool):
     @property
     def threads(self):
         self.asked.append("threads")
-        return Recorder()
+        return RecordingExecutor()
 
     @property
     def processes(self):
         self.asked.append("processes")
-        return Recorder()
+        return RecordingExecutor()
 
 
 def spring(*, floor=False, still=False):
@@ -141,7 +141,7 @@ def test_statistics_are_computed_in_threads_of_this_process():
         assert list(many.runner.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
         assert not staff.started
         assert list(many.runner.each(lambda _: threading.current_thread(), [1])) == [threading.main_thread()]
-    for executor in (None, Recorder()):
+    for executor in (None, RecordingExecutor()):
         alone = problem.using(executor=executor).runner.each(lambda _: threading.current_thread(), [1, 2])
         assert list(alone) == 2 * [threading.main_thread()]
 
@@ -154,7 +154,7 @@ def test_work_of_methods_is_given_to_processes():
         assert executor_for(staff, unlocked=True) is staff.threads
         assert not staff.started
     assert executor_for(None, unlocked=True) is None
-    inline = Recorder()
+    inline = RecordingExecutor()
     assert executor_for(inline, unlocked=True) is executor_for(inline, unlocked=False) is inline
 
 

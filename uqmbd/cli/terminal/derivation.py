@@ -30,7 +30,7 @@ def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monoton
     if derivation.isEnabledFor(logging.DEBUG):  # a program listens already, and shows it as it likes
         yield
         return
-    shown = _Shown(progress, clock)
+    shown = _ProgressHandler(progress, clock)
     before = derivation.level, derivation.propagate
     derivation.addHandler(shown)
     derivation.setLevel(logging.DEBUG)
@@ -44,7 +44,7 @@ def shown_derivation(progress: Staged, clock: Callable[[], float] = time.monoton
         shown.end()
 
 
-class _Shown(logging.Handler):
+class _ProgressHandler(logging.Handler):
     """Shows records with a label and two numbers as work with a bar."""
 
     def __init__(self, progress: Staged, clock: Callable[[], float]) -> None:

@@ -18,7 +18,7 @@ from uqmbd.propagation.execution import (
     evenly,
     late_outputs,
 )
-from uqmbd.results.storage import Shelf
+from uqmbd.results.storage import ResponseFile
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
@@ -104,7 +104,7 @@ class ReductionOrder:
     arguments: tuple[Any, ...]
     chosen: tuple[str, ...] | None  # requested outputs without a time
     wanted: int  # number of realisations whose responses are returned
-    shelves: Mapping[Kind, Shelf]  # stores of responses, by kind
+    shelves: Mapping[Kind, ResponseFile]  # stores of responses, by kind
     margins: bool  # whether margins of requirements are requested in addition
     stored: Chunk | None = None  # the stored chunk without its response, if there is one
     known: bool = False  # whether the result of the function for the stored chunk is known

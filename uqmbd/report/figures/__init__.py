@@ -19,7 +19,7 @@ from uqmbd.report.figures.elements import elements_chart, elements_in_words, has
 from uqmbd.report.figures.error_cost import cost_chart, error_cost
 from uqmbd.report.figures.failures import (
     ENOUGH,
-    Reason,
+    FailureGroup,
     failure_inputs,
     failure_reasons,
     failure_words,
@@ -84,7 +84,7 @@ __all__ = [
     "MOST_SCALARS",
     "OF_GERMS",
     "Indices",
-    "Reason",
+    "FailureGroup",
     "Results",
     "Samples",
     "automatic_times",

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FailedInputs",
-    "Reason",
-    "Separation",
+    "FailureGroup",
+    "FailureSeparation",
     "failed_inputs",
     "failure_inputs",
     "failure_reasons",
@@ -43,7 +43,7 @@ _BRACKETS = re.compile(r"\s*\([^()]*\)")
 
 
 @dataclass(frozen=True, eq=False)
-class Reason:
+class FailureGroup:
     """Failures of one kind: their status in words, their message with numbers as ranges, and the samples."""
 
     kind: str
@@ -52,7 +52,7 @@ class Reason:
 
 
 @dataclass(frozen=True, eq=False)
-class Separation:
+class FailureSeparation:
     """How well an input tells failed samples from fine ones."""
 
     index: int  # of the input
@@ -61,7 +61,7 @@ class Separation:
     clear: bool  # whether chance gives such a distance in fewer than one of a hundred cases
 
 
-def failure_reasons(node: Samples) -> list[Reason]:
+def failure_reasons(node: Samples) -> list[FailureGroup]:
     """Group the failed samples of a method by their reason, the most frequent first.
 
     Messages that differ only in their numbers, or in remarks in brackets, are one reason; differing numbers are shown
@@ -87,7 +87,9 @@ def failure_reasons(node: Samples) -> list[Reason]:
         kind = meanings.get(int(status[k]), f"status {int(status[k])}").replace("_", " ")
         groups.setdefault((kind, _pattern(str(messages[k]))), []).append(int(k))
     ordered = sorted(groups.items(), key=lambda item: -len(item[1]))
-    return [Reason(kind, _joined([str(messages[k]) for k in which]), np.array(which)) for (kind, _), which in ordered]
+    return [
+        FailureGroup(kind, _joined([str(messages[k]) for k in which]), np.array(which)) for (kind, _), which in ordered
+    ]
 
 
 def _runs(node: Samples) -> xr.Dataset:
@@ -118,7 +120,7 @@ def _joined(messages: list[str]) -> str:
     return _TOKENS.sub(merged, plain[0])
 
 
-def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
+def separating_inputs(node: Samples, reason: FailureGroup) -> list[FailureSeparation]:
     """Order the inputs by how well they tell the samples that failed for a reason from those that succeeded.
 
     `node`: the node of a propagator that has ``samples``, or its samples. Return the best first.
@@ -138,16 +140,16 @@ def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
         bad, good = np.sort(drawn[reason.samples, k]), np.sort(drawn[fine, k])
         both = np.concatenate([bad, good])
         if not len(good) or not np.all(np.isfinite(both)):
-            found.append(Separation(k, 0.0, False))
+            found.append(FailureSeparation(k, 0.0, False))
             continue
         shares = [np.searchsorted(part, both, side="right") / len(part) for part in (bad, good)]
         distance = float(np.abs(shares[0] - shares[1]).max())
         critical = 1.63 * np.sqrt((len(bad) + len(good)) / (len(bad) * len(good)))
-        found.append(Separation(k, distance, bool(distance > critical)))
+        found.append(FailureSeparation(k, distance, bool(distance > critical)))
     return sorted(found, key=lambda s: -s.distance)
 
 
-def failure_words(node: Samples, reason: Reason) -> list[str]:
+def failure_words(node: Samples, reason: FailureGroup) -> list[str]:
     """Say in words where the inputs of the failed samples lie: a sentence for each input that tells, at most three."""
     samples = _runs(node)
     names, units = _input_labels(samples)
@@ -225,7 +227,7 @@ class FailedInputs:
         return self.drawn[which, 0], np.asarray((which * 0.6180339887) % 1, dtype=float)
 
 
-def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
+def failed_inputs(node: Samples, reason: int | FailureGroup) -> FailedInputs:
     """Return what `failure_inputs` draws.
 
     Raise StudyError if there are no such failures, or no inputs.
@@ -247,7 +249,7 @@ def failed_inputs(node: Samples, reason: int | Reason) -> FailedInputs:
     return FailedInputs(*of_best, drawn, some, bad, len(fine), len(reason.samples))
 
 
-def failures_chart(node: Samples, reason: int | Reason) -> Chart:
+def failures_chart(node: Samples, reason: int | FailureGroup) -> Chart:
     """Chart samples that failed for one reason among those that succeeded, by the inputs that tell them apart best.
 
     Raise StudyError if there are no such failures, or no inputs.
@@ -285,7 +287,7 @@ def _spread(values: Array, at: NDArray[np.intp], count: int) -> Array:
 
 
 @typechecked
-def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:
+def failure_inputs(node: Samples, reason: int | FailureGroup = 0, *, ax: Axes | None = None) -> Figure:
     """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
 
     Of several inputs the two that tell them apart best are drawn; a single input is a strip.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Over", "Paths", "bands_over", "is_function", "over_chart", "over_output", "paths_over"]
+__all__ = ["Over", "OutputPaths", "bands_over", "is_function", "over_chart", "over_output", "paths_over"]
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ CURVES = 60
 """Realisations that are drawn as lines where there are no bands."""
 
 
-class Paths(NamedTuple):
+class OutputPaths(NamedTuple):
     """Realisations of two outputs along one another: of the other one (x) and of the one that is drawn (y).
 
     Both have the shape (realisation, time); where a method has none, those of the means, of one row. Times are those at
@@ -75,7 +75,7 @@ class Over:
 
     units: str
     over_units: str
-    paths: dict[str, Paths]
+    paths: dict[str, OutputPaths]
     banded: bool
 
 
@@ -93,7 +93,7 @@ def paths_over(results: Results, output: str, over: str) -> Over:
     return Over(units, over_units, paths, all(_is_function(path) for path in paths.values()))
 
 
-def bands_over(path: Paths, places: Array | None = None) -> tuple[Array, Array, Array]:
+def bands_over(path: OutputPaths, places: Array | None = None) -> tuple[Array, Array, Array]:
     """Return values of the other output, the mean there, and the ends of the bands of 95 % and 50 %, shape (4, P).
 
     The ends are the lower and the upper one of the wide band, then of the narrow one. Where no place is given, there
@@ -134,7 +134,7 @@ def over_chart(results: Results, output: str, over: str) -> Chart:
     return Chart(output, chosen, curves, units=found.units, plane=plane, count=len(known), start=start)
 
 
-def _banded(paths: Mapping[str, Paths], output: str, units: str, axis: Axis) -> Chart:
+def _banded(paths: Mapping[str, OutputPaths], output: str, units: str, axis: Axis) -> Chart:
     places = np.unique(np.concatenate([bands_over(path)[0] for path in paths.values()]))
     curves = []
     for label, path in paths.items():
@@ -144,7 +144,7 @@ def _banded(paths: Mapping[str, Paths], output: str, units: str, axis: Axis) -> 
     return Chart(output, places, curves, units=units, along=axis)
 
 
-def _strands(path: Paths, chosen: Array) -> Strands:
+def _strands(path: OutputPaths, chosen: Array) -> Strands:
     """Return single realisations at some of the chosen times, of which lines between do not depart visibly."""
     x, y = (values[:, np.isin(path.times, chosen)] for values in path.single)
     at = _bends(np.stack([x, y], axis=1), BENDS, STRAIGHT)
@@ -241,7 +241,7 @@ def is_function(node: xr.DataTree, output: str, over: str) -> bool:
     return _is_function(_paths(node, output, over))
 
 
-def _paths(node: xr.DataTree, output: str, over: str) -> Paths:
+def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
     """Return the curves of a method: its samples, samples of its surrogate, or that of its means."""
     statistics = node.children["statistics"]
     means = [of_output(statistics, name)["mean"].values[None, :] for name in (over, output)]
@@ -262,10 +262,10 @@ def _paths(node: xr.DataTree, output: str, over: str) -> Paths:
     if not known.any():
         raise StudyError(f"Outputs {output!r} and {over!r} have no values at the same time; there is nothing to draw.")
     times = np.asarray(statistics["time"].values, dtype=float)
-    return Paths(x[:, known], y[:, known], sampled, times[known])
+    return OutputPaths(x[:, known], y[:, known], sampled, times[known])
 
 
-def _is_function(path: Paths) -> bool:
+def _is_function(path: OutputPaths) -> bool:
     """Whether the other output only grows, or only falls, in all realisations, and all pass common values."""
     steps = np.diff(path.x, axis=1)
     one_way = bool((steps > 0).all() or (steps < 0).all())

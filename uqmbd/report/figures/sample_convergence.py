@@ -22,7 +22,7 @@ from uqmbd.status import Status
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["ESTIMATED", "Design", "Settling", "convergence", "design_of", "settling", "settling_chart"]
+__all__ = ["ESTIMATED", "SamplingPlan", "Settling", "convergence", "design_of", "settling", "settling_chart"]
 
 NORMAL_95 = 1.96
 _POINTS = 120
@@ -31,7 +31,7 @@ ESTIMATED = {"mean": "mean", "std": "standard deviation"}
 
 
 @dataclass(frozen=True)
-class Design:
+class SamplingPlan:
     """How samples were drawn: independently, or in replicates (one after the other) of a design of some name."""
 
     name: str = "random"
@@ -43,7 +43,7 @@ class Design:
         return self.name == "random"
 
 
-def design_of(attrs: Mapping[Any, Any]) -> Design:
+def design_of(attrs: Mapping[Any, Any]) -> SamplingPlan:
     """Return the design from the attributes of a propagator's node; without any, samples are independent.
 
     >>> design_of({"options": '{"sampling": "sobol", "replicates": 8}'})
@@ -55,9 +55,9 @@ def design_of(attrs: Mapping[Any, Any]) -> Design:
         options = json.loads(attrs.get("options", "{}"))
         name, replicates = str(options.get("sampling", "random")), int(options.get("replicates", 1))
     except (AttributeError, TypeError, ValueError):
-        return Design()
+        return SamplingPlan()
     independent = name == "random" or "independent_samples" in attrs or replicates < 2
-    return Design() if independent else Design(name, replicates)
+    return SamplingPlan() if independent else SamplingPlan(name, replicates)
 
 
 class Settling(NamedTuple):
@@ -197,7 +197,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
 
 
 def _estimates(
-    values: NDArray[np.float64], fine: NDArray[np.bool_], design: Design, planned: int
+    values: NDArray[np.float64], fine: NDArray[np.bool_], design: SamplingPlan, planned: int
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
     """Return the numbers of samples or replicates, and the estimates that belong to them."""
     if design.independent:

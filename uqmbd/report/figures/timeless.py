@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "EventTime",
+    "NumberedEvent",
     "MOST_SCALARS",
     "ScalarPanel",
     "earliest_events",
@@ -167,7 +167,7 @@ MOST = 8
 
 
 @dataclass(frozen=True, eq=False)
-class EventTime:
+class NumberedEvent:
     """One event: the n-th of its kind."""
 
     name: str  # what happens, as ``floor: impact``
@@ -194,7 +194,7 @@ def _followed(node: xr.DataTree) -> list[xr.DataTree]:
     return [data for data in found if bool(np.any(data.to_dataset()["event"].values != ""))]
 
 
-def earliest_events(node: xr.DataTree) -> list[EventTime]:
+def earliest_events(node: xr.DataTree) -> list[NumberedEvent]:
     """Return the first eight events that some realisation reaches before the end of the study, the earliest first."""
     from uqmbd.randomness import located
     from uqmbd.results.chaos import random_germs
@@ -218,11 +218,11 @@ def earliest_events(node: xr.DataTree) -> list[EventTime]:
         times = times[times <= end]
         share = len(times) / len(germs)
         if share > 0:
-            events.append(EventTime(name, number, times, share))
+            events.append(NumberedEvent(name, number, times, share))
     return sorted(events, key=lambda event: float(np.median(event.times)))[:MOST]
 
 
-def events_chart(events: Sequence[EventTime]) -> Views:
+def events_chart(events: Sequence[NumberedEvent]) -> Views:
     """Chart the densities of the times of events."""
     charts = []
     for event in events:

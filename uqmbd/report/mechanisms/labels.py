@@ -10,7 +10,7 @@ import numpy as np
 from uqmbd.report.mechanisms.sheet import Shape
 from uqmbd.typing import Array
 
-__all__ = ["Label", "Placed", "place", "placed_names"]
+__all__ = ["Label", "PlacedLabel", "place", "placed_names"]
 
 MOST_NAMES = 60
 """Names in a picture; of more, bodies come first."""
@@ -39,7 +39,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedLabel:
     """A name in its place: the centre of the text, and how far it is from what it names, inches."""
 
     label: Label
@@ -47,7 +47,7 @@ class Placed:
     distance: float
 
 
-def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[Placed]:
+def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[PlacedLabel]:
     """Put names beside what they name, one after the other, where they cover least.
 
     `labels`: the most important first; `obstacles` (N, 2): points that names should not cover, inches; `box`: where
@@ -59,7 +59,7 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
     >>> bool(np.any(abs(one.centre - two.centre) >= (one.label.extent + two.label.extent) / 2))
     True
     """
-    done: list[Placed] = []
+    done: list[PlacedLabel] = []
     corners = np.array([[box[0], box[1]], [box[2], box[3]]])
     directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
     for label in labels:
@@ -82,13 +82,13 @@ def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, fl
             crossed = np.all(abs(middle - other.centre) < other.label.extent / 2, axis=1)
             cost += np.where(crossed & (distances > DISTANCES[2]), 3, 0)
         best = int(np.argmin(cost))
-        done.append(Placed(label, centres[best], float(distances[best])))
+        done.append(PlacedLabel(label, centres[best], float(distances[best])))
     return done
 
 
 def placed_names(
     labels: Sequence[Label], shapes: Sequence[Shape], box: tuple[float, float, float, float]
-) -> tuple[list[Placed], list[Shape]]:
+) -> tuple[list[PlacedLabel], list[Shape]]:
     """Put names beside what they name, clear of shapes.
 
     `labels`: the most important first; those beyond `MOST_NAMES` are left out; `shapes`: what names should not cover;

@@ -15,7 +15,7 @@ from uqmbd.report.mechanisms.sheet import Shape, Sheet, across, extremes, foot, 
 from uqmbd.report.mechanisms.symbols import CLEAR, SQUARE, Stroke, Symbols, projected
 from uqmbd.typing import Array
 
-__all__ = ["Part", "Sketch", "world"]
+__all__ = ["SketchPart", "Sketch", "world"]
 
 
 POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
@@ -62,7 +62,7 @@ def _turned(e: Array, vector: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Part:
+class SketchPart:
     """A component: its symbol, bodies, points and directions (indices), and where it is."""
 
     name: str
@@ -120,7 +120,7 @@ class Sketch:
         return [abs(float(r)) for r in self.data["point_radius"].values[0]]
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[SketchPart, ...]:
         """Its components."""
         if "component" not in self.data.coords:
             return ()
@@ -139,7 +139,7 @@ class Sketch:
                 anchor = ends[0]
             directions = tuple(k for k in given[name] if not self.placed[k])
             known = tuple(k for k in ends if k is not None)
-            made.append(Part(name, str(symbol), attached[name], points, directions, anchor, known))
+            made.append(SketchPart(name, str(symbol), attached[name], points, directions, anchor, known))
         return tuple(made)
 
     def _middle(self, body: str) -> int | None:
@@ -244,7 +244,7 @@ class Sketch:
         return [k for part in self.parts for k in part.points]
 
     def _component(
-        self, make: Symbols, part: Part, points: Array, reaches: dict[str, tuple[float, float]], unit: float
+        self, make: Symbols, part: SketchPart, points: Array, reaches: dict[str, tuple[float, float]], unit: float
     ) -> list[Stroke]:
         """Return the symbol of a component; `points` (point, axis) are those of one pose."""
         axis = part.directions[0] if part.directions else None

@@ -13,7 +13,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.report.drawing import Drawing
 from uqmbd.report.mechanisms.canvas import Canvas, canvas_for, painted
 from uqmbd.report.mechanisms.film import Film
-from uqmbd.report.mechanisms.labels import Placed, placed_names
+from uqmbd.report.mechanisms.labels import PlacedLabel, placed_names
 from uqmbd.report.mechanisms.sheet import Shape, Sheet, sheet_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.typing import Array
@@ -91,7 +91,7 @@ def _title(made: Canvas, text: str, *, warning: bool) -> None:
     shown.set_parse_math(False)
 
 
-def _write(made: Canvas, names: Sequence[Placed], lines: Sequence[Shape]) -> None:
+def _write(made: Canvas, names: Sequence[PlacedLabel], lines: Sequence[Shape]) -> None:
     """Write names, and a thin line to what they name where that is not at hand."""
     from matplotlib.patheffects import withStroke
 

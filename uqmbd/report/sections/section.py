@@ -87,7 +87,7 @@ def environment() -> Environment:
     from jinja2 import Environment, MemcachedBytecodeCache, PackageLoader, StrictUndefined
     from jinja2 import __version__ as version
 
-    kept = MemcachedBytecodeCache(_Kept(), prefix=f"template-{version}-{_SETTINGS}-")
+    kept = MemcachedBytecodeCache(_TemplateCache(), prefix=f"template-{version}-{_SETTINGS}-")
     made = Environment(
         loader=PackageLoader(__package__),
         bytecode_cache=kept,
@@ -100,7 +100,7 @@ def environment() -> Environment:
     return made
 
 
-class _Kept:
+class _TemplateCache:
     """The store of what is compiled, as Jinja asks for it."""
 
     def get(self, key: str) -> bytes:

@@ -30,7 +30,7 @@ from uqmbd.results.storage.unfinished import (
     is_kept,
     make,
 )
-from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
+from uqmbd.results.storage.unfinished_store import ResponseFile, UnfinishedStore
 
 __all__ = [
     "FIGURES",
@@ -41,7 +41,7 @@ __all__ = [
     "SampleChunk",
     "SampleStore",
     "SampleStoreChunks",
-    "Shelf",
+    "ResponseFile",
     "UnfinishedStore",
     "begin",
     "check_names",

@@ -30,13 +30,13 @@ from uqmbd.results.storage.sample_store import MESSAGE, SampleStore
 from uqmbd.results.storage.unfinished import how_to_go_on, make
 from uqmbd.typing import Array, Index
 
-__all__ = ["Shelf", "UnfinishedStore"]
+__all__ = ["ResponseFile", "UnfinishedStore"]
 
 _IDENTITY = "identity"
 
 
 @dataclass(frozen=True)
-class Shelf:
+class ResponseFile:
     """The file of the responses of one chunk, for who computes it."""
 
     path: Path  # of the file
@@ -141,10 +141,10 @@ class UnfinishedStore:
         at = int(self._records[number])
         return None if at < 0 else self._journal.read(at)
 
-    def shelf(self, number: int, checksum: int | None = None) -> Shelf:
+    def shelf(self, number: int, checksum: int | None = None) -> ResponseFile:
         """Return where the responses of a chunk are."""
         _, chunk = self._store.shapes("response")
-        return Shelf(self._store.place("response", number), self._token, chunk, checksum)
+        return ResponseFile(self._store.place("response", number), self._token, chunk, checksum)
 
     def keep(
         self, number: int, content: bytes | None, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]

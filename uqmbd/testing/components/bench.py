@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd.compiled import Kernel, cached
 from uqmbd.dynamics import Instance, ParameterMap, derive, instances_of
 from uqmbd.mechanism import Space
-from uqmbd.testing.components.cases import Case
+from uqmbd.testing.components.cases import ComponentCase
 from uqmbd.testing.components.motion import random_unit
 from uqmbd.typing import Array
 
@@ -26,13 +26,13 @@ class Bench:
     """Fixture of a component: its equations, for some realisations of its parameters."""
 
     title: str  # in messages
-    case: Case  # the mechanism
+    case: ComponentCase  # the mechanism
     instance: Instance  # the component as a block
     parameters: ParameterMap  # map from inputs to the parameters of the block
     inputs: Array  # (K, input) random
 
     @classmethod
-    def of(cls, title: str, case: Case, rng: np.random.Generator) -> Bench:
+    def of(cls, title: str, case: ComponentCase, rng: np.random.Generator) -> Bench:
         """Derive the component's block."""
         instance = instances_of([case.component], case.mechanism.space)[0]
         joint = case.mechanism.inputs

@@ -13,11 +13,11 @@ import sympy
 from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, effective_parameters, t
 from uqmbd.randomness import uniform_variable
 
-__all__ = ["Case", "cases", "moving_case", "name_of"]
+__all__ = ["ComponentCase", "cases", "moving_case", "name_of"]
 
 
 @dataclass(frozen=True)
-class Case:
+class ComponentCase:
     """Component in a mechanism."""
 
     title: str  # special feature, in messages
@@ -28,7 +28,7 @@ class Case:
 
 def cases(
     component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
-) -> Iterator[Case]:
+) -> Iterator[ComponentCase]:
     """Yield a component between bodies, at the ground, with all and with the fewest parameters, and with each option.
 
     `given` holds fixed values by parameter; `rng` draws poses and other values.
@@ -51,7 +51,7 @@ def cases(
 
 def moving_case(
     component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
-) -> Case:
+) -> ComponentCase:
     """Return a component at the ground, under gravity, with few random parameters, for whole studies; see `cases`.
 
     Its first two numbers vary by 1 %; where it has none, the mass of its last body does. As poses are random, the
@@ -75,7 +75,7 @@ def moving_case(
         if key in given or p.required or key in numeric
     }
     made = component("trial", **_arguments(component, bodies, values))
-    return Case("in a study", mechanism, mechanism.add(made), free=False)
+    return ComponentCase("in a study", mechanism, mechanism.add(made), free=False)
 
 
 def name_of(component: type[Component], space: type[Space]) -> str:
@@ -99,7 +99,7 @@ def _case(
     ground: int = -1,
     turning: bool = False,
     moving: bool = False,
-) -> Case:
+) -> ComponentCase:
     mechanism = Mechanism("trial", space())
     bodies: list[Any] = [
         mechanism.ground if k == ground else _body(mechanism, role, rng) for k, role in enumerate(component.bodies)
@@ -112,7 +112,7 @@ def _case(
     }
     values = _with_effect(component, space, declared, values)
     made = component("trial", **_arguments(component, bodies, values))
-    return Case(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
+    return ComponentCase(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
 
 
 def _with_effect(

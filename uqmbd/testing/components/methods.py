@@ -14,7 +14,7 @@ from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results.chaos import surrogate_parts
-from uqmbd.testing.components.cases import Case, moving_case, name_of
+from uqmbd.testing.components.cases import ComponentCase, moving_case, name_of
 from uqmbd.testing.components.energy import is_timeless
 from uqmbd.testing.propagators import check_schema, described, quiet, stated_errors
 
@@ -82,7 +82,7 @@ def check_studies(
     _compare(found)
 
 
-def _possible(make: Callable[[], Case], title: str, *, conservative: bool) -> Study:
+def _possible(make: Callable[[], ComponentCase], title: str, *, conservative: bool) -> Study:
     """Return a study that can be assembled and moves over the whole range of its inputs."""
     reason = ""
     for _ in range(POSES):
@@ -110,7 +110,7 @@ def _possible(make: Callable[[], Case], title: str, *, conservative: bool) -> St
     raise AssertionError(f"{title}: none of {POSES} random poses can be assembled and moves: {reason}")
 
 
-def _is_conservative(case: Case) -> bool:
+def _is_conservative(case: ComponentCase) -> bool:
     derived = derive(instances_of([case.component], case.mechanism.space)[0].type)
     return is_timeless(derived) and not derived.work and not derived.events
 

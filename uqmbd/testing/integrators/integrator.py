@@ -70,7 +70,7 @@ def check_integrator(
     ...     check_integrator(integrator)
     """
     able = _check_protocol(integrator)
-    subject = _Subject(integrator, tolerance)
+    subject = _IntegratorUnderTest(integrator, tolerance)
     for make in closed_forms.ACCURACY:
         _check_accuracy(subject, make(), rtols)
     _check_reproducibility(subject, closed_forms.pendulum())
@@ -94,7 +94,7 @@ def check_integrator(
         check_projected(integrator, tolerance)
 
 
-class _Subject:
+class _IntegratorUnderTest:
     """An integrator under test."""
 
     def __init__(self, integrator: type[Integrator], tolerance: float) -> None:
@@ -180,7 +180,7 @@ def _check_protocol(integrator: Any) -> Capabilities:
     return able
 
 
-def _check_accuracy(subject: _Subject, form: ClosedForm, rtols: tuple[float, ...]) -> None:
+def _check_accuracy(subject: _IntegratorUnderTest, form: ClosedForm, rtols: tuple[float, ...]) -> None:
     errors = []
     for rtol in rtols:
         ensemble = form.ensemble()
@@ -202,7 +202,7 @@ def _check_accuracy(subject: _Subject, form: ClosedForm, rtols: tuple[float, ...
     )
 
 
-def _check_counters(subject: _Subject, case: str, counters: Any) -> None:
+def _check_counters(subject: _IntegratorUnderTest, case: str, counters: Any) -> None:
     assert isinstance(counters, Counters), (
         f"{subject.title}: counters: {case}: they are {counters!r:.100}; expected uqmbd.extend.Counters."
     )
@@ -212,7 +212,7 @@ def _check_counters(subject: _Subject, case: str, counters: Any) -> None:
     )
 
 
-def _check_reproducibility(subject: _Subject, form: ClosedForm) -> None:
+def _check_reproducibility(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     first, second = (subject.run(form, "reproducibility").states for _ in range(2))
     assert np.array_equal(first, second), (
         f"{subject.title}: reproducibility: {form.name}: the second run differs from the first by "
@@ -220,7 +220,7 @@ def _check_reproducibility(subject: _Subject, form: ClosedForm) -> None:
     )
 
 
-def _check_independence(subject: _Subject, form: ClosedForm) -> None:
+def _check_independence(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     """Compare realisations with those that are integrated alone, and in another order."""
     together = subject.run(form, "independence").states
     size = np.abs(together).max()
@@ -236,7 +236,7 @@ def _check_independence(subject: _Subject, form: ClosedForm) -> None:
         )
 
 
-def _check_threads(subject: _Subject, form: ClosedForm) -> None:
+def _check_threads(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     """Integrate in several threads at once what was integrated before."""
     alone = subject.run(form, "releases_gil").states
     with ThreadPoolExecutor(4) as executor:
@@ -251,7 +251,7 @@ def _check_threads(subject: _Subject, form: ClosedForm) -> None:
     )
 
 
-def _check_assembly_failures(subject: _Subject) -> None:
+def _check_assembly_failures(subject: _IntegratorUnderTest) -> None:
     """Integrate an ensemble some of whose realisations cannot be assembled."""
     study = fragile(0.8, 1.2)
     ensemble = Ensemble(study.model, np.array([[1.0], [0.8], [1.1]]))
@@ -268,7 +268,7 @@ def _check_assembly_failures(subject: _Subject) -> None:
         assert np.isnan(found.states[k]).all(), f"{what} cannot be assembled; expected states that are NaN."
 
 
-def _check_failures(subject: _Subject, form: ClosedForm) -> None:
+def _check_failures(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     """Integrate realisations one of which cannot go on."""
     expected = form.expected()
     found = subject.integrated(form.ensemble(), form.times, "failures", form.name)
@@ -293,7 +293,7 @@ def _check_failures(subject: _Subject, form: ClosedForm) -> None:
         assert message or np.isfinite(response[k]).all(), f"{what}: it is NaN and has no message."
 
 
-def _check_events(subject: _Subject, form: ClosedForm) -> None:
+def _check_events(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     found = subject.run(form, "events")
     subject.right(form, "events", found)
     moments = closed_forms.impacts(form.values, float(form.times[-1]))
@@ -308,7 +308,9 @@ def _check_events(subject: _Subject, form: ClosedForm) -> None:
     )
 
 
-def _check_event_times(subject: _Subject, case: str, found: Trajectories, name: str, expected: Array) -> None:
+def _check_event_times(
+    subject: _IntegratorUnderTest, case: str, found: Trajectories, name: str, expected: Array
+) -> None:
     what = f"{subject.title}: events: {case}: the times {name!r}"
     assert name in found.scalars, f"{what} are missing; Trajectories.scalars has {sorted(found.scalars)}."
     times = np.asarray(found.scalars[name], dtype=float)
@@ -320,7 +322,7 @@ def _check_event_times(subject: _Subject, case: str, found: Trajectories, name: 
     assert error <= subject.tolerance * RTOL, f"{what} are {times}; expected {expected} (error: {error:.2g} s)."
 
 
-def _check_segments(subject: _Subject, form: ClosedForm) -> None:
+def _check_segments(subject: _IntegratorUnderTest, form: ClosedForm) -> None:
     height, allowed = float(form.values[1]), subject.tolerance * RTOL
     ensemble = form.ensemble(form.values[1:2])
     what = f"{subject.title}: segments: {form.name}"

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any
 
-__all__ = ["Interrupter", "Interruption", "Recorder"]
+__all__ = ["Interrupter", "Interruption", "RecordingExecutor"]
 
 
-class Recorder(Executor):
+class RecordingExecutor(Executor):
     """Executor in this process that computes on pickled copies, as another process would, and counts."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results import validate
 from uqmbd.results.chaos import stored_surrogates
-from uqmbd.testing.solutions import Known
+from uqmbd.testing.solutions import ReferenceSolution
 from uqmbd.typing import Array
 
 __all__ = ["check_moments", "check_schema", "difference", "stated_errors"]
@@ -96,7 +96,7 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
     return noise[0] + surrogate, noise[1] + surrogate
 
 
-def check_moments(node: xr.DataTree, known: Known, tolerance: float, what: str) -> None:
+def check_moments(node: xr.DataTree, known: ReferenceSolution, tolerance: float, what: str) -> None:
     """Compare mean, standard deviation and, where given, first-order Sobol' indices with known ones.
 
     `tolerance` is the allowed error in addition to the stated ones, relative to the largest standard deviation of an

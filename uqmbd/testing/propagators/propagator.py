@@ -21,9 +21,9 @@ import xarray as xr
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation import Propagator
 from uqmbd.results import load, save
-from uqmbd.testing.propagators.executors import Interrupter, Interruption, Recorder
+from uqmbd.testing.propagators.executors import Interrupter, Interruption, RecordingExecutor
 from uqmbd.testing.propagators.moments import check_moments, check_schema, difference
-from uqmbd.testing.propagators.subject import Subject, quiet
+from uqmbd.testing.propagators.subject import PropagatorUnderTest, quiet
 from uqmbd.testing.solutions import CASES, certain, fragile
 
 __all__ = ["check_propagator"]
@@ -34,9 +34,9 @@ REMEDY = re.compile(
 """A message that contains none of these words tells nobody what to do."""
 
 
-def check_failures(subject: Subject) -> None:
+def check_failures(subject: PropagatorUnderTest) -> None:
     """Lengths below 0.9 m fail: a quarter of them, then all."""
-    study, recorder, title = fragile(0.7, 1.5), Recorder(), f"{subject.title}: failures"
+    study, recorder, title = fragile(0.7, 1.5), RecordingExecutor(), f"{subject.title}: failures"
     with quiet() as told:
         try:
             node = study.propagate(subject.given, recorder)
@@ -57,7 +57,7 @@ def check_failures(subject: Subject) -> None:
             raise AssertionError(f"{title}: all realisations fail, and yet there are results: a mean of {mean:g}.")
 
 
-def _check_account(node: xr.DataTree, recorder: Recorder, told: list[str], title: str) -> None:
+def _check_account(node: xr.DataTree, recorder: RecordingExecutor, told: list[str], title: str) -> None:
     failed, count = len(recorder.reasons), node.attrs["failures"]
     assert count >= failed, f"{title}: {failed} realisations failed; the attribute 'failures' is {count}."
     computed = node.attrs["realisations"]
@@ -83,10 +83,10 @@ def check_error(error: Exception, what: str, reason: str = "") -> None:
     assert REMEDY.search(str(error)), f"{what}, the error says nothing about what to try: {error}"
 
 
-def check_resume(subject: Subject) -> None:
+def check_resume(subject: PropagatorUnderTest) -> None:
     """Interrupt a run at its first finished chunk, and go on."""
     study = CASES["pendulum"]().study.with_propagators([subject.given])
-    title, whole, rest = f"{subject.title}: resume", Recorder(), Recorder()
+    title, whole, rest = f"{subject.title}: resume", RecordingExecutor(), RecordingExecutor()
     with subject.unbroken(study, "resume"), quiet():
         undisturbed = study.run(whole).children[subject.given.node_name]
     assert whole.chunks, (
@@ -117,7 +117,7 @@ def check_resume(subject: Subject) -> None:
         )
 
 
-def check_nothing_random(subject: Subject) -> None:
+def check_nothing_random(subject: PropagatorUnderTest) -> None:
     """Expect an error that says what to do, and the same from `uqmbd check`."""
     study, title = certain(), f"{subject.title}: nothing random"
     with quiet():
@@ -144,7 +144,7 @@ ACCURACY = 0.3
 """That is asked for: coarse, so that it costs little."""
 
 
-def check_sizes(subject: Subject) -> None:
+def check_sizes(subject: PropagatorUnderTest) -> None:
     """Check that larger sizes take more, that options say them, and that a chosen one gives the same bits again."""
     study, given, title = CASES["stone"]().study, subject.given, f"{subject.title}: sizes"
     with subject.unbroken(study, "sizes"), quiet():
@@ -243,7 +243,7 @@ def check_propagator(
     >>> from uqmbd_collocation import Collocation
     >>> check_propagator(Collocation(order=4))
     """
-    subject = Subject.of(propagator)
+    subject = PropagatorUnderTest.of(propagator)
     wanted = list(CASES) if moments is True else list(moments or ())
     for name in wanted:
         if name not in CASES:
@@ -251,7 +251,7 @@ def check_propagator(
         _check_case(subject, name, tolerance)
     _check_schema(subject)
     _check_label(subject)
-    _check_reproducibility(subject, Recorder() if workers is None else workers, seeds=seeds)
+    _check_reproducibility(subject, RecordingExecutor() if workers is None else workers, seeds=seeds)
     if failures:
         check_failures(subject)
     if resume:
@@ -262,7 +262,7 @@ def check_propagator(
     check_sizes(subject)
 
 
-def _check_case(subject: Subject, name: str, tolerance: float) -> None:
+def _check_case(subject: PropagatorUnderTest, name: str, tolerance: float) -> None:
     known, what = CASES[name](), f"{subject.title}: case {name!r}"
     with quiet():
         obstacle = subject.given.obstacle(known.study)
@@ -272,12 +272,12 @@ def _check_case(subject: Subject, name: str, tolerance: float) -> None:
     check_moments(node, known, tolerance, what)
 
 
-def _check_schema(subject: Subject) -> None:
+def _check_schema(subject: PropagatorUnderTest) -> None:
     study = CASES["pendulum"]().study
     check_schema(subject.node(study, "schema"), subject.given, study, subject.title)
 
 
-def _check_storage(subject: Subject) -> None:
+def _check_storage(subject: PropagatorUnderTest) -> None:
     node = subject.node(CASES["pendulum"]().study, "storage")
     with tempfile.TemporaryDirectory() as folder:
         with subject.unbroken(CASES["pendulum"]().study, "storage"):
@@ -288,7 +288,7 @@ def _check_storage(subject: Subject) -> None:
     assert not lost, f"{subject.title}: storage: attributes (before, after) save and load: {lost}."
 
 
-def _check_label(subject: Subject) -> None:
+def _check_label(subject: PropagatorUnderTest) -> None:
     study = CASES["stone"]().study
     for given, expected in (("a label, of its own", "a label, of its own"), (None, subject.given.name)):
         propagator = subject.make(label=given)
@@ -302,7 +302,7 @@ def _check_label(subject: Subject) -> None:
         )
 
 
-def _check_reproducibility(subject: Subject, workers: int | Executor, *, seeds: bool) -> None:
+def _check_reproducibility(subject: PropagatorUnderTest, workers: int | Executor, *, seeds: bool) -> None:
     study = CASES["pendulum"]().study
     first = subject.node(study, "reproducibility")
     found = difference(first, subject.node(study, "reproducibility", again=True))

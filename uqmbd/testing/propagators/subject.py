@@ -15,11 +15,11 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator, Study
 
-__all__ = ["Subject", "described", "quiet"]
+__all__ = ["PropagatorUnderTest", "described", "quiet"]
 
 
 @dataclass(frozen=True)
-class Subject:
+class PropagatorUnderTest:
     """A propagator under test, and how to make it with another label or seed."""
 
     make: Callable[..., Propagator]
@@ -27,7 +27,7 @@ class Subject:
     nodes: dict[Any, xr.DataTree] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, propagator: Propagator | Callable[..., Propagator]) -> Subject:
+    def of(cls, propagator: Propagator | Callable[..., Propagator]) -> PropagatorUnderTest:
         """Take an object, or what makes one."""
         if isinstance(propagator, Propagator):
             parameters: Any = vars(type(propagator)).get("__dataclass_params__")

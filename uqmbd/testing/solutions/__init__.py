@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from uqmbd.testing.solutions import closed_forms
 from uqmbd.testing.solutions.closed_forms import ClosedForm
-from uqmbd.testing.solutions.known import CASES, Known, certain, fragile
+from uqmbd.testing.solutions.known import CASES, ReferenceSolution, certain, fragile
 
 __all__ = [
     "CASES",
     "ClosedForm",
-    "Known",
+    "ReferenceSolution",
     "certain",
     "closed_forms",
     "fragile",

@@ -16,7 +16,7 @@ from uqmbd.randomness import uniform_variable
 from uqmbd.testing.solutions.parts import Pin, Rod, Spring
 from uqmbd.typing import Array
 
-__all__ = ["CASES", "Known", "certain", "fragile"]
+__all__ = ["CASES", "ReferenceSolution", "certain", "fragile"]
 
 
 RTOL = 1e-8
@@ -26,7 +26,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class ReferenceSolution:
     """Study with known moments of its outputs."""
 
     study: Study  # without propagators
@@ -36,7 +36,7 @@ class Known:
 
 
 @cache
-def stone() -> Known:
+def stone() -> ReferenceSolution:
     """Return a stone thrown upwards with random speed and gravity: ``z = v t - g t^2 / 2``, linear in both.
 
     >>> print(stone().mean[0, -1].round(6), stone().std[0, -1].round(6))  # 3 - 9.81 / 2; sqrt(0.2^2 / 3 + 0.25^2 / 3)
@@ -54,7 +54,7 @@ def stone() -> Known:
     total = parts.sum(axis=0)
     mean = np.array([3 * t - GRAVITY * t**2 / 2, 3 - GRAVITY * t])
     first = parts / np.where(total > 0, total, np.nan)
-    return Known(
+    return ReferenceSolution(
         Study("stone", mechanism, t, rtol=RTOL),
         mean,
         np.sqrt(total),
@@ -63,7 +63,7 @@ def stone() -> Known:
 
 
 @cache
-def oscillator() -> Known:
+def oscillator() -> ReferenceSolution:
     """Return 1 kg released at 1 m on a spring of random stiffness k: ``x = cos(sqrt(k) t)``.
 
     The moments are closed-form integrals over ``sqrt(k)``.
@@ -89,11 +89,11 @@ def oscillator() -> Known:
     square = (1 + expected_cosine(2 * t)) / 2
     std = np.sqrt(np.maximum(square - mean**2, 0) * (t > 0))
     study = Study("oscillator", mechanism, t, rtol=RTOL)
-    return Known(study, mean[None], std[None])
+    return ReferenceSolution(study, mean[None], std[None])
 
 
 @cache
-def pendulum() -> Known:
+def pendulum() -> ReferenceSolution:
     """Return a rod of random length and spin, pinned at one end: ``angle'' = -3 g cos(angle) / (2 length)``.
 
     The moments are a Gauss quadrature (12 x 12 nodes) of this equation, integrated by SciPy.
@@ -127,10 +127,10 @@ def pendulum() -> Known:
     mean = np.einsum("k,okt->ot", weight, values)
     variance = np.einsum("k,okt->ot", weight, (values - mean[:, None]) ** 2)
     study = Study("pendulum", mechanism, t, rtol=RTOL)
-    return Known(study, mean, np.sqrt(variance))
+    return ReferenceSolution(study, mean, np.sqrt(variance))
 
 
-CASES: dict[str, Callable[[], Known]] = {"stone": stone, "oscillator": oscillator, "pendulum": pendulum}
+CASES: dict[str, Callable[[], ReferenceSolution]] = {"stone": stone, "oscillator": oscillator, "pendulum": pendulum}
 """By name."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from uqmbd.report import figures
 from uqmbd.report.charts import charted
 from uqmbd.report.drawing import with_units
-from uqmbd.report.figures import ENOUGH, Reason, failure_reasons, failure_words, runs_of
+from uqmbd.report.figures import ENOUGH, FailureGroup, failure_reasons, failure_words, runs_of
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.status import Status
@@ -85,7 +85,7 @@ def _of_method(method: Method) -> Content:
     return found
 
 
-def _figure(method: Method, group: Reason, number: int, words: list[str]) -> Content:
+def _figure(method: Method, group: FailureGroup, number: int, words: list[str]) -> Content:
     return charted(
         lambda: figures.failures_chart(method.node, group),
         f"Inputs of the failed samples among those of the others. {' '.join(words)}",
