@@ -1,13 +1,18 @@
-"""How often the true error is within an accuracy that was asked for, and how many realisations that takes.
+"""Measure how often the true error is within a requested accuracy, and how many realisations that needs.
 
-Three outputs of one normal input whose moments are known in closed form, without a motion that has to be integrated
-finely, so that nothing but the choice of sizes is measured: linear; exp, a lognormal one of kurtosis 41, whose tail a
-pilot of 64 samples does not see; and a sine, of which a chaos of any order leaves something.
+Three outputs of one normal input have moments in closed form.  They need no integration, so the benchmark measures only
+the choice of sizes.  The outputs are a linear function, an exponential function and a sine.  The exponential function
+gives a lognormal output of kurtosis 41, whose tail a pilot of 64 samples does not contain.  A chaos of any order leaves
+an error for the sine.
 
-Of Monte Carlo for each accuracy: in which share of the seeds the mean, the standard deviation, and both are within it
-(of a quantity by itself 95 % are meant), the number of samples as a multiple of (1.96 / accuracy)^2, which a mean
-needs, in how many sizes it was found, and how many realisations were computed for one that is in the results. Of
-collocation and Galerkin: the order that was taken, its stated and its true error.
+For Monte Carlo and each accuracy the table lists:
+
+- the share of seeds for which the mean, the standard deviation, and both are within it (95 % is intended for a single
+  quantity);
+- the number of samples as a multiple of (1.96 / accuracy)^2, which a mean needs;
+- the number of sizes in the search, and the number of computed realisations for each one in the results.
+
+For collocation and Galerkin the table lists the chosen order, its stated error and its true error.
 
 Run: python studies/benchmarks/budget.py [SEEDS]
 """

@@ -1,7 +1,7 @@
-"""What is paid before the first realisation moves: imports, models from nothing and from the cache, the first study.
+"""Measure the cost before the first realisation moves: imports, models without and with the cache, and the first study.
 
-Each number is the median over rounds, each in a fresh process, with the range; the versions (this one, and an earlier
-one if its work tree is named) and CasADi take turns.
+Each number is the median over rounds, each in a new process, with the range.  This version, an earlier one if its work
+tree is given, and CasADi alternate.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/building.py [--earlier FOLDER] [--repeat N]``.
 """
@@ -31,13 +31,13 @@ MODELS = {
     "spatial chain of 40": ("import mechanisms; made = mechanisms.spatial_links(40)", None),
     "40 four-bars": ("import mechanisms; made = mechanisms.four_bars(40)", None),
 }
-"""How a mechanism is made, and its name among CasADi's."""
+"""Statements that create a mechanism, and its name among those of CasADi."""
 
 SETUP = f"import sys, time; sys.path[:0] = {[str(HERE), str(HERE.parent)]!r}; import numpy as np; "
 BEGIN, CLOCK = "begin = time.process_time(); ", "print(time.process_time() - begin)"
 
 LONGEST = 30
-"""Processor seconds after which a child is stopped."""
+"""Processor seconds after which a child process is stopped."""
 
 BUILD = (
     "import uqmbd.dynamics, symengine, scipy.linalg, llvmlite.binding; {make}; "
@@ -53,10 +53,10 @@ FIRST = (
     + "d.integrate(e, np.linspace(0, 0.01, 3), 1e-6); "
     + CLOCK
 )
-"""The first integration in a process, which loads the kernels and the driver."""
+"""Script of the first integration in a process, which loads the kernels and the driver."""
 
 DRIVER = "import uqmbd.compiled.driver as c, llvmlite.binding; " + BEGIN + "c.driver(); " + CLOCK
-"""The driver is compiled once for a processor, and then loaded; models are made where it is there."""
+"""Script that compiles the driver once for a processor, or loads it; models are built with a compiled driver."""
 
 PEER = "import peers; " + BEGIN + "peers.CasadiPeer(peers.PEERS[{name!r}][0](), np.linspace(0, 1, 401), 1e-6); " + CLOCK
 
@@ -64,7 +64,7 @@ MODULES = (
     "import atexit, sys; atexit.register(lambda: open({list!r}, 'w').write(chr(10).join(sys.modules))); "
     "sys.argv = ['uqmbd', 'run', {study!r}, '--out', {out!r}]; from uqmbd.cli import main; main()"
 )
-"""Writes down what a run imports."""
+"""Script that lists the imports of a run."""
 
 DRIVEN = "the driver, once for a processor"
 
@@ -79,20 +79,20 @@ STUDY = "import sys; sys.argv = ['uqmbd', 'run', {study!r}, '--out', {out!r}]; f
 
 
 def limited() -> None:
-    """Stop this process where it goes on for too long."""
+    """Limit the processor time of this process."""
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
 
 
 def child(script: str, root: Path, cache: str) -> tuple[float, str]:
-    """Run a script in a fresh process: its processor seconds in total, and what it prints.
+    """Run a script in a new process, and return its total processor seconds and its output.
 
-    The time is infinite where it took too long, and NaN where it failed, which is printed.
+    The time is infinite if it exceeds the limit, and NaN if the script fails; the error is printed.
     """
     path = os.pathsep.join([str(root), str(root / "plugins")])
     environment = dict(os.environ, PYTHONPATH=path, UQMBD_CACHE=cache, MPLBACKEND="Agg")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-W", "ignore", "-c", script]
-    # the folder where it runs comes first in the path
+    # the working folder is first in the path
     done = subprocess.run(command, env=environment, cwd=root, capture_output=True, text=True, preexec_fn=limited)
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return float("inf"), ""
@@ -105,13 +105,13 @@ def child(script: str, root: Path, cache: str) -> tuple[float, str]:
 
 
 def clocked(script: str, root: Path, cache: str) -> float:
-    """Processor seconds that a script has measured itself."""
+    """Return the processor seconds that a script measures and prints."""
     spent, printed = child(SETUP + script, root, cache)
     return float(printed.split()[-1]) if printed else spent
 
 
 def cell(seconds: list[float]) -> str:
-    """Median and range."""
+    """Format median and range."""
     found = np.array(seconds)
     if np.isinf(found).any():
         return f"over {LONGEST}"
@@ -121,13 +121,13 @@ def cell(seconds: list[float]) -> str:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--earlier", type=Path, help="the work tree of an earlier version")
+    parser.add_argument("--earlier", type=Path, help="work tree of an earlier version")
     parser.add_argument("--repeat", type=int, default=3, help="rounds (default 3)")
     options = parser.parse_args()
     versions = {"now": HERE.parent.parent}
     if options.earlier is not None:
         versions = {"earlier": options.earlier.resolve(), **versions}
-    parts = ("from nothing", "from the cache", "first integration, cached")
+    parts = ("without cache", "with cache", "first integration, cached")
     with_casadi = importlib.util.find_spec("casadi") is not None
     found: dict[tuple[str, str, str], list[float]] = {}
 

@@ -1,21 +1,24 @@
-"""How well calibration finds inputs that are known: how often intervals hold them, and errors beside the least ones.
+"""Measure how well calibration finds known inputs: coverage of intervals, and errors relative to their lower bound.
 
-Two machines, and for each truths that are drawn from the prior:
+There are two machines, each with true inputs drawn from the prior:
 
-- slider-crank: it turns for 20 s; the slider's place is recorded 20 times a second, with normal errors of 1 mm;
-  unknown are the lengths of crank and rod (2 %) and the damping of the bearing (5 %), all normal;
+- slider-crank: it turns for 20 s; the record contains the position of the slider 20 times a second, with normal errors
+  of 1 mm; unknown are the lengths of crank and rod (2 %) and the damping of the bearing (5 %), all normal;
 - two masses: both frequencies (0.5 %) and the ratio of the masses in the first mode (2 %), each measured five times;
   unknown are both stiffnesses (20 %) and one mass (10 %), all lognormal.
 
-Records are not made by uqmbd: the slider-crank by Runge-Kutta steps of its one equation for the crank angle, the two
-masses by the roots of a quadratic equation.  With ``J``, the derivatives of what is recorded by the germs (finite
-differences of these direct models at the truth) over the noise, ``(J^T J + 1)^-1`` is the covariance of the posterior
-of the model that is linear there, with the prior's information, which is 1 in germs: the bound.  Its expectation over
-truths bounds the mean square of any estimate's errors up to the curvature of the model (van Trees' inequality bounds it
-by the inverse of the expectation, which is smaller, and is given, too).
+uqmbd does not generate the records.  For the slider-crank, Runge-Kutta steps solve the one equation of the crank angle;
+for the two masses, a quadratic equation has the roots.
 
-For each input: how often the 95 % interval holds the truth, the root mean square distance of the posterior's mean to
-the truth over those of both bounds, and the mean width of the interval over that of the bound; all in germs.
+Let ``J`` be the derivatives of the recorded values by the germs, divided by the noise.  Finite differences of these
+direct models at the true inputs give ``J``.  For the model linearised there, ``(J^T J + 1)^-1`` is the covariance of
+the posterior, with the information of the prior, which is 1 in germs.  This is the bound.  Its expectation over true
+inputs bounds the mean square error of any estimate, up to the curvature of the model.  Van Trees' inequality bounds it
+by the inverse of the expectation, which is smaller; the table also lists this bound.
+
+For each input the table lists three numbers, all in germs: how often the 95 % interval contains the true input; the
+root mean square distance from the posterior mean to the true input, over those of both bounds; and the mean width of
+the interval over that of the bound.
 
 Run: python studies/benchmarks/calibration.py [--truths N] [--from N] [--only CASE] [--save FILE] [--join FILES]
 """
@@ -58,19 +61,19 @@ class Case:
     Attributes
     ----------
     names : tuple of str
-        Of the inputs.
+        Names of the inputs.
     direct : callable
-        From inputs (K, input) to what is recorded, without errors (K, value): no code of uqmbd.
+        From inputs (K, input) to recorded values without errors (K, value), without code of uqmbd.
     noise : array, shape (value,)
-        Standard deviations; of one measurement.
+        Standard deviations of one measurement.
     values, germs : callable
         From germs to inputs, and back.
     study : callable
-        Makes the study.
+        Creates the study.
     record : callable
         From values with errors (value, repetition) to a record.
     repeated : int
-        How often each value is measured.
+        Number of measurements of each value.
     """
 
     names: tuple[str, ...]
@@ -92,7 +95,7 @@ NAMES = ("crank_length", "damping", "rod_length")
 
 
 def slider_places(inputs: Array, steps: int = 25) -> Array:
-    """Place of the slider at the times, shape (K, T), by Runge-Kutta steps of order 4 of the crank angle."""
+    """Return positions of the slider, shape (K, T), by Runge-Kutta steps of order 4 of the crank angle."""
     r, damping, length = (inputs[:, [k]] for k in range(3))
 
     def parts(angle: Array) -> tuple[Array, Array, Array, Array]:
@@ -127,7 +130,7 @@ def slider_places(inputs: Array, steps: int = 25) -> Array:
 
 
 def slider_crank() -> uqmbd.Study:
-    """Make the study of the slider-crank."""
+    """Return the study of the slider-crank."""
     crank_length, damping, rod_length = (
         uqmbd.RandomVariable(name, chaospy.Normal(mean, std), units=units)
         for name, mean, std, units in zip(NAMES, MEANS, DEVIATIONS, ("m", "N m s", "m"), strict=True)
@@ -159,7 +162,7 @@ TWO = ("k1", "k2", "m2")
 
 
 def modal_values(inputs: Array) -> Array:
-    """Both frequencies, Hz, and the ratio of the masses in the first mode, shape (K, 3), by a quadratic equation."""
+    """Return both frequencies, Hz, and the ratio of the masses in the first mode, (K, 3), by a quadratic equation."""
     k1, k2, m2 = inputs.T
     half = (k1 + k2 + k2 / m2) / 2
     root = np.sqrt(half**2 - k1 * k2 / m2)
@@ -168,7 +171,7 @@ def modal_values(inputs: Array) -> Array:
 
 
 def two_masses() -> uqmbd.Study:
-    """Make the study of two masses in a row."""
+    """Return the study of two masses in a row."""
     k1, k2, m2 = (
         uqmbd.RandomVariable(name, chaospy.LogNormal(mu=float(np.log(median)), sigma=float(s)), units=units)
         for name, median, s, units in zip(TWO, STIFF, SPREAD, ("N/m", "N/m", "kg"), strict=True)
@@ -187,7 +190,7 @@ MODAL_NOISE = np.array([0.005, 0.005, 0.02]) * modal_values(STIFF[None])[0]
 
 
 def modal_record(measured: Array) -> Record:
-    """Make a record of repeated measurements (3, R)."""
+    """Return a record of repeated measurements (3, R)."""
     about = zip(("f1", "f2", "ratio"), measured, ("Hz", "Hz", "1"), MODAL_NOISE, strict=True)
     return Record("modal test", [Series(name, [], values, units, float(noise)) for name, values, units, noise in about])
 
@@ -216,7 +219,7 @@ CASES = {
 
 
 def records_of(case: Case, truths: int) -> tuple[Array, list[Record], Array]:
-    """Draw truths (germs), make their records, and their information ``J^T J`` without the prior's."""
+    """Draw true germs, and return them, their records, and their information ``J^T J`` without that of the prior."""
     random = np.random.default_rng(2026)
     germs = random.standard_normal((truths, len(case.names)))
     shifts = np.concatenate([np.zeros((1, len(case.names))), *(s * np.eye(len(case.names)) for s in (STEP, -STEP))])
@@ -233,7 +236,7 @@ def records_of(case: Case, truths: int) -> tuple[Array, list[Record], Array]:
 
 
 def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], None]) -> None:
-    """Calibrate by each record from the `first` on; hand over what is known after each."""
+    """Calibrate with each record from the `first` on, and pass the accumulated results to `kept` after each."""
     case = CASES[name]
     germs, records, information = records_of(case, truths)
     study, rows = case.study(), []
@@ -276,7 +279,7 @@ def run(name: str, first: int, truths: int, kept: Callable[[dict[str, object]], 
 
 
 def table(name: str, information: Array, rows: list[dict[str, Any]]) -> str:
-    """Write what was found as a table in Markdown."""
+    """Format the results as a Markdown table."""
     case = CASES[name]
     good = [row for row in rows if "failed" not in row]
     if not good:
@@ -286,11 +289,11 @@ def table(name: str, information: Array, rows: list[dict[str, Any]]) -> str:
     spent = np.array([row["realisations"] for row in good])
     lines = [
         f"**{name}**: {len(rows)} truths, {len(rows) - len(good)} failures; realisations: median "
-        f"{np.median(spent):.0f}, most {spent.max()}; warned of {sum(bool(row['warnings']) for row in good)}; "
+        f"{np.median(spent):.0f}, most {spent.max()}; with warnings {sum(bool(row['warnings']) for row in good)}; "
         f"{np.median([row['seconds'] for row in good]):.1f} s each",
         "",
-        "| input | 95 % intervals that hold the truth | distance over the bound | over van Trees' bound "
-        "| width over the bound's | bound, of the prior's deviation |",
+        "| input | 95 % intervals that contain the truth | distance over the bound | over van Trees' bound "
+        "| width over that of the bound | bound, in standard deviations of the prior |",
         "|---|---|---|---|---|---|",
     ]
     for i, one in enumerate(case.names):
@@ -306,13 +309,13 @@ def table(name: str, information: Array, rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Run what is asked for, and print tables."""
-    parser = argparse.ArgumentParser(description="How well calibration finds inputs that are known.")
+    """Run the chosen cases, and print tables."""
+    parser = argparse.ArgumentParser(description="Measure how well calibration finds known inputs.")
     parser.add_argument("--truths", type=int, default=100)
-    parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first truth that is computed")
+    parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first truth to compute")
     parser.add_argument("--only", choices=CASES, action="append")
     parser.add_argument("--save", type=Path, help="JSON file for the rows")
-    parser.add_argument("--join", type=Path, nargs="+", help="JSON files of parts that are made one table")
+    parser.add_argument("--join", type=Path, nargs="+", help="JSON files of parts to join in one table")
     given = parser.parse_args()
     if given.join:
         parts = [part for path in given.join for part in json.loads(path.read_text())]

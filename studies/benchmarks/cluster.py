@@ -1,8 +1,8 @@
-"""One, two and more workers of a Dask cluster on this machine: wall time, processor time, and what the cluster adds.
+"""Measure Monte Carlo on a local Dask cluster with one, two and more workers: wall time, processor time, overhead.
 
-The scheduler and the workers are processes of their own.  Speed-up is the wall time with one worker over that with
-several, after a first run that compiles; on a machine that does other things, too, the processor time of the workers
-and of the coordinator says more than the wall time: with no other costs it is the same for any number of workers.
+The scheduler and the workers are separate processes.  Speed-up is the wall time with one worker over that with several,
+after a first run that compiles.  On a busy machine the processor time of the workers and of the coordinator is more
+informative than the wall time.  Without overhead it is the same for any number of workers.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/cluster.py [--samples N] [--workers N] [--repeat N]``.
 """
@@ -30,19 +30,19 @@ from uqmbd_montecarlo import MonteCarlo
 
 
 def spent(client: distributed.Client) -> dict[str, tuple[float, int]]:
-    """Processor seconds of each worker so far, and tasks that it has done."""
+    """Return the processor seconds and the number of finished tasks of each worker so far."""
 
     def tell(dask_worker: distributed.Worker) -> tuple[float, int]:
         return time.process_time(), dask_worker.state.executed_count
 
-    found: Any = client.run(tell)  # a coroutine only of clients that are asynchronous
+    found: Any = client.run(tell)  # a coroutine only for asynchronous clients
     return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=20_000)
-    parser.add_argument("--workers", type=int, default=2, help="at most; 1 and doubled until there are so many")
+    parser.add_argument("--workers", type=int, default=2, help="largest number; starts at 1 and doubles (default 2)")
     parser.add_argument("--repeat", type=int, default=3)
     given = parser.parse_args()
     times = slider_crank.study.times

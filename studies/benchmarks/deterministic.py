@@ -1,4 +1,4 @@
-"""One realisation: uqmbd against CasADi's IDAS and Exudyn at matched accuracy.
+"""Time one realisation: uqmbd against CasADi's IDAS and Exudyn at equal accuracy.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/deterministic.py [--repeat N] [--quick]``.
 """
@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-# what is measured here is parts of the core (integration without outputs), so the core is imported directly
+# this script times parts of the core (integration without outputs), so it imports the core directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -32,23 +32,23 @@ Array = NDArray[np.float64]
 
 LADDER = (1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7)
 WANTED = {"slider_crank": 2e-5, "five_bar": 2e-5}
-"""Accuracy at which all are compared: largest error at any output time over the range of the output."""
+"""Accuracy of the comparison: largest error at any output time over the range of the output."""
 
 COLUMNS = ("tolerance", "error", "residuals", "Jacobians", "integrations")
 
 
 def relative_error(found: Array, reference: Array) -> float:
-    """Largest error of any output at any time, over the range of that output."""
+    """Return the largest error of any output at any time, over the range of that output."""
     return float((np.abs(found - reference).max(axis=1) / np.ptp(reference, axis=1)).max())
 
 
 def error_of(run: Callable[..., tuple[float, str]], how: Any, tolerance: float) -> float:
-    """Error of a way at a tolerance."""
+    """Return the error of a method at a tolerance."""
     return run(tolerance, how)[0]
 
 
 def ladder_table(name: str, ours: Callable[[float], tuple[float, str]], theirs: Callable[[float], tuple[float, str]]):
-    """Print error and residual calls of both over the same tolerances."""
+    """Print error and residual calls of both for the same tolerances."""
     columns = ("tolerance", "uqmbd error", "calls", "CasADi error", "calls")
     table = table_of(f"{name}: error and residual calls by tolerance", *columns)
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):

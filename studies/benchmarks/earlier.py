@@ -1,7 +1,7 @@
-"""Compare uqmbd with an earlier version of itself: the same studies in two processes, in turn.
+"""Compare uqmbd with an earlier version: the same studies run alternately in two processes.
 
-Each version runs in a process of its own, with a cache of its own; both have compiled their models before the clock
-runs.  The earlier version is a work tree of it, as ``git worktree add --detach /elsewhere COMMIT`` makes one.
+Each version runs in a separate process with a separate cache.  Both compile their models before the timing starts.  The
+earlier version is a work tree, for instance from ``git worktree add --detach /elsewhere COMMIT``.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/earlier.py /elsewhere [--repeat N] [--quick] [--only TASK ...]``.
 """
@@ -30,27 +30,27 @@ import numpy as np
 from measure import console, spent, table_of
 
 GROUP = 8
-"""Realisations of the chains of four-bars."""
+"""Number of realisations of the chains of four-bars."""
 TIMES = 10
-"""Assemblies of what is timed."""
+"""Number of assemblies in one timing."""
 NUMBERS = (1, 2, 5, 10, 20, 40)
-"""Four-bars of a chain."""
+"""Numbers of four-bars of a chain."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is timed.
+    """A timed operation.
 
     Attributes
     ----------
     title : str
-        What the table calls it.
+        Name in the table.
     ready : callable
-        Given the number of realisations, prepares and returns what is timed.
+        Prepares and returns the timed operation, from the number of realisations.
     count, few : int
-        Realisations, and those of a quick look.
+        Numbers of realisations, by default and with `--quick`.
     each : str
-        What is counted by them.
+        Noun that the numbers count.
     """
 
     title: str
@@ -144,7 +144,7 @@ for title, count, kind, size in (
 
 
 def serve() -> None:
-    """Run tasks by name as they are asked for: in the process of a version."""
+    """Run requested tasks by name in the process of a version."""
     prepared: dict[str, Callable[[], Any]] = {}
     warnings.simplefilter("ignore")
     out, sys.stdout = sys.stdout, sys.stderr
@@ -155,7 +155,7 @@ def serve() -> None:
                 prepared[name] = TASKS[name].ready(count)
                 prepared[name]()
             answer: Any = spent(prepared[name])
-        except Exception as exception:  # a failure of one version is printed, and the others run
+        except Exception as exception:  # prints a failure of one version; the others run
             answer = f"{type(exception).__name__}: {exception}"
         print(json.dumps(answer), file=out, flush=True)
 
@@ -176,7 +176,7 @@ class Version:
         )
 
     def run(self, name: str, count: int) -> float:
-        """Processor seconds of a task; NaN where it failed, which is printed."""
+        """Return the processor seconds of a task, or NaN if it fails; the error is printed."""
         assert self.process.stdin is not None and self.process.stdout is not None
         print(json.dumps([name, count]), file=self.process.stdin, flush=True)
         answer = json.loads(self.process.stdout.readline())
@@ -199,7 +199,7 @@ def versions(*roots: Path) -> Iterator[list[Version]]:
 
 
 def measured(earlier: Path, names: Sequence[str], repeat: int, quick: bool) -> dict[str, np.ndarray[Any, Any]]:
-    """Processor seconds of each task, shape (2, repeat): earlier, now."""
+    """Return the processor seconds of each task, shape (2, repeat): earlier, now."""
     found = {name: np.zeros((2, repeat)) for name in names}
     with versions(earlier, HERE.parent.parent) as both:
         for r in range(repeat):
@@ -213,7 +213,7 @@ def measured(earlier: Path, names: Sequence[str], repeat: int, quick: bool) -> d
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("earlier", type=Path, nargs="?", help="the work tree of the earlier version")
+    parser.add_argument("earlier", type=Path, nargs="?", help="work tree of the earlier version")
     parser.add_argument("--repeat", type=int, default=5, help="rounds (default 5)")
     parser.add_argument("--quick", action="store_true", help="few samples, two rounds")
     parser.add_argument("--only", nargs="+", choices=TASKS, default=list(TASKS), metavar="TASK", help=", ".join(TASKS))
@@ -223,7 +223,7 @@ def main() -> None:
         serve()
         return
     if options.earlier is None or not (options.earlier / "uqmbd").is_dir():
-        parser.error("name the work tree of the earlier version")
+        parser.error("give the work tree of the earlier version")
     repeat = 2 if options.quick else options.repeat
     found = measured(options.earlier.resolve(), options.only, repeat, options.quick)
     columns = ("", "of", "earlier, ms", "now, ms", "earlier over now", "(range)")

@@ -1,7 +1,8 @@
-"""What values of an aligned chaos cost, beside those of a plain one of the same mechanism, points and times.
+"""Measure the cost of evaluating an aligned chaos relative to a plain one of the same mechanism, points and times.
 
-The rotating slider-crank over 36 s, some 80 turns, and a double pendulum with two frequencies over 200 s; 10,000
-points, at many times and at few.  What bounds the time stands beside it: products of a value.
+The mechanisms are the rotating slider-crank over 36 s, some 80 turns, and a double pendulum with two frequencies over
+200 s.  Each has 10,000 points, at many output times and at few.  The tables also list the products of a value, which
+bound the time.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/evaluation.py [--repeat 9] [--points 10000]``.
 """
@@ -35,7 +36,7 @@ COUNTS = (3601, 1201, 401)
 
 
 def double_pendulum() -> uqmbd.Mechanism:
-    """Make a double pendulum of point masses that starts from rest, at 17 degrees."""
+    """Return a double pendulum of point masses that starts from rest, at 17 degrees."""
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.98, 1.02), units="m")
     mass = uqmbd.RandomVariable("mass", chaospy.Uniform(0.95, 1.05), units="kg")
     angle = 0.3
@@ -55,7 +56,7 @@ Alignment = Literal["phase", "two-frequency"]
 
 @dataclass(frozen=True)
 class Case:
-    """A mechanism, its last time (s), and the way to align it."""
+    """A mechanism, its last time (s), and its kind of alignment."""
 
     mechanism: uqmbd.Mechanism
     end: float
@@ -73,12 +74,12 @@ def chaos(case: Case, name: str, count: int, alignment: Alignment | None) -> Any
     times = np.linspace(0, case.end, count)
     study = uqmbd.Study(name, case.mechanism, times=times, rtol=1e-9, propagators=[])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that the plain one does not hold
+        warnings.simplefilter("ignore", UserWarning)  # the plain chaos warns of its error
         return surrogate(study.propagate(Collocation(order=3, alignment=alignment)))
 
 
 def products(made: Any, count: int) -> str:
-    """Say how many products with a sum a value takes at least, by the parts of an evaluation."""
+    """Return the least number of multiply-adds of a value, by the parts of an evaluation."""
     terms = len(made.multi_index)
     if isinstance(made, AlignedChaos):
         (element,) = made.elements
@@ -87,7 +88,7 @@ def products(made: Any, count: int) -> str:
         return f"{combined:.3g} coefficients, {powers} sum, {basis:.3g} polynomials"
     if isinstance(made, QuasiPeriodicChaos):
         (one,) = made.elements
-        # what is even and odd about the middle of a block serves two times
+        # the even and odd parts about the middle of a block serve two times
         return f"{(np.abs(one.waves).max(axis=0) > 0).sum(axis=1).mean():.3g} sum"
     return f"{terms} sum"
 

@@ -1,8 +1,8 @@
-"""How the cost grows with a mechanism: a chain of N four-bars.
+"""Measure the growth of the cost with the size of a mechanism: a chain of N four-bars.
 
-N + 1 cranks of 1 m are hinged to the ground, 1 m apart, and N couplers join their neighbouring tips; all are uniform
-rods of 1 kg.  From hanging at rest they are set swinging with 3 rad/s, to 50 degrees or so: the pose in which all rods
-are in line, where the chain is singular, is not reached.  All cranks swing alike, so that one equation gives the exact
+Hinges connect N + 1 cranks of 1 m to the ground, 1 m apart, and N couplers join their neighbouring tips.  All are
+uniform rods of 1 kg.  They hang at rest and start to swing with 3 rad/s, to 50 degrees or so.  The chain is singular in
+the pose with all rods in line, which it does not reach.  All cranks swing alike, so one equation gives the exact
 motion: ``((N + 1) / 3 + N) phi'' = -((N + 1) / 2 + N) g cos(phi)``.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/growth.py [--repeat 5] [--quick]``.
@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-# what is measured here is parts of the core, so the core is imported directly
+# this script times parts of the core, so it imports the core directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
@@ -39,7 +39,7 @@ RTOL = 1e-6
 
 
 def exact(number: int, times: Array) -> Array:
-    """Horizontal position of a crank's tip, from the equation of the only degree of freedom."""
+    """Return the horizontal position of the tip of a crank, from the equation of the only degree of freedom."""
     inertia, weight = (number + 1) / 3 + number, ((number + 1) / 2 + number) * GRAVITY
 
     def rate(_: float, z: Array) -> list[float]:
@@ -50,7 +50,7 @@ def exact(number: int, times: Array) -> Array:
 
 
 def exponent(numbers: tuple[int, ...], cost: Array) -> float:
-    """Slope of the cost over the number of four-bars, both logarithmic: a fit to all of them."""
+    """Return the slope of the cost over the number of four-bars, both logarithmic, by a fit to all of them."""
     return float(np.polyfit(np.log(numbers), np.log(cost), 1)[0])
 
 
@@ -115,7 +115,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5, help="rounds that count (default 5)")
-    parser.add_argument("--quick", action="store_true", help="to ten four-bars only, two rounds")
+    parser.add_argument("--quick", action="store_true", help="up to ten four-bars, two rounds")
     options = parser.parse_args()
     runs(NUMBERS[:4] if options.quick else NUMBERS, 2 if options.quick else options.repeat)
 

@@ -1,10 +1,11 @@
-"""How long chaoses hold: the horizon at 1 % of the largest standard deviation, plain and aligned at equal phase.
+"""Measure the horizon at 1 % of the largest standard deviation of chaoses, plain and aligned at equal phase.
 
-All studies that turn or swing, by the same nodes each: errors are root mean squares over 40 independent realisations.
-A horizon ends at the first output time where the error is larger; where it does not end, the ratio is a lower bound.
+All studies that rotate or oscillate use the same nodes for both.  Errors are root mean squares over 40 independent
+realisations.  A horizon ends at the first output time with a larger error.  If it does not end, the ratio is a lower
+bound.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/horizons.py [--only NAME ...] [--quick]``; `--quick` follows
-everything for a tenth of the time.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/horizons.py [--only NAME ...] [--quick]``; `--quick` simulates a
+tenth of the time.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ from uqmbd_collocation import Collocation
 Array = NDArray[np.float64]
 
 CONSTANT = 1e-9
-"""Standard deviation, over the range of an output, of what does not vary: the angle of a driven crank."""
+"""Standard deviation over the range of an output below which it is constant, as the angle of a driven crank."""
 
 
 def mechanism_of(name: str) -> uqmbd.Mechanism:
-    """Return the mechanism of a study, anew."""
+    """Return a new copy of the mechanism of a study."""
     made: uqmbd.Mechanism = runpy.run_path(str(HERE.parent / f"{name}.py"))["mechanism"]
     return made
 
 
 def with_random_torque() -> uqmbd.Mechanism:
-    """Make the rotating slider-crank with a third input: phases drift apart by their speeds."""
+    """Return the rotating slider-crank with a third input: different speeds make its phases drift apart."""
     made = mechanism_of("slider_crank_rotating")
     made.randomise("drive.torque", relative=0.02)
     return made
@@ -52,7 +53,7 @@ def with_random_torque() -> uqmbd.Mechanism:
 
 @dataclass(frozen=True)
 class Case:
-    """A study: what makes the mechanism, its last time (s) and number of times, and options of both collocations."""
+    """A study: factory of the mechanism, its last time (s) and number of times, and options of both collocations."""
 
     make: Callable[[], uqmbd.Mechanism]
     end: float
@@ -80,12 +81,12 @@ CASES = {
 
 
 def shown(value: float, end: float) -> str:
-    """Write a horizon."""
+    """Format a horizon."""
     return f"> {end:g}" if np.isinf(value) else f"{value:.3g}"
 
 
 def ratio(plain: float, aligned: float, end: float) -> str:
-    """Write by how much a horizon is longer."""
+    """Format the ratio of two horizons."""
     if np.isinf(plain):
         return ""
     factor = min(aligned, end) / max(plain, 1e-300) if plain else np.inf
@@ -93,7 +94,7 @@ def ratio(plain: float, aligned: float, end: float) -> str:
 
 
 def rows(case: Case, name: str, end: float) -> list[tuple[str, ...]]:
-    """Compute a study by both ways, and return the rows of the table."""
+    """Compute a study by both methods, and return the rows of the table."""
     times = np.linspace(0, end, 1 + round((case.count - 1) * end / case.end))
     study = uqmbd.Study(name, case.make(), times=times, rtol=1e-9, propagators=[])
     inputs, responses = long_time.realisations(study)
@@ -109,7 +110,7 @@ def rows(case: Case, name: str, end: float) -> list[tuple[str, ...]]:
 
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # what they say stands in the table
+                warnings.simplefilter("ignore", UserWarning)  # the table shows these errors
                 costs[label] = spent(run)
         except uqmbd.StudyError as error:
             why = "refused: no clock" if "there is none" in str(error) else f"refused: {error}"
@@ -150,7 +151,7 @@ def main() -> None:
         "largest error",
         "clock",
         "realisations, plain and aligned",
-        "longer",
+        "simulated time, factor",
         "processor time, s",
     )
     for name in options.only or CASES:

@@ -1,15 +1,14 @@
-"""Where the time of 500 slider-cranks goes, as a share of the limit: kernel operations over the processor's peak.
+"""Measure the time of 500 slider-cranks by part, relative to the limit: kernel operations at the peak of the processor.
 
-The limit of a part is what its kernels' operations would take if nothing else took any time:
+The limit of a part is the time of the operations of its kernels, without any other cost:
 
-- operations are the additions, subtractions, multiplications, divisions, square roots and library functions in the
-  kernels' LLVM IR, each of eight realisations at once; changes of sign, comparisons, choices, loads and stores are not
-  counted;
-- how often each kernel is called is counted, in a run in which every call passes through a counter.  Lanes without a
-  realisation count as well: they are part of the limit, the gathering of arguments and the integrator's own sums are
-  not;
-- the peak is measured: independent chains of multiplications and additions (fused, or alternating, whichever is faster;
-  a fused one counts twice), of divisions, of square roots, and calls of the library's functions in eight lanes.
+- Operations are the additions, subtractions, multiplications, divisions, square roots and library functions in the
+  LLVM IR of the kernels, each of eight realisations at once.  Changes of sign, comparisons, choices, loads and stores
+  are not counted.
+- A separate run counts the calls of each kernel: every call passes through a counter.  Lanes without a realisation
+  count as well, as part of the limit.  The gathering of arguments and the sums of the integrator are not part of it.
+- The peak is measured with independent chains of multiplications and additions (fused or alternating, the faster of
+  both; a fused one counts twice), of divisions, of square roots, and of calls of the library functions in eight lanes.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/limit.py [--repeat N] [--samples N]``.
 """
@@ -47,11 +46,11 @@ from uqmbd_montecarlo import MonteCarlo
 
 RTOL = 1e-6
 CHUNK = 64
-"""Realisations that are computed one part after the other, as a study computes them."""
+"""Number of realisations for which the parts run in turn, as in a study."""
 ROUNDS = 20_000
-"""Turns of the loops whose peak is measured."""
+"""Number of turns of the loops that measure the peak."""
 CHAINS = 6
-"""Independent chains: with more the values leave the registers of processors that have sixteen for four numbers."""
+"""Number of independent chains: more exceed the registers of processors with sixteen of four numbers each."""
 SIMPLE = {"fadd": "sums", "fsub": "sums", "fmul": "products", "fdiv": "divisions"}
 
 ROW = "<8 x double>"
@@ -81,14 +80,14 @@ def operations_of(text: str) -> Operations:
 
 
 def loop(steps: Callable[[int, str], list[str]], declarations: str = "") -> float:
-    """Seconds of one turn of a loop over independent chains.
+    """Return the seconds of one turn of a loop over independent chains.
 
     Parameters
     ----------
     steps : callable
-        Lines of IR for chain number k, which make ``%n{k}`` of the value that is named.
+        Lines of IR for chain number k, which compute ``%n{k}`` from the named value.
     declarations : str
-        What they call.
+        Declarations of the functions that the lines call.
     """
     phis = [f"%c{k} = phi {ROW} [ splat (double 0.5), %entry ], [ %n{k}, %turn ]" for k in range(CHAINS)]
     lines = [line for k in range(CHAINS) for line in steps(k, f"%c{k}")]
@@ -126,7 +125,7 @@ def loop(steps: Callable[[int, str], list[str]], declarations: str = "") -> floa
 
 
 def peak(functions: set[str]) -> dict[str, float]:
-    """Seconds that each kind of operation takes at least, for eight realisations."""
+    """Return the least seconds of each kind of operation, for eight realisations."""
 
     def one(operation: str) -> Callable[[int, str], list[str]]:
         return lambda k, c: [f"%n{k} = {operation} {ROW} {c}, %a"]
@@ -154,7 +153,7 @@ def peak(functions: set[str]) -> dict[str, float]:
                 lines.append(f"%f{k}.{lane} = call double @{function}({given}) nounwind")
                 lines.append(f"%r{k}.{lane} = insertelement {ROW} {result}, double %f{k}.{lane}, i32 {lane}")
                 result = f"%r{k}.{lane}"
-            # the next argument depends on this result, and is hardly changed by it
+            # the next argument depends on this result, which hardly changes it
             lines.append(f"%t{k} = fmul {ROW} {result}, splat (double 1.0e-20)")
             return [*lines, f"%n{k} = fadd {ROW} %t{k}, splat (double 0.5)"]
 
@@ -166,7 +165,7 @@ def peak(functions: set[str]) -> dict[str, float]:
 
 
 class Phases:
-    """Which part of the work is being done: steps, output states, or what surrounds them."""
+    """Current part of an integration: steps, output states, or the rest."""
 
     def __init__(self) -> None:
         self.now = "around"
@@ -174,7 +173,7 @@ class Phases:
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """Tell the parts of an integration apart."""
+        """Record the parts of an integration separately."""
         kept = {name: getattr(IntegrationState, name) for name in ("advance", "project")}
         for name, method in kept.items():
             setattr(IntegrationState, name, self._timed(name, method))
@@ -199,7 +198,7 @@ class Phases:
 
 @contextmanager
 def recorded(texts: dict[str, Operations]) -> Iterator[None]:
-    """Note the operations of kernels that are compiled."""
+    """Record the operations of kernels during compilation."""
     compiled = object_code
 
     def noting(source: str, *rest: Any, **options: Any) -> bytes:
@@ -214,7 +213,7 @@ def recorded(texts: dict[str, Operations]) -> Iterator[None]:
 
 @contextmanager
 def counted(phases: Phases, calls: dict[str, Counter[str]]) -> Iterator[None]:
-    """Count the calls of kernels whose addresses nobody has asked for yet, by phase."""
+    """Count the calls of kernels whose address is not yet requested, by phase."""
     kept = vars(Kernel)["address"].func
     function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
     made: dict[str, Any] = {}
@@ -249,7 +248,7 @@ def main() -> None:
     phases = Phases()
 
     def run(model: Any) -> dict[str, float]:
-        """Processor seconds of the parts."""
+        """Return the processor seconds of the parts."""
         phases.seconds.clear()
         spent = dict.fromkeys(("assembly", "around", "outputs"), 0.0)
         for first in range(0, samples, CHUNK):
@@ -320,7 +319,7 @@ def main() -> None:
     table.add_row("steps and output states", about, f"{limit:.2f}", f"{limit / np.median(both):.2f}")
     spent = np.array([1e6 * seconds / samples for seconds in whole[1:]])
     rest = spent - np.median(together)
-    table.add_row("a whole study has besides: draws, statistics", f"{np.median(rest):.1f}")
+    table.add_row("further parts of a whole study: draws, statistics", f"{np.median(rest):.1f}")
     table.add_row("a whole study", f"{np.median(spent):.1f} ({spent.min():.1f} to {spent.max():.1f})")
     console.print(table)
     console.print(f"Steps and output states take {np.median(both) / limit:.1f} times their limit")

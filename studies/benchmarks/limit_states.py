@@ -1,9 +1,9 @@
-"""Rare events of known probability: bias, scatter, cost, and how often the 95 % intervals hold the true probability.
+"""Estimate rare events of known probability: bias, scatter, cost, and coverage of the 95 % intervals.
 
-The limit states are functions of standard normal variables, whose probabilities are closed forms or integrals over one
-variable: planes in 2 and in 40 dimensions, one that is kinked, several design points, curved ones for which FORM is
-wrong by two orders of magnitude, spheres, which have no design point, corners, and those that were made to mislead
-methods: K. Breitung's "black swan", where the slope near the origin leads away, and an island behind it.
+The limit states are functions of standard normal variables.  Their probabilities are closed forms or integrals over one
+variable.  They include planes in 2 and in 40 dimensions, a kink, several design points, and corners.  For curved limit
+states FORM is wrong by two orders of magnitude; spheres have no design point.  Two limit states are designed to mislead
+methods: the "black swan" of K. Breitung, where the slope near the origin leads away, and an island behind it.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/limit_states.py [--seeds N] [--only NAME ...] [--method NAME]``.
 """
@@ -30,29 +30,29 @@ from uqmbd_reliability.subset import subset
 
 @dataclass(frozen=True)
 class LimitState:
-    """A margin of standard normal variables (K, d), and the probability that it is below zero."""
+    """A margin of standard normal variables (K, d), and the probability that it is negative."""
 
     margin: Callable[[np.ndarray], np.ndarray]
     dimension: int
     probability: float
 
     def __call__(self, points):
-        """Return margins (K, 1), and that no realisation fails."""
+        """Return margins (K, 1), and a mask (K,) without failed realisations."""
         return self.margin(points)[:, None], np.zeros(len(points), dtype=bool)
 
 
 def plane(beta, dimension):
-    """Return what has the probability Phi(-beta)."""
+    """Return a plane of probability Phi(-beta)."""
     return LimitState(lambda u: beta - u.sum(axis=1) / np.sqrt(dimension), dimension, float(norm.sf(beta)))
 
 
 def slab(beta, dimension):
-    """Return what has two design points, opposite each other."""
+    """Return a limit state with two opposite design points."""
     return LimitState(lambda u: beta - np.abs(u[:, 0]), dimension, 2 * float(norm.sf(beta)))
 
 
 def branches(depth=3.0, side=3.5):
-    """Return four branches, two of them curved."""
+    """Return a limit state of four branches, two of them curved."""
 
     def margin(u):
         along, across = (u[:, 0] + u[:, 1]) / np.sqrt(2), (u[:, 0] - u[:, 1]) / np.sqrt(2)
@@ -63,7 +63,7 @@ def branches(depth=3.0, side=3.5):
 
 
 def paraboloid(beta, curvature, dimension):
-    """Return what is curved away from the origin, or for a negative curvature round it."""
+    """Return a paraboloid that curves away from the origin, or around it for a negative curvature."""
 
     def density(s):
         return chi2.pdf(s, dimension - 1) * norm.sf(beta + curvature * s)
@@ -73,26 +73,26 @@ def paraboloid(beta, curvature, dimension):
 
 
 def sphere(radius, dimension):
-    """Return what is violated outside a sphere: every direction is as likely."""
+    """Return a limit state violated outside a sphere: all directions are equally likely."""
     outside = float(chi2.sf(radius**2, dimension))
     return LimitState(lambda u: radius - np.linalg.norm(u, axis=1), dimension, outside)
 
 
 def kink(first, second):
-    """Return what is violated beyond either of two perpendicular planes: the worse of two peaks."""
+    """Return a limit state violated beyond either of two perpendicular planes: the worse of two peaks."""
     return LimitState(
         lambda u: np.minimum(first - u[:, 0], second - u[:, 1]), 2, 1 - float(norm.cdf(first) * norm.cdf(second))
     )
 
 
 def corner(first, second):
-    """Return what is violated beyond both of two perpendicular planes."""
+    """Return a limit state violated beyond both of two perpendicular planes."""
     both = float(norm.sf(first) * norm.sf(second))
     return LimitState(lambda u: np.maximum(first - u[:, 0], second - u[:, 1]), 2, both)
 
 
 def black_swan():
-    """Return what falls fast towards violations that are rare, and hardly towards those that are not."""
+    """Return a margin that falls fast towards rare violations, and slowly towards more frequent ones."""
 
     def margin(u):
         rare = np.where(u[:, 1] > 2, 0.5 - 0.1 * u[:, 1], 2.3 - u[:, 1])
@@ -103,7 +103,7 @@ def black_swan():
 
 
 def island(beta=4.2, distance=3.5, radius=0.7):
-    """Return what is violated beyond a plane, and in a disc elsewhere, which is the more probable."""
+    """Return a limit state violated beyond a plane, and in a disc elsewhere, which is more probable."""
 
     def margin(u):
         return np.minimum(beta - u[:, 0], np.hypot(u[:, 0], u[:, 1] + distance) - radius)
@@ -134,13 +134,13 @@ CASES = {
 
 
 def main():
-    """Print a table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--only", nargs="*", default=list(CASES))
     parser.add_argument("--method", default="auto", choices=["auto", "form", "subset"])
     options = parser.parse_args()
-    print("| limit state | probability | bias | rms error | stated | interval holds it | realisations | at most |")
+    print("| limit state | probability | bias | rms error | stated | interval contains it | realisations | largest |")
     print("|---|---|---|---|---|---|---|---|")
     for name in options.only:
         case = CASES[name]

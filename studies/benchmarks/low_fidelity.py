@@ -1,10 +1,10 @@
-"""Cheaper models beside samples: what they cost, what they explain, and what they bring on an equal budget.
+"""Measure low-fidelity models as control variates: their cost, explained variance, and gain on an equal budget.
 
-By default, pairs of a study and a cheaper one: runs of some seeds, plain, with the cheaper study as control, and with a
-surrogate as control; the gain is the variance reduction that is stated, over the ratio of the processor times of whole
-runs, the surrogate's realisations included.  That stated reductions are those of the scatter of estimates, tests hold.
-With ``--tolerances``, the same study at looser tolerances: cost, what is left of the variances, and
-the best gain that two and three levels could have.
+By default the script uses pairs of a study and a low-fidelity one.  It runs some seeds of plain Monte Carlo, with the
+low-fidelity study as control, and with a surrogate as control.  The gain is the stated variance reduction over the
+ratio of the processor times of whole runs, including the realisations of the surrogate.  Tests verify that stated
+reductions agree with the scatter of estimates.  With ``--tolerances`` the low-fidelity models are the same study at
+looser tolerances.  The table then lists cost, remaining variances, and the best possible gain of two and three levels.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/low_fidelity.py [--tolerances] [--seeds N] [--only NAME ...]``.
 """
@@ -55,11 +55,11 @@ LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 FINE = 1e-6
 BRAKE = 0.3  # N s/m
 STILL = 1e-3
-"""Outputs whose deviation is below this share of its largest over time do not count."""
+"""Share of the largest deviation over time below which an output does not count."""
 
 
 def continuous_robot() -> uqmbd.Mechanism:
-    """Make the arm of the study under the same law, which measures at all times and acts at once, without limits."""
+    """Return the arm of the study with a continuous control law, without delay and limits."""
     mechanism = uqmbd.Mechanism("continuous", uqmbd.Planar(gravity=(0, -robot.GRAVITY)))
     upper_length, fore_length, friction = robot.UPPER, robot.FORE, robot.friction
     one, two = robot.upper_mass, robot.fore_mass
@@ -115,7 +115,7 @@ def continuous_robot() -> uqmbd.Mechanism:
 
 
 def crank(parts: int) -> uqmbd.Mechanism:
-    """Make a slider-crank whose rod bends: parts on hinges with stiff springs; one part is rigid."""
+    """Return a slider-crank with an elastic rod of parts on hinges with stiff springs; one part is rigid."""
     a = uqmbd.RandomVariable("crank_length", chaospy.Normal(0.15, 0.003), units="m")
     b = uqmbd.RandomVariable("rod_length", chaospy.Normal(0.35, 0.007), units="m")
     torque = uqmbd.RandomVariable("torque", chaospy.Normal(0.1, 0.01), units="N m")
@@ -148,7 +148,7 @@ def crank(parts: int) -> uqmbd.Mechanism:
 
 
 def ball_with_impacts() -> uqmbd.Mechanism:
-    """Make the ball of the compliant floor, which bounces at once."""
+    """Return the ball of the compliant floor with instantaneous impacts."""
     mechanism = uqmbd.Mechanism("impacts", uqmbd.Translational(gravity=(0, -9.81)))
     ball = mechanism.body("ball", mass=1, position=(0, bouncing_ball_compliant.drop), velocity=(0, 0))
     mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), normal_i=(0, 1), restitution=1.0))
@@ -158,12 +158,12 @@ def ball_with_impacts() -> uqmbd.Mechanism:
 
 
 def brake(_: float, measured: Array) -> Array:
-    """Return the force that slows a ball down, N, shape (K, 1)."""
+    """Return the braking force on a ball, N, shape (K, 1)."""
     return -BRAKE * measured
 
 
 def slowed_ball(sampled: bool) -> uqmbd.Mechanism:
-    """Make the ball of the study with impacts, slowed by a thruster under a controller of 200 Hz, or at all times."""
+    """Return the ball with impacts and a braking thruster under a controller of 200 Hz, or a continuous one."""
     mechanism = uqmbd.Mechanism("sampled" if sampled else "at_all_times", uqmbd.Translational(gravity=(0, -9.81)))
     ball = mechanism.body("ball", mass=1, position=(0, bouncing_ball.drop), velocity=(0, 0))
     restitution = bouncing_ball.restitution
@@ -183,17 +183,17 @@ def slowed_ball(sampled: bool) -> uqmbd.Mechanism:
 
 @dataclass(frozen=True)
 class Pair:
-    """A study, and a cheaper one.
+    """A study, and a low-fidelity one.
 
     Attributes
     ----------
     fine, coarse : uqmbd.Study
     samples : int
-        Of each estimate.
+        Samples of each estimate.
     cost : float
-        What is expected of a realisation of the cheaper one.
+        Expected relative cost of a realisation of the low-fidelity study.
     words : str
-        What is cheaper.
+        Description of both models.
     """
 
     fine: uqmbd.Study
@@ -252,7 +252,7 @@ def pairs() -> dict[str, Callable[[], Pair]]:
 
 
 def counted(deviation: Array) -> NDArray[np.bool_]:
-    """Which outputs and times (O, T) count."""
+    """Return a mask of the outputs and times (O, T) that count."""
     found = deviation > STILL * deviation.max(axis=1, keepdims=True)
     return np.asarray(found)
 
@@ -264,12 +264,12 @@ def runs(study: uqmbd.Study, method: MonteCarlo, seeds: int) -> tuple[float, lis
         begin = time.process_time()
         nodes.append(study.propagate(replace(method, seed=seed)))
         seconds.append(time.process_time() - begin)
-    # the first one compiles
+    # the first run compiles
     return float(np.median(seconds[1:])), nodes[1:]
 
 
 def compared(name: str, pair: Pair, seeds: int) -> tuple[str, ...]:
-    """Make a row of the table."""
+    """Return a row of the table."""
     plain, nodes = runs(pair.fine, MonteCarlo(samples=pair.samples), seeds)
     counts = counted(np.mean([node["statistics/std"].values for node in nodes], axis=0))
     cells = []
@@ -293,7 +293,7 @@ def compared(name: str, pair: Pair, seeds: int) -> tuple[str, ...]:
 
 
 def tolerance_cases() -> dict[str, tuple[uqmbd.Study, int]]:
-    """Return studies, and how many realisations are measured."""
+    """Return studies, and numbers of timed realisations."""
     study = uqmbd.Study
 
     def ida(of: Any) -> uqmbd.Study:
@@ -316,7 +316,7 @@ def tolerance_cases() -> dict[str, tuple[uqmbd.Study, int]]:
 
 
 def tolerances(name: str, of: uqmbd.Study, count: int, rounds: int) -> tuple[str, ...]:
-    """Make a row: cost of realisations over the ladder, and the best gains of two and three levels."""
+    """Return a row: cost of realisations by tolerance, and the best gains of two and three levels."""
     problems = {}
     for rtol in LADDER:
         one = copy.copy(of)
@@ -362,11 +362,11 @@ def tolerances(name: str, of: uqmbd.Study, count: int, rounds: int) -> tuple[str
 
 
 def gain_of_levels(levels: list[tuple[float, Array]]) -> float:
-    """Return the best median gain on an equal budget of levels, from fine to coarse: cost, and what is left (C,)."""
+    """Return the best median gain on an equal budget of levels from fine to coarse: cost, remaining variance (C,)."""
     (cost, share), *rest = levels
     if not rest:
         ratio = optimum(float(np.mean(share)), cost)
-        # without further realisations nobody would compute the level
+        # a level without further realisations is useless
         return 1.0 if ratio == 1 else float(np.median([equal_budget(float(one), ratio, cost) for one in share]))
     (cheap, poor), found = rest[0], 0.0
     for first in np.geomspace(1, 300, 40):
@@ -393,7 +393,7 @@ def main() -> None:
                 "study",
                 f"us a realisation at {', '.join(f'{x:.0e}' for x in LADDER)}",
                 "best level",
-                "left: mean, deviation",
+                "remaining variance: mean, deviation",
                 "gain of two levels: mean, deviation",
                 "of three",
             )
@@ -404,7 +404,7 @@ def main() -> None:
         else:
             columns = (
                 "study",
-                "what is cheaper",
+                "model: low-fidelity model",
                 "samples",
                 "cost",
                 "ratio",
@@ -416,7 +416,7 @@ def main() -> None:
                 if options.only is None or name in options.only:
                     rows.append(compared(name, make(), options.seeds))
                     print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    table = table_of("Cheaper models beside samples:", *columns)
+    table = table_of("Low-fidelity models as control variates:", *columns)
     for row in rows:
         table.add_row(*row)
     console.print(table)

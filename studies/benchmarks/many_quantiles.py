@@ -1,7 +1,7 @@
-"""Statistics of more samples than are held: their share of the processor time of a million pendula, and the memory.
+"""Measure statistics of samples that are not all in memory: their share of the time of a million pendulums, and memory.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/many_quantiles.py [--samples N] [--memory]``; with ``--memory``
-the run has no folder, so that quantiles are counted while the samples come.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/many_quantiles.py [--samples N] [--memory]``.  With ``--memory``
+the run has no folder, so that it counts quantiles while the samples arrive.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from uqmbd_montecarlo.all_samples import Passing, Stored
 
 
 class Clock:
-    """Processor time that is spent in some methods."""
+    """Processor time of some methods."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
 
     def watch(self, cls: type, name: str) -> None:
-        """Count what a method takes from now on."""
+        """Add the processor time of a method from now on."""
         method: Callable[..., Any] = getattr(cls, name)
 
         def timed(*args: Any) -> Any:
@@ -54,7 +54,7 @@ def study(samples: int) -> uqmbd.Study:
 
 
 def main() -> None:
-    """Run it once, and print the figures."""
+    """Run the study once, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=1_000_000)
     parser.add_argument("--memory", action="store_true")
@@ -72,7 +72,7 @@ def main() -> None:
     statistics = tree["monte-carlo/statistics"].to_dataset()
     if "quantile_error" in statistics:
         worst = (statistics["quantile_error"] / statistics["std"].where(statistics["std"] > 0)).max()
-        print(f"quantiles are known within {float(worst):.1e} standard deviations")
+        print(f"error bound of quantiles: {float(worst):.1e} standard deviations")
 
 
 if __name__ == "__main__":

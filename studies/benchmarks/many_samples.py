@@ -1,7 +1,7 @@
-"""Many samples of the pendulum of the README: processor time, memory and disk of runs with a folder, of several sizes.
+"""Measure many samples of the pendulum of the README: processor time, memory and disk of runs with a folder, by size.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/many_samples.py [--samples 50000] [--workers 2]``.  Each run
-is a process of its own, whose processes are added up every fifth of a second.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/many_samples.py [--samples 50000] [--workers 2]``.  Each run is a
+separate process.  The script sums the memory of its processes every fifth of a second.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 TICK = 0.2
-"""Seconds between two looks at memory and disk."""
+"""Seconds between two measurements of memory and disk."""
 
 
 def run(samples: int, workers: int, folder: Path) -> None:
-    """Run a study, store its results, and print what it took."""
+    """Run a study, store its results, and print its cost."""
     sys.path.insert(0, str(HERE.parent))
     import resource
 
@@ -31,7 +31,7 @@ def run(samples: int, workers: int, folder: Path) -> None:
     from uqmbd_montecarlo import MonteCarlo
 
     study = pendulum.study.with_propagators([MonteCarlo(samples=samples, seed=1)])
-    _ = study.model  # compiled once, whatever the number of samples
+    _ = study.model  # compiled once for every number of samples
     before, begin = spent(resource), time.perf_counter()
     tree = study.run(workers, folder=folder)
     uqmbd.results.save(tree, folder / "results.nc")
@@ -41,13 +41,13 @@ def run(samples: int, workers: int, folder: Path) -> None:
 
 
 def spent(resource: object) -> float:
-    """Processor time of this process and its children that have ended, s."""
+    """Return the processor time of this process and its ended children, s."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]  # type: ignore[attr-defined]
     return float(sum(usage.ru_utime + usage.ru_stime for usage in usages))
 
 
 def measured(samples: int, workers: int, place: Path) -> dict[str, float]:
-    """Return what a run takes: bytes of memory (all processes, and the largest) and disk (at the peak, and after)."""
+    """Return bytes of memory (all processes, and the largest) and of disk (at the peak, and after) of a run."""
     import psutil
 
     with tempfile.TemporaryDirectory(dir=place) as name:
@@ -65,7 +65,7 @@ def measured(samples: int, workers: int, place: Path) -> dict[str, float]:
 
 
 def _memory(process: object) -> int:
-    """Resident memory, of what several processes share its part."""
+    """Return the resident memory of a process, with its part of shared memory."""
     import psutil
 
     try:
@@ -75,7 +75,7 @@ def _memory(process: object) -> int:
 
 
 def used(folder: Path) -> int:
-    """Bytes of a folder on the disk; files may come and go."""
+    """Return the bytes of a folder on the disk; files may appear and disappear."""
     found = 0
     for where, _, files in os.walk(folder):
         for name in files:
@@ -91,9 +91,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, nargs="+", default=[50_000, 100_000])
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument(
-        "--place", type=Path, default=Path(tempfile.gettempdir()), help="folder on the disk that is used"
-    )
+    parser.add_argument("--place", type=Path, default=Path(tempfile.gettempdir()), help="folder on the measured disk")
     parser.add_argument("--run", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()

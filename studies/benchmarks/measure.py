@@ -1,4 +1,4 @@
-"""How the benchmarks measure: rounds in which every contender runs once, and ratios within a round."""
+"""Functions of the benchmarks for timing: rounds in which every contender runs once, and ratios within a round."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ console = Console(width=260)
 
 @dataclass
 class Contender:
-    """Something to be timed.
+    """A timed function.
 
     Attributes
     ----------
     name : str
-        What the table calls it.
+        Name in the table.
     run : callable
-        Does it once.
+        Function that runs once in each round.
     against : str
-        Name of the contender to which its time is compared.
+        Name of the contender that its time is compared with.
     scale : float
-        By how much its time is multiplied (a subset of the samples, say).
+        Factor on its time, for instance for a subset of the samples.
     wall : bool
-        Whether wall time is compared, as for several processes; else the processor time of this process, which other
-        programs on the machine disturb less.
+        Whether to compare wall time, as for several processes.  Otherwise the processor time of this process, which
+        other programs on the machine disturb less.
     notes : tuple of str
         Further columns.
     """
@@ -64,7 +64,7 @@ def interleave(contenders: Sequence[Contender], repeat: int) -> None:
 
 
 def spent(run: Callable[[], Any], least: float = 0.1) -> float:
-    """Processor seconds of a run, which is repeated until `least` seconds are over."""
+    """Return the processor seconds of a run, repeated for at least `least` seconds."""
     begin, runs, seconds = time.process_time(), 0, 0.0
     while seconds < least:
         run()
@@ -75,7 +75,7 @@ def spent(run: Callable[[], Any], least: float = 0.1) -> float:
 def matched(errors: Callable[[float], float], ladder: Sequence[float], wanted: float) -> tuple[float, float]:
     """Find the loosest tolerance whose error is at most `wanted`, and that error; the tightest if none is.
 
-    The achieved error is not monotone in the tolerance, so a tolerance counts only if the next one holds it too.
+    The achieved error is not monotone in the tolerance, so the next tolerance must also satisfy the limit.
     """
     found = [errors(x) for x in ladder]
     for k, x in enumerate(ladder):
@@ -103,7 +103,7 @@ def show(title: str, contenders: Sequence[Contender], columns: Sequence[str] = (
 
 
 def table_of(title: str, *columns: str) -> Table:
-    """Make an empty table, the first column of which holds names; it is printed as Markdown."""
+    """Return an empty table for Markdown whose first column contains names."""
     table = Table(title=title, title_justify="left", box=box.MARKDOWN)
     for k, column in enumerate(columns):
         table.add_column(column, justify="right" if k else "left")

@@ -1,11 +1,11 @@
-"""The mechanisms of the benchmarks that no study describes.
+"""Mechanisms of the benchmarks that are not studies: a spherical five-bar, a slider-crank of many inputs, and chains.
 
-The spherical five-bar: four bodies in the arrangement of the Agile Eye: bodies 2 and 3 turn in the ground about x and
-y, body 1 turns on body 2 about y, body 4 on body 1 about x, and the z axes of bodies 4 and 3 stay parallel.  All axes
-meet in the origin, where all body frames are; two degrees of freedom.  Small constant torques drive bodies 2 and 3
-from rest, without gravity.
+The spherical five-bar has four bodies in the arrangement of the Agile Eye.  Bodies 2 and 3 rotate in the ground about x
+and y.  Body 1 rotates on body 2 about y, body 4 on body 1 about x.  The z axes of bodies 4 and 3 stay parallel.  All
+axes meet in the origin, which is also the origin of all body frames.  It has two degrees of freedom.  Small constant
+torques drive bodies 2 and 3 from rest, without gravity.
 
-Besides: a slider-crank of many inputs, chains of four-bars (a loop each), and open chains in the plane and in space.
+The chains are of four-bars (a loop each), and open ones in the plane and in space.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ BODIES: dict[str, tuple[float, tuple[float, float, float], tuple[float, ...]]] =
 """Mass (kg), centre of mass (m, body frame) and inertia about it (kg m^2: xx, yy, zz, xy, xz, yz) of each body."""
 
 TORQUES = (4.0e-4, 6.0e-4)
-"""On body 2 about x and on body 3 about y, N m."""
+"""Torques on body 2 about x and on body 3 about y, N m."""
 
 END = 0.5
 """End of the motion of the five-bar, s."""
 
 OFFSET = 0.002
-"""Standard deviation of the centre of mass of body 1 along x and y, m, where it is random."""
+"""Standard deviation of the random centre of mass of body 1 along x and y, m."""
 
 GRAVITY = 9.81
 
@@ -64,9 +64,9 @@ down in rad, end of the motion in s."""
 
 
 def five_bar(random: bool = False) -> uqmbd.Mechanism:
-    """Make the five-bar for uqmbd; its outputs are the direction of the z axis of body 1.
+    """Return the five-bar for uqmbd; its outputs are the direction of the z axis of body 1.
 
-    Where it is `random`, the centre of mass of body 1 is, along x and y.
+    With `random`, the centre of mass of body 1 is random along x and y.
     """
     mechanism = uqmbd.Mechanism("five_bar", uqmbd.Spatial(gravity=(0, 0, 0)))
     ground = mechanism.ground
@@ -95,7 +95,7 @@ def five_bar(random: bool = False) -> uqmbd.Mechanism:
 
 
 def slider_crank(inputs: int) -> uqmbd.Mechanism:
-    """Make the slider-crank of the study, of which two to six numbers are random, normal with 2 %."""
+    """Return the slider-crank of the study with two to six random parameters, normal with 2 %."""
     values = {"crank_length": 0.15, "rod_length": 0.35, "crank_mass": 0.36, "rod_mass": 0.15, "torque": 0.1}
     values["damping"] = 0.005
     units = ("m", "m", "kg", "kg", "N m", "N m s")
@@ -127,7 +127,7 @@ def slider_crank(inputs: int) -> uqmbd.Mechanism:
 
 
 def four_bars(number: int) -> uqmbd.Mechanism:
-    """Make a chain of four-bars; its output is the horizontal position of the first crank's tip."""
+    """Return a chain of four-bars; its output is the horizontal position of the tip of the first crank."""
     mechanism = uqmbd.Mechanism(f"chain_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
     rod: dict[str, Any] = {"mass": 1.0, "inertia": 1 / 12}
     x, y = np.cos(START), np.sin(START)
@@ -147,9 +147,9 @@ def four_bars(number: int) -> uqmbd.Mechanism:
 
 
 def links(number: int) -> uqmbd.Mechanism:
-    """Make an open chain of uniform rods in the plane with random masses, drawn in line; outputs: all angles.
+    """Return an open chain of uniform rods in the plane with random masses, drawn in line.
 
-    Angles are those from hanging down.
+    Its outputs are all angles, from hanging down.
     """
     length, angle = LINK["length"], LINK["angle"]
     mechanism = uqmbd.Mechanism(f"links_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
@@ -167,7 +167,7 @@ def links(number: int) -> uqmbd.Mechanism:
 
 
 def spatial_links(number: int) -> uqmbd.Mechanism:
-    """Make an open chain in space that hangs down, its hinges about x and y in turn; output: how high its end is."""
+    """Return a hanging open chain in space with hinges about x and y in turn; output: the height of its end."""
     mechanism = uqmbd.Mechanism(f"spatial_links_{number}", uqmbd.Spatial(gravity=(0, 0, -GRAVITY)))
     length, mass = LINK["length"], LINK["mass"]
     round_ = mass * length**2 / 12

@@ -1,4 +1,4 @@
-"""Monte Carlo of 500 slider-cranks and 500 spatial five-bars: whole studies against CasADi's IDAS at equal error.
+"""Time Monte Carlo of 500 slider-cranks and 500 spatial five-bars: whole studies against CasADi's IDAS at equal error.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/monte_carlo.py [--repeat N] [--quick] [--threads]``.
 """
@@ -15,7 +15,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-# what is measured here is parts of the core (integration without outputs), so the core is imported directly
+# this script times parts of the core (integration without outputs), so it imports the core directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -37,11 +37,11 @@ LADDER = (1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7, 2e-7
 WANTED = 2e-5
 """Median over the samples of the largest error of any output at any time over the range of that output."""
 JUDGED = 24
-"""Samples whose errors are known."""
+"""Number of samples with a reference solution."""
 FEW = 16
-"""Samples of what is slow, whose time is scaled."""
+"""Number of samples of slow contenders, whose time is scaled."""
 EXUDYN = 400
-"""Steps of the first of the two runs from which Exudyn's motion is extrapolated."""
+"""Steps of the first of the two runs for the extrapolation with Exudyn."""
 
 PEER, WHOLE, ALONE = "CasADi, one by one", "uqmbd, whole study", "uqmbd, integration, assembled"
 COLUMNS = ("tolerance", "median, largest error", "us a sample")
@@ -49,18 +49,18 @@ COLUMNS = ("tolerance", "median, largest error", "us a sample")
 
 @dataclass(frozen=True)
 class Task:
-    """A mechanism with random numbers, as a study for uqmbd and by hand for CasADi.
+    """A mechanism with random parameters, as a study for uqmbd and by hand for CasADi.
 
     Attributes
     ----------
     name : str
-        Which of the peers it is.
+        Name of the mechanism among the peers.
     mechanism : uqmbd.Mechanism
-        Its random variables are, in this order, the parameters of the peer.
+        Mechanism whose random variables are, in this order, the parameters of the peer.
     times : array
         Output times, s.
     reference : callable
-        Outputs (K, output, T) for values (K, input); further outputs are not judged.
+        Outputs (K, output, T) for values (K, input); errors of further outputs are not computed.
     """
 
     name: str
@@ -69,57 +69,57 @@ class Task:
     reference: Callable[[Array, Array], Array]
 
     def study(self, samples: int, rtol: float) -> uqmbd.Study:
-        """Make the whole study."""
+        """Return the whole study."""
         method = MonteCarlo(samples=samples, seed=1)
         return uqmbd.Study(self.name, self.mechanism, self.times, [method], rtol=rtol)
 
     @cached_property
     def model(self) -> Model:
-        """The compiled model."""
+        """Compiled model."""
         return self.study(2, 1e-6).model
 
     @cached_property
     def values(self) -> Array:
-        """The inputs of the study's samples, so that all compute the same ones."""
+        """Inputs of the samples of the study, the same for all contenders."""
         tree = self.study(500, 1e-4).run()
         return np.asarray(tree["monte-carlo/samples"]["inputs"])
 
     @cached_property
     def judged(self) -> tuple[Array, Array]:
-        """Some of the samples, and how they move."""
+        """Some of the samples, and their reference solution."""
         values = self.values[:JUDGED]
         return values, self.reference(values, self.times)
 
     def error(self, found: Array) -> Array:
-        """Error of each sample that is judged."""
+        """Return the error of each sample with a reference solution."""
         reference = self.judged[1]
         found = found[: len(reference), : reference.shape[1]]
         each = np.abs(found - reference[: len(found)]).max(axis=2) / np.ptp(reference[: len(found)], axis=2)
         return np.asarray(each.max(axis=1))
 
     def note(self, rtol: float, found: Array) -> tuple[str, str]:
-        """Return tolerance and errors as the table has them."""
+        """Format tolerance and errors for the table."""
         error = self.error(found)
         return f"{rtol:.0e}", f"{np.median(error):.0e}, {error.max():.0e}"
 
     def ours(self, values: Array, rtol: float, method: str = "auto") -> Array:
-        """Integrate and observe samples, without statistics."""
+        """Integrate samples and compute their outputs, without statistics."""
         ensemble = Ensemble(self.model, values)
         return ensemble.outputs(self.times, integrate(ensemble, self.times, rtol, method=method).states)
 
     def tolerance(self, run: Callable[[Array, float], Array]) -> tuple[float, tuple[str, str]]:
-        """Find the tolerance at which a contender is as accurate as is wanted, and what the table says of it."""
+        """Find the tolerance for the wanted accuracy of a contender, and its cells in the table."""
         values = self.judged[0]
         rtol, _ = matched(lambda x: float(np.median(self.error(run(values, x)))), LADDER, WANTED)
         return rtol, self.note(rtol, run(values, rtol))
 
     def theirs(self, values: Array, rtol: float) -> Array:
-        """Integrate and observe samples by CasADi, one by one."""
+        """Integrate samples and compute their outputs by CasADi, one by one."""
         return peers.casadi_chunk(self.name, values, self.times, rtol)
 
 
 def compare(task: Task, samples: int, repeat: int) -> list[Contender]:
-    """Compare whole studies with CasADi, and what they consist of."""
+    """Compare whole studies and their parts with CasADi."""
     values, times, few = task.values[:samples], task.times, task.values[:FEW]
     contenders = []
 
@@ -153,7 +153,7 @@ def compare(task: Task, samples: int, repeat: int) -> list[Contender]:
 
 
 def exudyn(values: Array, times: Array) -> Array:
-    """Integrate slider-cranks by Exudyn, extrapolated."""
+    """Integrate slider-cranks by Exudyn with extrapolation."""
     found = []
     for crank, rod in values:
         once, twice = (peers.exudyn_slider_crank(crank, rod, times, n).outputs for n in (EXUDYN, 2 * EXUDYN))
@@ -162,10 +162,10 @@ def exudyn(values: Array, times: Array) -> Array:
 
 
 def threads(samples: int, repeat: int) -> list[Contender]:
-    """Compare a study in one thread and in two: wall time, which means something on an idle machine only.
+    """Compare a study in one thread and in two by wall time, which requires an idle machine.
 
-    The processor time of the main thread bounds what workers cannot share, on a busy machine, too: it starts work,
-    gathers results and builds tables.  By Amdahl's law that bounds the ratio of one thread over two.
+    The main thread starts tasks, gathers results and builds tables.  Its processor time bounds the serial part, also on
+    a busy machine.  By Amdahl's law that bounds the ratio of one thread over two.
     """
     task = slider_cranks()
     study = task.study(samples, 1e-6)
@@ -187,15 +187,15 @@ def threads(samples: int, repeat: int) -> list[Contender]:
 
 
 def slider_cranks() -> Task:
-    """Return the slider-crank of the study."""
+    """Return the task of the slider-crank of the study."""
     inputs = slider_crank.mechanism.inputs
     if list(inputs.names) != ["crank_length", "rod_length"]:
-        raise SystemExit("the study has changed its inputs")
+        raise SystemExit("the inputs of the study do not match the peer")
     return Task("slider_crank", slider_crank.mechanism, slider_crank.study.times, peers.slider_crank_reference)
 
 
 def five_bars() -> Task:
-    """Return the spatial five-bar with a random centre of mass."""
+    """Return the task of the spatial five-bar with a random centre of mass."""
     times = np.linspace(0, mechanisms.END, 401)
 
     def reference(values: Array, times: Array) -> Array:
@@ -209,7 +209,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5, help="rounds that count (default 5)")
     parser.add_argument("--quick", action="store_true", help="128 samples, two rounds")
-    parser.add_argument("--threads", action="store_true", help="only one thread against two, for 4,000 slider-cranks")
+    parser.add_argument("--threads", action="store_true", help="compare one thread with two, for 4,000 slider-cranks")
     options = parser.parse_args()
     samples, repeat = (128, 2) if options.quick else (500, options.repeat)
     if options.threads:

@@ -1,7 +1,8 @@
-"""An open chain of six links with random masses, 1,000 realisations: uqmbd against MuJoCo's RK4 rollout at equal error.
+"""Time 1,000 realisations of an open chain of six links with random masses: uqmbd against MuJoCo's RK4 rollout.
 
-MuJoCo (extra ``bench``) has a model for each realisation; to make them is not timed.  Errors are those of the angles,
-against the equations of the angles by a Runge-Kutta method of order 8.  Both run on one thread.
+The comparison is at equal error.  MuJoCo (extra ``bench``) has a model for each realisation; their creation is not
+timed.  Errors are those of the angles, relative to a solution of the equations of the angles by a Runge-Kutta method of
+order 8.  Both run on one thread.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/open_chain.py [--repeat N] [--quick]``.
 """
@@ -15,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-# what is measured here is parts of the core (integration without outputs), so the core is imported directly
+# this script times parts of the core (integration without outputs), so it imports the core directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
@@ -35,19 +36,19 @@ from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 mujoco: Any = installed_mujoco
-"""Its names are made when it is loaded: checkers know none."""
+"""MuJoCo as `Any`: it defines its names at import, so type checkers do not find them."""
 
 NUMBER, JUDGED = 6, 16
 WANTED = 1e-5
 """Median over the samples of the largest error of any angle at any time over its range."""
 LADDER = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7)
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
-"""Steps of MuJoCo between two output times."""
+"""Numbers of steps of MuJoCo between two output times."""
 PEER, WHOLE = "MuJoCo, RK4 rollout", "uqmbd, whole study"
 
 
 def reference(masses: Array, times: Array) -> Array:
-    """Angles from hanging down, shape (link, T), from the equations of an open chain of uniform rods."""
+    """Return angles from hanging down, shape (link, T), by the equations of an open chain of uniform rods."""
     length, n = LINK["length"], len(masses)
     beyond = np.concatenate([np.cumsum(masses[::-1])[::-1][1:], [0.0]])
     later = np.maximum.outer(np.arange(n), np.arange(n))
@@ -67,7 +68,7 @@ def reference(masses: Array, times: Array) -> Array:
 
 
 def peer_models(masses: Array) -> list[Any]:
-    """Make the chain for MuJoCo, once for each row of masses."""
+    """Return the chain for MuJoCo, one model for each row of masses."""
     length, inner = LINK["length"], ""
     for k in reversed(range(NUMBER)):
         inner = (
@@ -90,7 +91,7 @@ def peer_models(masses: Array) -> list[Any]:
 
 
 def rolled(models: list[Any], data: Any, times: Array, steps: int) -> Array:
-    """Angles from hanging down by MuJoCo, shape (K, link, T)."""
+    """Return angles from hanging down by MuJoCo, shape (K, link, T)."""
     for model in models:
         model.opt.timestep = (times[1] - times[0]) / steps
     # time, angles of the joints, speeds
@@ -103,7 +104,7 @@ def rolled(models: list[Any], data: Any, times: Array, steps: int) -> Array:
 
 
 def error(found: Array, expected: Array) -> Array:
-    """Error of each sample that is judged."""
+    """Return the error of each sample with a reference solution."""
     found = found[: len(expected)]
     return np.asarray((np.abs(found - expected).max(axis=2) / np.ptp(expected, axis=2)).max(axis=1))
 

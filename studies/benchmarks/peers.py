@@ -1,4 +1,4 @@
-"""The peers: the same mechanisms written by hand for CasADi (IDAS) and Exudyn, and references for the errors.
+"""Mechanisms of the peers, written by hand for CasADi (IDAS) and Exudyn, and reference solutions for the errors.
 
 Both need the extra ``bench``: ``pip install ".[bench]"``.
 """
@@ -48,13 +48,13 @@ class CasadiModel:
     kinetic, potential : casadi.SX
         Energies.
     work : casadi.SX
-        Generalised forces that derive from no potential.
+        Generalised forces without a potential.
     constraints : casadi.SX
         Independent holonomic constraints without time.
     outputs : callable
         Outputs as functions of ``(q, multipliers)``.
     reactions : bool
-        Whether the outputs contain multipliers: then they are solved for at the output times.
+        Whether the outputs contain multipliers, which then are computed at the output times.
     """
 
     q: ca.SX
@@ -70,7 +70,7 @@ class CasadiModel:
 
     @cached_property
     def pieces(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """Mass matrix, applied minus inertial forces, constraint Jacobian, right side of the accelerations."""
+        """Return mass matrix, applied minus inertial forces, constraint Jacobian, right side of accelerations."""
         momentum = ca.jacobian(self.kinetic, self.v).T
         mass = ca.jacobian(momentum, self.v)
         force = (
@@ -85,14 +85,14 @@ class CasadiModel:
 
     @cached_property
     def system(self) -> ca.Function:
-        """Matrix and right side of the index-1 system, of ``(q, v, p, t)``."""
+        """Return matrix and right side of the index-1 system as a function of ``(q, v, p, t)``."""
         mass, force, gradient, gamma = self.pieces
         m = self.constraints.numel()
         matrix = ca.vertcat(ca.horzcat(mass, gradient.T), ca.horzcat(gradient, ca.SX(m, m)))
         return ca.Function("system", [self.q, self.v, self.p, self.t], [matrix, ca.vertcat(force, gamma)])
 
     def accelerations(self, q: Array, v: Array, p: Array, t: float) -> Array:
-        """Accelerations and multipliers."""
+        """Return accelerations and multipliers."""
         matrix, right = self.system(q, v, p, t)
         return np.linalg.solve(matrix.full(), right.full())[:, 0]
 
@@ -100,8 +100,8 @@ class CasadiModel:
 class CasadiPeer:
     """IDAS on a `CasadiModel`.
 
-    Where the mass matrix is diagonal it is inverted on paper; else the accelerations are algebraic unknowns too, which
-    was faster than eliminating them (measured on the five-bar).
+    A diagonal mass matrix is inverted on paper.  Otherwise the accelerations are also algebraic unknowns, which was
+    faster than eliminating them (measured on the five-bar).
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class CasadiPeer:
     times : array, shape (T,)
         Output times, s.
     tolerance : float
-        Relative and absolute.
+        Relative and absolute tolerance.
     index : {2, 1}
         Stabilised index 2 (Gear, Gupta, Leimkuhler) or index 1 (accelerations; constraints drift).
     """
@@ -170,30 +170,30 @@ class CasadiPeer:
         return ca.Function("observe", [x, p, t], [direct(x[:n], found)])
 
     def start(self, q: Array, p: Array) -> tuple[Array, Array]:
-        """Make consistent states and algebraic unknowns, at rest."""
+        """Return consistent states and algebraic unknowns at rest."""
         v = np.zeros_like(q)
         found = self.model.accelerations(q, v, p, float(self.times[0]))
         return np.concatenate([q, v]), np.concatenate([found[self._skip :], self._zeros])
 
     def integrate(self, start: tuple[Array, Array], p: Array) -> ca.DM:
-        """Integrate; states at the output times, shape (state, T)."""
+        """Integrate, and return states at the output times, shape (state, T)."""
         return self._integrator(x0=start[0], z0=start[1], p=p)["xf"]
 
     def outputs(self, states: ca.DM, p: Array) -> Array:
-        """Evaluate the outputs at the output times, shape (output, T)."""
+        """Return the outputs at the output times, shape (output, T)."""
         count = len(self.times)
         p_all = np.tile(np.asarray(p, dtype=float)[:, None], count)
         result: Array = self._observe(states, p_all, self.times[None, :]).full()
         return result
 
     def counters(self) -> tuple[int, int]:
-        """Residual calls and Jacobians of the last integration."""
+        """Return residual calls and Jacobians of the last integration."""
         stats = self._integrator.stats()
         return int(stats["n_call_daeF"]), int(stats["n_call_jacF"])
 
 
 def casadi_slider_crank() -> CasadiModel:
-    """Planar slider-crank in angles, with crank and rod length as parameters: 34 unknowns."""
+    """Return the planar slider-crank in angles, with crank and rod length as parameters: 34 unknowns."""
     q, v, p, t = ca.SX.sym("q", 9), ca.SX.sym("v", 9), ca.SX.sym("p", 2), ca.SX.sym("t")
     crank, rod = p[0], p[1]
     inertias = (MASSES[0] * crank**2 / 12, MASSES[1] * rod**2 / 12, SLIDER_INERTIA)
@@ -222,7 +222,7 @@ def casadi_slider_crank() -> CasadiModel:
 
 
 def slider_crank_pose(crank: float, rod: float) -> Array:
-    """Pose in angles with the crank at 45 degrees."""
+    """Return the pose in angles with the crank at 45 degrees."""
     a = np.pi / 4
     x, y = crank * np.cos(a), crank * np.sin(a)
     b = -np.arcsin(y / rod)
@@ -230,12 +230,12 @@ def slider_crank_pose(crank: float, rod: float) -> Array:
 
 
 def slider_crank_reference(lengths: Array, times: Array, steps: int = 8) -> Array:
-    """Slider position and crank angle from the single equation of the crank angle, for many slider-cranks at once.
+    """Return slider position and crank angle by the equation of the crank angle, for many slider-cranks at once.
 
     Parameters
     ----------
     lengths : array, shape (K, 2)
-        Crank and rod, m.
+        Lengths of crank and rod, m.
     times : array, shape (T,)
         Output times, s.
     steps : int
@@ -299,7 +299,7 @@ def _angular_velocity(e: ca.SX, rate: ca.SX) -> ca.SX:
 
 
 def casadi_five_bar() -> CasadiModel:
-    """Spherical five-bar of `mechanisms.five_bar` in quaternions: 28 coordinates, 26 independent equations.
+    """Return the spherical five-bar of `mechanisms` in quaternions: 28 coordinates, 26 independent equations.
 
     The parameters are the centre of mass of body 1 along x and y.
     """
@@ -326,7 +326,7 @@ def casadi_five_bar() -> CasadiModel:
     constraints += [x[0] - x[1], ca.dot(turn[1] @ ex, turn[0] @ ey), ca.dot(turn[1] @ ez, turn[0] @ ey)]
     constraints += [x[3] - x[0], ca.dot(turn[0] @ ey, turn[3] @ ex), ca.dot(turn[0] @ ez, turn[3] @ ex)]
     constraints += [ca.dot(turn[3] @ ex, turn[2] @ ez), ca.dot(turn[3] @ ey, turn[2] @ ez)]
-    # the bearings keep the torque axes where they are, so that world and body components agree
+    # the bearings fix the torque axes, so that world and body components are equal
     work = TORQUES[0] * ca.jacobian(omega[1][0], v).T + TORQUES[1] * ca.jacobian(omega[2][1], v).T
 
     def outputs(q: ca.SX, multipliers: ca.SX) -> ca.SX:
@@ -336,12 +336,12 @@ def casadi_five_bar() -> CasadiModel:
 
 
 def five_bar_pose(*_: float) -> Array:
-    """Home pose: all frames in the world's, wherever the centre of mass is."""
+    """Return the home pose: all frames coincide with the world frame, for every centre of mass."""
     return np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 4)
 
 
 def five_bar_reference(centre: Array, times: Array) -> Array:
-    """Direction of the camera, shape (3, T): accelerations integrated by an explicit Runge-Kutta method of order 8.
+    """Return the direction of the camera, shape (3, T), by an explicit Runge-Kutta method of order 8.
 
     `centre`: the centre of mass of body 1 along x and y.
     """
@@ -362,7 +362,7 @@ PEERS: dict[str, tuple[Callable[[], CasadiModel], Callable[..., Array]]] = {
     "slider_crank": (casadi_slider_crank, slider_crank_pose),
     "five_bar": (casadi_five_bar, five_bar_pose),
 }
-"""How a mechanism is made for CasADi, and its pose for given parameters."""
+"""Factory of a mechanism for CasADi, and its pose for given parameters."""
 
 
 @lru_cache
@@ -371,7 +371,7 @@ def _peer(name: str, times: bytes, tolerance: float) -> CasadiPeer:
 
 
 def casadi_peer(name: str, times: Array, tolerance: float) -> CasadiPeer:
-    """Return a mechanism, a key of `PEERS`, for IDAS, made once in a process."""
+    """Return a mechanism, a key of `PEERS`, for IDAS, created once in a process."""
     return _peer(name, np.asarray(times, dtype=float).tobytes(), tolerance)
 
 
@@ -406,7 +406,7 @@ def exudyn_slider_crank(crank: float, rod: float, times: Array, steps: int) -> E
     times : array, shape (T,)
         Output times, s, evenly spaced from 0.
     steps : int
-        Of the whole motion: a multiple of T - 1.
+        Steps of the whole motion, a multiple of T - 1.
     """
     import exudyn as exu
     import exudyn.itemInterface as items

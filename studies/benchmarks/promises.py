@@ -1,4 +1,4 @@
-"""Times that users notice and no test measures: the command's help, statistics of a chaos, tables of random values.
+"""Measure times that users notice and tests omit: help of the command, statistics of a chaos, tables of random values.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/promises.py [--repeat 5]``; processor time, median of the runs.
 """
@@ -40,7 +40,7 @@ def of_help() -> float:
 
 
 def spent(work: Callable[[], Any]) -> float:
-    """Return the processor time of this process that some work takes, s."""
+    """Return the processor time of this process for a call, s."""
     begin = time.process_time()
     work()
     return time.process_time() - begin
@@ -87,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     repeat = parser.parse_args().repeat
-    print("| work | measured, s | promised, s |\n|---|---|---|")
+    print("| operation | measured, s | promised, s |\n|---|---|---|")
     for name, measure, promised in PROMISES:
         print(f"| {name} | {statistics.median(measure() for _ in range(repeat)):.2g} | {promised:g} |", flush=True)
 

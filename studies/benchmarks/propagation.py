@@ -1,4 +1,4 @@
-"""Time and error of every way to carry uncertainty, on the slider-crank, the Agile Eye and the motorcycle.
+"""Measure time and error of all propagation methods on the slider-crank, the Agile Eye and the motorcycle.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/propagation.py [--repeat N] [--quick] [--only STUDY]
 [--summaries]``.
@@ -16,7 +16,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-# what is measured here is parts of the core (integration and outputs, without statistics), so it is imported directly
+# this script times parts of the core (integration and outputs, without statistics), so it imports the core directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -40,26 +40,26 @@ from uqmbd_montecarlo import MonteCarlo
 Array = NDArray[np.float64]
 
 TARGETS = (0.01, 0.001)
-"""Errors of the standard deviation whose cost is printed."""
+"""Errors of the standard deviation for which the tables list the cost."""
 CONVERGED = 20
-"""Gauss nodes of each input of the reference."""
+"""Gauss nodes per input of the reference."""
 STACK = 64
-"""Realisations of a stack, as in a study."""
+"""Realisations per stack, as in a study."""
 SAMPLES = {"one by one": 8, "stacked": STACK}
-"""Samples whose cost is measured."""
+"""Number of timed samples."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A study, and where its standard deviations are judged.
+    """A study, and the time at which the error of its standard deviations counts.
 
     Attributes
     ----------
     study : uqmbd.Study
-        The mechanism.
+        Study of the mechanism.
     at : float or None
-        Time at which the error counts, relative to the standard deviation then; None: the largest error over time,
-        relative to the largest standard deviation.
+        Time at which the error counts, relative to the standard deviation at that time.  None means the largest error
+        over time, relative to the largest standard deviation.
     """
 
     study: uqmbd.Study
@@ -67,12 +67,12 @@ class Task:
 
     @cached_property
     def problem(self) -> uqmbd.extend.Problem:
-        """What a propagator is given."""
+        """Problem for the propagators."""
         return self.study.problem(Galerkin())
 
     @cached_property
     def space(self) -> uqmbd.extend.GermSpace:
-        """Germs of the inputs."""
+        """Germ space of the inputs."""
         return uqmbd.extend.GermSpace.of(self.problem.inputs, "rosenblatt")
 
     @cached_property
@@ -86,7 +86,7 @@ class Task:
         return mean, np.sqrt(variance), kurtosis
 
     def respond(self, values: Array, rtol: float | None = None, stack: int = STACK) -> tuple[Array, dict[str, Any]]:
-        """Integrate and observe realisations, `stack` at a time."""
+        """Integrate realisations and compute their outputs, `stack` at a time."""
         times, found, cost = self.problem.times, [], {"accelerations": 0, "integrations": 0}
         for k in range(0, len(values), stack):
             ensemble = Ensemble(self.problem.model, values[k : k + stack])
@@ -96,16 +96,16 @@ class Task:
         return np.concatenate(found), cost
 
     def one(self) -> None:
-        """One realisation, at the means."""
+        """Compute one realisation, at the means."""
         self.respond(self.problem.inputs.means[None])
 
     def nodes(self, order: int) -> tuple[uqmbd.extend.Quadrature, Array]:
-        """Nodes and values of the basis at them: the same for both expansions."""
+        """Return nodes and basis values at them, the same for both expansions."""
         rule = uqmbd.extend.gauss_tensor(self.space, order + 1)
         return rule, self.space.evaluate(rule.nodes, uqmbd.extend.index_set(self.space.dimension, order, "total"))
 
     def galerkin(self, order: int) -> tuple[Array, dict[str, Any]]:
-        """Coefficients of the outputs, and what they cost."""
+        """Return coefficients of the outputs, and their cost."""
         rule, basis = self.nodes(order)
         ensemble = Ensemble(self.problem.model, self.space.to_inputs(rule.nodes))
         projected = uqmbd.extend.ProjectedEnsemble(ensemble, basis, rule.weights)
@@ -114,13 +114,13 @@ class Task:
         return projected.project(response), found.counters | {"unknowns": projected.unknowns}
 
     def collocation(self, order: int) -> tuple[Array, dict[str, Any]]:
-        """Coefficients of the outputs from realisations at the same nodes, stacked."""
+        """Return coefficients of the outputs from stacked realisations at the same nodes."""
         rule, basis = self.nodes(order)
         response, cost = self.respond(self.space.to_inputs(rule.nodes))
         return np.tensordot((basis * rule.weights[:, None]).T, response, 1), cost
 
     def errors(self, coefficients: Array) -> Array:
-        """Error of the standard deviation of each output."""
+        """Return the error of the standard deviation of each output."""
         std = np.sqrt(np.sum(coefficients[1:] ** 2, axis=0))
         return self._judged(np.abs(std - self.reference[1]))
 
@@ -198,7 +198,7 @@ def _orders(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array]
 
 
 def _targets(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array], errors: dict[str, Array]) -> None:
-    """Print what it takes to get standard deviations right."""
+    """Print the cost to reach each error of the standard deviations."""
     table = table_of(f"{task.study.name}: CPU time to an error of the standard deviation", "", *(
         f"{name}, {100 * target:g} %" for target in TARGETS for name in (*outputs, "all")
     ))  # fmt: skip
@@ -206,7 +206,7 @@ def _targets(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array
         cells = []
         for target in TARGETS:
             for part in [*([k] for k in range(len(outputs))), list(range(len(outputs)))]:
-                # an order counts if those above hold it too
+                # an order counts if higher orders also reach the target
                 wrong = [max(errors[f"{method} {p}"][part].max() for p in orders if p >= order) for order in orders]
                 order = next((p for p, e in zip(orders, wrong, strict=True) if e <= target), None)
                 cells.append("-" if order is None else f"{np.median(cpu[f'{method} {order}']):.3f} s ({order})")
@@ -221,7 +221,7 @@ def _targets(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array
 
 
 def _ratios(task: Task, cpu: dict[str, Array]) -> None:
-    """Print the ratios that matter, medians over the rounds with their ranges."""
+    """Print ratios of processor times, medians over the rounds with their ranges."""
     table = table_of(f"{task.study.name}: ratios of CPU times", "", "compared with", "ratio", "(range)")
 
     def add(name: str, other: str, mine: Array, theirs: Array) -> None:
@@ -285,7 +285,7 @@ def inputs(counts: range, repeat: int, order: int = 2) -> None:
 
 
 def summaries(samples: int, repeat: int) -> list[Contender]:
-    """Compare Monte Carlo that sums motions up, or limits them, with the same study without that."""
+    """Compare Monte Carlo with summary outputs or requirements with the same study without them."""
     plain, found = "outputs over time", list[Contender]()
 
     def add(name: str, extend: Callable[[uqmbd.Mechanism, sympy.Expr], None]) -> None:
@@ -303,11 +303,11 @@ def summaries(samples: int, repeat: int) -> list[Contender]:
         mechanism.output("impulse", uqmbd.integral(size), units="N s")
 
     add(plain, lambda *_: None)
-    # its tables are those of the others, and it takes no motion between the output times
-    add("and a last force", lambda m, force: m.output("last", uqmbd.final(force), units="N"))
-    add("and a largest force", lambda m, force: m.output("largest", uqmbd.maximum(force), units="N"))
-    add("and four summaries of its size", four)
-    add("and a limit to it at all times", lambda m, force: m.require("load", sympy.Abs(force) <= 1.5))
+    # this output needs the same tables as the others, and no motion between the output times
+    add("with a last force", lambda m, force: m.output("last", uqmbd.final(force), units="N"))
+    add("with a largest force", lambda m, force: m.output("largest", uqmbd.maximum(force), units="N"))
+    add("with four summaries of its magnitude", four)
+    add("with a limit on it at all times", lambda m, force: m.require("load", sympy.Abs(force) <= 1.5))
     interleave(found, repeat)
     return found
 
@@ -324,8 +324,8 @@ def main() -> None:
         "agile_eye": Task(agile_eye.study, at=0.4),
         "motorcycle": Task(motorcycle.study),
     }
-    parser.add_argument("--only", choices=tasks, help="one study only")
-    parser.add_argument("--summaries", action="store_true", help="only what summaries and requirements cost")
+    parser.add_argument("--only", choices=tasks, help="run one study")
+    parser.add_argument("--summaries", action="store_true", help="only the cost of summaries and requirements")
     options = parser.parse_args()
     repeat, most, count = (2, 4, 4) if options.quick else (options.repeat, 6, 6)
     if options.summaries:
@@ -333,7 +333,7 @@ def main() -> None:
         show(title, summaries(500, repeat))
         return
     with warnings.catch_warnings(), threadpool_limits(limits=1):
-        warnings.simplefilter("ignore", UserWarning)  # what they say stands in the columns of errors
+        warnings.simplefilter("ignore", UserWarning)  # the columns of errors show these warnings
         for name, task in tasks.items():
             if options.only in (None, name):
                 run(task, range(1, most + 1), repeat)

@@ -1,8 +1,9 @@
-"""What it costs to cut a random road off after some terms: the quarter car against linear random vibration.
+"""Measure the truncation error of a random road by number of terms: the quarter car against linear random vibration.
 
-Standard deviations, root mean square from 1 s to 2 s, by Collocation of order 1 on roads of 12 to 192 Karhunen-Loeve
-terms, over those of the stationary motion: the integral of the squared transfer function times the spectral density of
-the road.  With the mean over the contact patch of the tyre, and without it.
+The standard deviations are root mean squares from 1 s to 2 s.  Collocation of order 1 computes them on roads of 12 to
+192 Karhunen-Loeve terms.  They are relative to those of the stationary motion: the integral of the squared transfer
+function times the spectral density of the road.  The tables are with the mean over the contact patch of the tyre, and
+without it.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/random_road.py [--terms 12 24 ...]``.
 """
@@ -30,7 +31,7 @@ OUTPUTS = ("body_height", "body_acceleration", "suspension_travel", "tyre_force"
 
 
 def transfer(angular_frequency: Array) -> NDArray[np.complex128]:
-    """Return transfer functions (N, 4) from the height of the road to the outputs, at rad/s (N,)."""
+    """Return transfer functions (N, 4) from the height of the road to the outputs, at frequencies (N,), rad/s."""
     ms, mu, ks, cs, kt, ct = 300.0, 40.0, 20_000.0, 1_200.0, 180_000.0, 100.0
     s = 1j * angular_frequency
     suspension, tyre = ks + cs * s, kt + ct * s

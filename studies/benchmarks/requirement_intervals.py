@@ -1,14 +1,14 @@
-"""How often the 95 % intervals of probabilities of violation hold the truth, and how wide they are.
+"""Measure coverage and width of the 95 % intervals of probabilities of violation.
 
-Four requirements of known probability, without any motion, so that nothing but the methods is measured:
+Four requirements have known probabilities and need no motion, so the benchmark measures only the methods:
 
 - smooth: a product of a lognormal and a normal input stays below a limit;
-- kinked: the larger of two normal inputs does;
-- two design points: a normal input stays within a band, and another one helps;
+- kinked: the larger of two normal inputs stays below a limit;
+- two design points: a normal input stays within a band whose width depends on a second input;
 - 40 inputs: the sum of lognormal inputs stays below a limit (Rackwitz 2001).
 
-For each method: in how many of so many seeds the interval holds the true probability, its median width, and the width
-of the interval of as many independent realisations that are counted.
+For each method the table lists the number of seeds whose interval contains the true probability, and the median width.
+It also lists the width of the interval from counting violations in as many independent realisations.
 
 Run: python studies/benchmarks/requirement_intervals.py [SEEDS]
 """
@@ -36,7 +36,7 @@ LIMIT, BETA, MANY = 2.2, 2.0, 40
 
 
 def smooth(inputs):
-    """Keep exp(0.1 a) (5 + b) below 8.5; its probability is an integral over b."""
+    """Require exp(0.1 a) (5 + b) below 8.5; its probability is an integral over b."""
     a, b = inputs
     return sympy.exp(a / 10) * (5 + b) <= 8.5
 
@@ -50,7 +50,7 @@ def kinked(inputs):
 
 
 def two_points(inputs):
-    """Keep |a| + b / 4 below a limit."""
+    """Require |a| + b / 4 below a limit."""
     a, b = inputs
     return sympy.Abs(a) + b / 4 <= 2.5
 
@@ -60,13 +60,13 @@ def two_points_probability():
 
 
 def many(inputs):
-    """Keep the sum of lognormal inputs of mean 1 and deviation 0.2 below its mean and 2 deviations."""
+    """Require the sum of lognormal inputs (mean 1, deviation 0.2) below its mean plus 2 deviations."""
     s = np.sqrt(np.log(1.04))
     return sum(sympy.exp(s * x - s**2 / 2) for x in inputs) <= MANY + BETA * 0.2 * np.sqrt(MANY)
 
 
 def many_probability(count=4_000_000):
-    """By samples: no closed form is known; its standard error is 1e-4 of one."""
+    """Return the probability by samples, without a closed form; its standard error is 1e-4."""
     rng, s, found = np.random.default_rng(12345), np.sqrt(np.log(1.04)), 0
     for _ in range(count // 100_000):
         x = np.exp(s * rng.normal(size=(100_000, MANY)) - s**2 / 2).sum(axis=1)
@@ -92,7 +92,7 @@ METHODS = {
 
 
 def _options(inputs: int, order: int) -> dict[str, Any]:
-    """Of many inputs each has terms of its own only (hyperbolic, order 2 or 3), fitted to twice as many samples."""
+    """Return options; with many inputs, terms of single inputs (hyperbolic, order 2 or 3) and twice as many samples."""
     if inputs < MANY:
         return {"order": order}
     lower = (order + 1) // 2
@@ -100,7 +100,7 @@ def _options(inputs: int, order: int) -> dict[str, Any]:
 
 
 def mechanism_of(case):
-    """Make a mass at rest, with inputs that nothing but the requirement depends on."""
+    """Return a mass at rest, with inputs that affect only the requirement."""
     count, relation, _ = CASES[case]
     mechanism = uqmbd.Mechanism("still", uqmbd.Line())
     mechanism.body("mass", mass=1)
@@ -110,7 +110,7 @@ def mechanism_of(case):
 
 
 def coverage(case, method, seeds, probability):
-    """Return how often the interval held the truth, all widths, probabilities, and realisations."""
+    """Return the number of intervals that contain the truth, all widths, probabilities, and realisations."""
     study = uqmbd.Study("still", mechanism_of(case))
     count = CASES[case][0]
     held, widths, found, cost = 0, [], [], 0
@@ -131,13 +131,13 @@ def coverage(case, method, seeds, probability):
 
 
 def counted_width(probability, count):
-    """Median width of the interval of as many independent realisations."""
+    """Return the median width of the interval of as many independent realisations."""
     lower, upper = clopper_pearson(binom.median(count, probability), count)
     return float(upper - lower)
 
 
 def main(seeds=200):
-    heads = {"case": 20, "truth": 10, "method": 22, "held": 8, "found": 11, "median width": 14, "counted": 10}
+    heads = {"case": 20, "truth": 10, "method": 22, "contain": 8, "found": 11, "median width": 14, "counted": 10}
     print("".join(f"{name:<{width}}" for name, width in heads.items()) + "realisations")
     for case, (_, _, known) in CASES.items():
         truth = float(known())

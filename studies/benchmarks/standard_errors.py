@@ -1,8 +1,8 @@
-"""How often 1.96 stated standard errors hold the true mean and standard deviation, for each design and with controls.
+"""Measure how often 1.96 stated standard errors contain the true mean and standard deviation, by design and control.
 
-The outputs are functions of two inputs with moments in closed form, without any motion: nothing but the statistics of
-`MonteCarlo` is measured.  For each design and number of samples: in how many of so many seeds the 95 % interval holds
-the truth, and the bias of the standard deviation in units of 1 / (2 N) of it.
+The outputs are functions of two inputs with moments in closed form, and need no motion.  The benchmark measures only
+the statistics of `MonteCarlo`.  For each design and number of samples it lists the share of seeds whose 95 % interval
+contains the true value.  It also lists the bias of the standard deviation, in units of 1 / (2 N) of it.
 
 Run: python studies/benchmarks/standard_errors.py [--seeds N] [--samples N ...] [--design NAME ...]
 """
@@ -56,7 +56,7 @@ OUTPUTS: dict[str, tuple[Any, float, float]] = {
 
 
 def study(shift: float = 0.0) -> uqmbd.Study:
-    """Return a body at rest with the outputs, less a part that a cheaper study leaves out."""
+    """Return a body at rest with the outputs, less a part that the low-fidelity study omits."""
     mechanism = uqmbd.Mechanism("rest", uqmbd.Line())
     mechanism.body("body", mass=1, position=0, velocity=0)
     for name, (expression, *_) in OUTPUTS.items():
@@ -65,7 +65,7 @@ def study(shift: float = 0.0) -> uqmbd.Study:
 
 
 def methods(samples: int) -> dict[str, dict[str, Any]]:
-    """Return the options of each design, and of controls where there are samples enough for one."""
+    """Return the options of each design, and of controls if there are enough samples for one."""
     found: dict[str, dict[str, Any]] = {
         name: {"sampling": name} for name in ("random", "latin-hypercube", "sobol", "halton")
     }
@@ -75,7 +75,7 @@ def methods(samples: int) -> dict[str, dict[str, Any]]:
 
 
 def shares(whole: uqmbd.Study, options: dict[str, Any], samples: int, seeds: int) -> dict[str, list[float]]:
-    """Return for each output how often, in %, its mean and deviation are held, and the bias over 1 / (2 N)."""
+    """Return for each output the coverage of mean and deviation, %, and the bias over 1 / (2 N)."""
     hits = {name: np.zeros(3) for name in OUTPUTS}
     for seed in range(seeds):
         method = MonteCarlo(samples=samples, seed=seed, **options)
@@ -98,7 +98,7 @@ def main() -> None:
     parser.add_argument("--design", nargs="+", default=list(methods(64)))
     given = parser.parse_args()
     whole = study()
-    table = table_of("Seeds in which 1.96 standard errors hold the truth, %", "design", "N", "of", *OUTPUTS)
+    table = table_of("Seeds in which 1.96 standard errors contain the true value, %", "design", "N", "of", *OUTPUTS)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for design in given.design:

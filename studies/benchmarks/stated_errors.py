@@ -1,13 +1,15 @@
-"""Whether the error that an aligned chaos states of itself is the true one, over the whole time, for eleven mechanisms.
+"""Compare the stated error of aligned chaoses with the true error over the whole time, for eleven mechanisms.
 
-The stated error is the root mean square over the verification realisations, the true one that over 1,024 others, both
-over the standard deviation, and both by points of which half lie in the tails and count for less there.  Of 1,024 that
-are spread like the inputs the root mean square is itself not known to a factor of two: for the disc with weight and
-friction it is between 5.6e-4 and 2.0e-3, by four seeds, of 8,192 it is 1.3e-3, of 1,024 in the tails 1.0e-3 to 1.1e-3.
-At a time they agree if their ratio is between a half and two, or if both are below ``FLOOR``, which integration and
-interpolation do not tell apart; so they should at nine of ten times, and so should the largest over time.  Two
-mechanisms are among them which alignment does not help: a pendulum that swings in some realisations and turns in
-others, and a motion of two frequencies, of which a clock follows one.
+The stated error is the root mean square over the verification realisations, the true error that over 1,024 others.
+Both are over the standard deviation.  In both, half of the points are in the tails, with smaller weights.  With 1,024
+points that are distributed like the inputs, the root mean square itself is uncertain by more than a factor of two.  For
+the disc with weight and friction it is between 5.6e-4 and 2.0e-3, by four seeds.  With 8,192 such points it is 1.3e-3,
+with 1,024 in the tails 1.0e-3 to 1.1e-3.
+
+At a time the errors agree if their ratio is between a half and two.  They also agree if both are below ``FLOOR``, where
+integration and interpolation errors dominate.  They should agree at nine of ten times, and the largest over time
+should agree.  Alignment does not help for two of the mechanisms.  One is a pendulum that swings in some realisations
+and turns in others; the other is a motion of two frequencies, of which a clock follows one.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/stated_errors.py [--verify N ...] [--only NAME ...]``.
 """
@@ -39,10 +41,10 @@ from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
 
 FLOOR = 1e-5
-"""Errors below, over the standard deviation, are those of the integration as much as of the chaos."""
+"""Error over the standard deviation below which the integration contributes as much as the chaos."""
 
 SAMPLES = 1024
-"""Other realisations."""
+"""Number of other realisations."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +54,13 @@ class Case:
     Attributes
     ----------
     make : callable
-        Makes the mechanism.
+        Creates the mechanism.
     end, count : float, int
-        Last time, s, and how many there are.
+        Last time, s, and number of times.
     options : dict
-        Of `Collocation`.
+        Options of `Collocation`.
     helps : bool
-        Whether an aligned chaos holds.
+        Whether an aligned chaos stays accurate.
     """
 
     make: Callable[[], uqmbd.Mechanism]
@@ -70,14 +72,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How the stated and the true error compare.
+    """Agreement of the stated and the true error.
 
     Attributes
     ----------
     share : float
-        Of times and outputs at which they agree.
+        Share of times and outputs at which they agree.
     largest : tuple of float
-        Stated and true, over time and outputs.
+        Largest stated and true error over time and outputs.
     """
 
     share: float
@@ -85,20 +87,20 @@ class Agreement:
 
     @property
     def holds(self) -> bool:
-        """Whether they agree at nine of ten times, and the largest does."""
+        """Whether the errors agree at nine of ten times, and the largest errors agree."""
         stated, true = self.largest
         return self.share >= 0.9 and 0.5 <= stated / true <= 2.0
 
 
 def random(name: str, distribution: Any, units: str = "") -> uqmbd.RandomVariable:
-    """Make an input."""
+    """Return an input."""
     return uqmbd.RandomVariable(name, distribution, units=units)
 
 
 def oscillator(
     stiffness: Any, damping: Any = 0.0, position: Any = 0.1, velocity: Any = 0.0, cubic: float = 0.0
 ) -> uqmbd.Mechanism:
-    """Make a mass of 1 kg on a spring."""
+    """Return a mass of 1 kg on a spring."""
     made = uqmbd.Mechanism("oscillator", uqmbd.Line())
     mass = made.body("mass", mass=1, position=position, velocity=velocity)
     made.add(SpringDamper("spring", made.ground, mass, 0, 0, stiffness=stiffness, free_length=0, damping=damping))
@@ -110,13 +112,13 @@ def oscillator(
 
 
 def whole_turn() -> uqmbd.Mechanism:
-    """Make an oscillator that starts anywhere on its circle."""
+    """Return an oscillator with a random initial phase over a whole turn."""
     phase = random("phase", chaospy.Uniform(0, 2 * np.pi), "rad")
     return oscillator(random("k", chaospy.Uniform(90, 110), "N/m"), 0, 0.1 * sympy.cos(phase), -sympy.sin(phase))
 
 
 def two_frequencies() -> uqmbd.Mechanism:
-    """Make two oscillators whose frequencies are in no ratio, and the sum of their positions."""
+    """Return two oscillators of incommensurable frequencies, and the sum of their positions."""
     made = uqmbd.Mechanism("two_frequencies", uqmbd.Line())
     for name, mean in (("slow", 30.0), ("fast", 100.0)):
         mass = made.body(name, mass=1, position=0.1)
@@ -129,7 +131,7 @@ def two_frequencies() -> uqmbd.Mechanism:
 
 
 def disc(torque: Any, weight: float = 0.0, friction: Any = 0.0) -> uqmbd.Mechanism:
-    """Make a disc that a torque spins up, against a weight off its centre and friction."""
+    """Return a disc that a torque accelerates against an eccentric weight and friction."""
     made = uqmbd.Mechanism("disc", uqmbd.Planar(gravity=(0, -9.81)))
     body = made.body("disc", mass=1, inertia=0.5, position=(0, 0), angle=0.3)
     made.add(Revolute("axle", made.ground, body, point_i=(0, 0), point_j=(0, 0)))
@@ -141,7 +143,7 @@ def disc(torque: Any, weight: float = 0.0, friction: Any = 0.0) -> uqmbd.Mechani
 
 
 def pendulum(length: Any, speed: Any) -> uqmbd.Mechanism:
-    """Make a point mass on a rod that starts below."""
+    """Return a point mass on a rod that starts in the lower position."""
     made = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
     rod = made.body(
         "rod",
@@ -211,7 +213,7 @@ def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
     others = study.problem(Collocation()).realise(chaos.space.to_inputs(points.germs))
     known = points[others.good]
     wrong = chaos.evaluate_germs(known.germs) - others.response[others.good]
-    # a handful in a thousand lie farther out than any sample of the statistics, where phases are not known
+    # a few in a thousand are farther out than any sample of the statistics, where phases are unknown
     kept = np.isfinite(wrong).all(axis=(1, 2))
     assert kept.mean() > 0.98
     wrong, weights = wrong[kept], known.weights[kept]
@@ -227,9 +229,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--verify", type=int, nargs="*", default=[16], help="verification realisations")
     parser.add_argument("--only", nargs="*", default=list(CASES), help="mechanisms")
-    parser.add_argument("--seeds", type=int, default=1, help="how often, with other points")
+    parser.add_argument("--seeds", type=int, default=1, help="number of repetitions with other points")
     options = parser.parse_args()
-    columns = ("mechanism", "verify", "seed", "stated, largest", "true, largest", "times at which they agree", "holds")
+    columns = ("mechanism", "verify", "seed", "stated, largest", "true, largest", "times at which they agree", "agrees")
     table = table_of("Stated and true error of aligned chaoses, over the standard deviation", *columns)
     for name in options.only:
         for verify in options.verify:
