@@ -132,7 +132,7 @@ def compare(
 
 
 def exudyn_contenders(p: Array, times: Array, reference: Array, wanted: float) -> list[Contender]:
-    """Make the two runs of Exudyn: as it is, and extrapolated from two step sizes."""
+    """Return two contenders of Exudyn: plain, and extrapolated from two step sizes."""
     intervals = len(times) - 1
     crank, rod = p
 

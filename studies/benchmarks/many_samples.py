@@ -91,7 +91,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, nargs="+", default=[50_000, 100_000])
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--place", type=Path, default=Path(tempfile.gettempdir()), help="folder on the measured disk")
+    parser.add_argument("--place", type=Path, default=Path(tempfile.gettempdir()), help="folder on the disk to measure")
     parser.add_argument("--run", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()

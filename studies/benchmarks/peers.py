@@ -320,7 +320,7 @@ def casadi_five_bar() -> CasadiModel:
         kinetic += mass * ca.dot(speed, speed) / 2 + ca.dot(omega[k], ca.mtimes(tensor, omega[k])) / 2
         constraints.append(ca.dot(e[k], e[k]) - 1)
     ex, ey, ez = (ca.DM(np.eye(3)[k]) for k in range(3))
-    # bodies 1 to 4 are 0 to 3: the bearings of bodies 2 and 3, then 2-1 and 1-4, then the parallel axes of 4 and 3
+    # bodies 1 to 4 have indices 0 to 3: bearings of bodies 2 and 3, then 2-1 and 1-4, then the parallel axes of 4 and 3
     constraints += [x[1], ca.dot(ey, turn[1] @ ex), ca.dot(ez, turn[1] @ ex)]
     constraints += [x[2], ca.dot(ex, turn[2] @ ey), ca.dot(ez, turn[2] @ ey)]
     constraints += [x[0] - x[1], ca.dot(turn[1] @ ex, turn[0] @ ey), ca.dot(turn[1] @ ez, turn[0] @ ey)]
