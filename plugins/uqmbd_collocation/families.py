@@ -1,4 +1,7 @@
-"""Several ways to expand outputs, from shared realisations: each output takes the one with the least verified error."""
+"""Several ways to expand outputs from shared realisations: each output takes the one with the least verified error.
+
+No way need be the best at all times.  An output changes from one to another if each has a larger error at some times.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,18 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import CombinedPaths, EventPaths, Impossible, PhasePaths, align
+from uqmbd_collocation.alignment import (
+    CombinedPaths,
+    EndsEarlyWarning,
+    EventPaths,
+    Impossible,
+    PhasePaths,
+    Runs,
+    align,
+    chosen_over_time,
+    runs_in_words,
+    taken_values,
+)
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
@@ -38,9 +52,6 @@ SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequenc
 
 FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
 """In which order they are computed: the realisations of the first ones serve the others."""
-
-EQUAL = 1e-6
-"""Error, over the largest standard deviation of an output, below which none is better than another."""
 
 ENOUGH = 0.01
 """The same: where all outputs are followed that well two frequencies are not looked for unless they are named."""
@@ -204,29 +215,40 @@ def expand_families(
             f"{problem.label}: all verification realisations failed, and families of alignment are chosen by them; "
             "name one family, as alignment='phase', or leave alignment out."
         )
-    chaoses = {name: _verified(work.found[name].chaos, work.given) for name in SIMPLEST if name in work.found}
-    errors = {name: _errors(chaos) for name, chaos in chaoses.items()}
+    chaoses: dict[str, Part] = {
+        name: _verified(work.found[name].chaos, work.given) for name in SIMPLEST if name in work.found
+    }
+    errors: dict[str, Array] = {name: _errors(chaos) for name, chaos in chaoses.items()}
     size = np.abs(work.given.response).mean(axis=0)
     spread = _largest(work.given.std, size, problem.rtol)
     over = {name: np.sqrt(np.mean(error**2, axis=-1)) / spread for name, error in errors.items()}
-    taken = [min(over, key=lambda name: max(float(over[name][k]), EQUAL)) for k in range(len(spread))]
-    largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), size, problem.rtol)
+    taken = [chosen_over_time(work.given, chaoses, errors, over, k, spread[k]) for k in range(len(spread))]
+    largest = _largest(taken_values(taken, {name: chaos.std for name, chaos in chaoses.items()}), size, problem.rtol)
+    everywhere = {name for runs in taken for name, _, _ in runs}
+    at_the_end = {runs[-1][0] for runs in taken}
     for name in work.found:
         for message in work.told[name]:
             # whether a tolerance is met counts for the outputs that take the family, not for all that it refined
-            if name in taken and not isinstance(message, UnmetWarning):
+            ends = at_the_end if isinstance(message, EndsEarlyWarning) else everywhere
+            if name in ends and not isinstance(message, UnmetWarning):
                 warnings.warn(message, stacklevel=3)
-    found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
-    return found
+    shares: dict[str, Array] = {**over, "taken": np.sqrt(np.mean(taken_values(taken, errors) ** 2, axis=-1)) / spread}
+    return _composed(work, chaoses, taken, {name: error * spread / largest for name, error in shares.items()})
 
 
 def _composed(
-    work: _FamilyContext, chaoses: Mapping[Way, Part], taken: Sequence[Way], errors: Mapping[Way, Array]
+    work: _FamilyContext, chaoses: Mapping[str, Part], taken: Sequence[Runs], errors: Mapping[str, Array]
 ) -> Expanded:
-    """Put the outputs together, each from the family that it takes; errors (O,) are those of all families."""
+    """Put the outputs together, each from the families that it takes; errors (O,) of all families, and of "taken"."""
     outputs = [o.name for o in work.problem.labels.outputs]
-    used = [name for name in SIMPLEST if name in taken]
-    rows = {name: [k for k, family in enumerate(taken) if family == name] for name in used}
+    times = np.asarray(work.problem.labels.times)
+    words = [runs_in_words(runs, times) for runs in taken]
+    names = np.full((len(outputs), len(times)), "", dtype="<U16")
+    for k, runs in enumerate(taken):
+        for name, first, last in runs:
+            names[k, first:last] = name
+    used = [name for name in SIMPLEST if (names == name).any()]
+    rows = {name: np.flatnonzero((names == name).any(axis=1)).tolist() for name in used}
     parts: dict[str, Part] = {name: chaoses[name].selected(rows[name]) for name in used}
     if isinstance(at_equal_times := parts.get("plain"), PolynomialChaos):
         warn_of_discontinuities(at_equal_times, work.plans, work.problem.label)
@@ -241,14 +263,12 @@ def _composed(
         "fit": own[0].attrs["fit"] if len(own) == 1 else _fits(work, rows),
         **{name: max(one.attrs[name] for one in own) for name in ("terms", "highest_degree")},
         "verification": len(work.given) if work.given is not None else 0,
-        "alignment": json.dumps(dict(zip(outputs, taken, strict=True))),
-        "alignment_error": json.dumps(
-            {n: float(errors[f][k]) for k, (n, f) in enumerate(zip(outputs, taken, strict=True))}
-        ),
+        "alignment": json.dumps(dict(zip(outputs, words, strict=True))),
+        "alignment_error": json.dumps(dict(zip(outputs, errors["taken"].tolist(), strict=True))),
         "alignment_left_out": json.dumps(work.left_out),
     }
     if any("tolerance_met" in one.attrs for one in own):
-        largest = max(float(errors[name][k]) for k, name in enumerate(taken))
+        largest = float(np.max(errors["taken"]))
         attrs["tolerance_met"] = str(largest <= work.tolerance.tolerance)
         if largest > work.tolerance.tolerance:
             warnings.warn(
@@ -264,12 +284,19 @@ def _composed(
     table = xr.Dataset(
         {
             "error": (("family", "output"), np.array([errors[name] for name in chaoses]), about),
-            "taken": ("output", np.array(taken, dtype=np.str_), {"long_name": "family of the surrogate"}),
+            "taken": ("output", np.array(words, dtype=np.str_), {"long_name": "families of the surrogate over time"}),
+            "taken_at": (("output", "time"), names, {"long_name": "family of the surrogate"}),
         },
-        coords={"family": np.array(list(chaoses), dtype=np.str_), "output": np.array(outputs, dtype=np.str_)},
+        coords={
+            "family": np.array(list(chaoses), dtype=np.str_),
+            "output": np.array(outputs, dtype=np.str_),
+            "time": ("time", times, {"units": "s"}),
+        },
     )
     return Expanded(
-        next(iter(parts.values())) if len(parts) == 1 else ComposedChaos(parts, tuple(outputs)),
+        next(iter(parts.values()))
+        if len(parts) == 1
+        else ComposedChaos(parts, tuple(outputs), {name: names[rows[name]] == name for name in used}),
         work.realisations,
         work.all_counters,
         _nodes(work),

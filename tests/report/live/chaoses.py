@@ -1,5 +1,7 @@
 """Surrogates of every kind, with drawn distributions, orders and elements, as hypothesis draws them."""
 
+from dataclasses import replace
+
 import chaospy
 import numpy as np
 from hypothesis import strategies as st
@@ -17,7 +19,8 @@ from uqmbd.results import (
 )
 
 TIMES = np.linspace(0.0, 2.0, 33)
-KINDS = ("polynomial", "elements", "events", "waves", "composed")
+VERIFICATION = ("verification_germs", "verification_response", "verification_weights")
+KINDS = ("polynomial", "elements", "events", "waves", "composed", "changing")
 
 DISTRIBUTIONS = {
     "normal": lambda: chaospy.Normal(3.0, 0.2),
@@ -66,6 +69,12 @@ def chaos_of(kind, space, boxes, order, seed, outputs=("x", "y"), error=1e-3, ti
             "events": chaos_of("events", space, boxes, order, seed, outputs[:1], error),
         }
         return ComposedChaos(parts, tuple(outputs))
+    if kind == "changing":  # each output changes from one part to the other at times of its own
+        parts = {one: chaos_of(one, space, boxes, order, seed, outputs, error) for one in ("polynomial", "events")}
+        for name in parts:  # both have the same verification realisations
+            parts[name] = replace(parts[name], **{x: getattr(parts["events"], x) for x in VERIFICATION})
+        first = draw.random((len(outputs), len(times))) < 0.5
+        return ComposedChaos(parts, tuple(outputs), {"polynomial": first, "events": ~first})
     terms = space.basis(order)
     axes = labels([(name, "m") for name in outputs], [(name, "m") for name in space.inputs], times)
     if kind == "polynomial":

@@ -146,5 +146,5 @@ def test_a_composed_surrogate_has_each_output_once():
         with pytest.raises(uqmbd.StudyError, match=message):
             validate(spoilt(node, "composed/phase/aligned", lambda d, k=place: d.assign(place=("output", [k]))))
     del node["composed"]["plain"]
-    with pytest.raises(uqmbd.StudyError, match="parts of the outputs"):
+    with pytest.raises(uqmbd.StudyError, match="in no part or in several"):
         validate(node)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from tests.report.live.chaoses import chaos_of, space_of
 from uqmbd.extend import AlignedElement, labels
 from uqmbd.randomness import GermBox, GermSpace, JointInput
 from uqmbd.report.figures import order_of, surrogate_of
@@ -86,6 +87,39 @@ def test_outputs_are_those_of_the_parts():
 
 
 @pytest.mark.thorough
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000), st.booleans())
+def test_an_output_changes_between_parts_over_time(seed, verified):
+    """Values, moments, shapes, samples and stated errors are at each time those of the part that has it."""
+    space = space_of(("normal", "uniform"))
+    whole = chaos_of("changing", space, [GermBox.whole(space)], 2, seed, error=1e-3 if verified else 0)
+    one, other = whole.parts.values()
+    first = whole.used["polynomial"]
+    germs = np.random.default_rng(seed).uniform(-1, 1, (5, 2))
+
+    def chosen(read):
+        return np.where(first, read(one), read(other))
+
+    np.testing.assert_array_equal(whole.evaluate_germs(germs), chosen(lambda part: part.evaluate_germs(germs)))
+    for name in ("mean", "std", "skewness", "sobol_first", "sobol_total"):
+        np.testing.assert_array_equal(getattr(whole, name), chosen(lambda part, x=name: getattr(part, x)))
+    quantiles = chosen(lambda part: part.quantiles([0.1, 0.9]))  # of samples in blocks, which differ
+    np.testing.assert_allclose(whole.quantiles([0.1, 0.9]), quantiles, rtol=1e-12, atol=1e-13)
+    if verified:
+        np.testing.assert_array_equal(whole.verification_rms(), chosen(lambda part: part.verification_rms()))
+    paths = {path.split("/")[1]: (path.split("/")[2], data) for path, data in whole.to_datasets().items()}
+    again = ComposedChaos.from_datasets(paths)
+    np.testing.assert_array_equal(again.evaluate_germs(germs), whole.evaluate_germs(germs))
+    node = propagator_node(
+        "mine", whole.statistics(), propagator="p", realisations=2, wall_time=0.0, children=whole.to_datasets()
+    )
+    some = surrogate(node, "y").evaluate_germs(germs)[:, 0]
+    np.testing.assert_allclose(some, whole.evaluate_germs(germs)[:, 1], rtol=1e-12, atol=1e-13)
+    some = surrogate(node, times=[3, 7]).evaluate_germs(germs)
+    np.testing.assert_allclose(some, whole.evaluate_germs(germs)[..., [3, 7]], rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.thorough
 def test_stored_in_one_node_and_read_whole_or_by_output(tmp_path):
     """Bits survive a file; an output is read from its part alone; figures and sections find them."""
     whole = composed()
@@ -119,7 +153,9 @@ def test_stored_in_one_node_and_read_whole_or_by_output(tmp_path):
 
 def test_an_output_missing_or_twice_is_refused():
     plain, aligned, _ = parts()
-    with pytest.raises(uqmbd.StudyError, match="each output once; they have b, c, a, d, and the outputs are a, b, c"):
+    with pytest.raises(
+        uqmbd.StudyError, match="each output once at each time; they have b, c, a, d, and the outputs are a, b, c"
+    ):
         ComposedChaos({"plain": plain, "events": aligned}, ("a", "b", "c"))
 
 

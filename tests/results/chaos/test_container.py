@@ -39,11 +39,7 @@ def test_stored_and_read_again_it_is_the_same_to_the_bit(chaos):
 
 def test_some_outputs_and_times_have_the_values_that_they_have_in_the_whole(chaos):
     """Up to rounding: products of matrices add fewer columns in another order."""
-    kind, made = chaos
-    if kind == "composed":
-        with pytest.raises(uqmbd.StudyError, match="stored in several datasets; use to_datasets"):
-            made.selected(outputs=[0])
-        return
+    _, made = chaos
     few = made.selected(outputs=[1], times=[3, 30])
     assert few.labels.shape == (1, 2) and few.labels.outputs == made.labels.outputs[1:]
     germs = germs_of(made)

@@ -210,6 +210,7 @@ class Part {
     const degrees = unpackArray(data.degrees);
     const recurrences = unpackArray(data.recurrences);
     this.outputs = data.outputs;
+    this.used = data.used && unpackArray(data.used).values;
     this.degrees = degrees.values;
     [this.terms, this.dimension] = degrees.shape;
     this.recurrences = recurrences.values;
@@ -308,9 +309,10 @@ export class LiveSurrogate {
     for (const part of this.parts) {
       const found = part.evaluate(germs);
       part.outputs.forEach((output, row) => {
-        const own = values.subarray(output * count, (output + 1) * count);
-        if (found) own.set(found.subarray(row * count, (row + 1) * count));
-        else own.fill(NaN);
+        for (let t = 0; t < count; t++) {
+          const at = row * count + t;
+          if (!part.used || part.used[at]) values[output * count + t] = found ? found[at] : NaN;
+        }
       });
     }
     const beyond = (ends, x) => ends && ((ends[0] !== null && x < ends[0]) || (ends[1] !== null && x > ends[1]));

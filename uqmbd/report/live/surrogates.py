@@ -31,7 +31,7 @@ from uqmbd.results.chaos import (
     spread_germs,
     surrogate_parts,
 )
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
@@ -138,16 +138,17 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
     rms = chaos.verification_rms().reshape(shape) if known else np.zeros(shape)
     allowed = _allowed(values, rms)
     parts, worst = [], 0.0
-    for part, rows in _parts(chaos):
+    for part, rows, used in _parts(chaos):
         for tightened in TIGHTER:
             data = _part(part, tightened * allowed[rows], rows)
             made = _restored(part, data).evaluate_germs(germs).reshape(len(germs), len(rows), -1)
-            loss = float(np.max(_root_mean_square(made - values[:, rows]) / allowed[rows], initial=0.0))
+            lost = _root_mean_square(made - values[:, rows]) / allowed[rows]
+            loss = float(np.max(lost, initial=0.0, where=used))
             if loss <= MARGIN:
                 break
         else:
             raise StudyError(f"By its compression the surrogate loses {loss:.3g} times what it may.")
-        parts.append(data)
+        parts.append(data if used.all() else {**data, "used": packed(used.astype(float), "int32")})
         worst = max(worst, loss)
     times = chaos.labels.times
     error = chaos.verification_error() if known and stated is None else stated
@@ -167,17 +168,24 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
 
 def shipped(chaos: Surrogate, data: Mapping[str, Any]) -> Surrogate:
     """Return the surrogate with the coefficients that are in the data."""
-    parts: list[Surrogate] = [_restored(part, own) for (part, _), own in zip(_parts(chaos), data["parts"], strict=True)]
+    parts: list[Surrogate] = [
+        _restored(part, own) for (part, _, _), own in zip(_parts(chaos), data["parts"], strict=True)
+    ]
     if isinstance(chaos, ComposedChaos):
         return replace(chaos, parts=dict(zip(chaos.parts, parts, strict=True)))  # type: ignore[arg-type]
     return parts[0]
 
 
-def _parts(chaos: Surrogate) -> list[tuple[Any, list[int]]]:
-    """Return surrogates of one kind each, with the numbers of their outputs."""
-    parts = list(chaos.parts.values()) if isinstance(chaos, ComposedChaos) else [chaos]
+def _parts(chaos: Surrogate) -> list[tuple[Any, list[int], Mask]]:
+    """Return surrogates of one kind each, the numbers of their outputs, and when they are used (own outputs, T)."""
+    parts = dict(chaos.parts) if isinstance(chaos, ComposedChaos) else {"": chaos}
+    used = (chaos.used if isinstance(chaos, ComposedChaos) else None) or {}
     names = [o.name for o in chaos.labels.outputs]
-    return [(part, [names.index(o.name) for o in part.labels.outputs]) for part in parts]
+    found = []
+    for key, part in parts.items():
+        rows = [names.index(o.name) for o in part.labels.outputs]
+        found.append((part, rows, np.asarray(used.get(key, np.ones(part.labels.shape, bool))).reshape(len(rows), -1)))
+    return found
 
 
 def _stored_error(node: xr.DataTree, chaos: Surrogate) -> Array | None:

@@ -1,11 +1,12 @@
-"""A surrogate whose outputs have surrogates of different kinds: each output the one that follows it best."""
+"""A surrogate of surrogates of different kinds: at each time, each output has the one with the least error."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -94,7 +95,7 @@ def stored_as(chaos: Part) -> str:
 @typechecked
 @dataclass(frozen=True, eq=False, repr=False)
 class ComposedChaos(Surrogate):
-    """Outputs, each from a surrogate of its own kind.
+    """Outputs from surrogates of different kinds.
 
     Parameters
     ----------
@@ -103,6 +104,9 @@ class ComposedChaos(Surrogate):
         verification realisations.
     outputs : sequence of str
         Names of all outputs, in their order.
+    used : mapping of str to array of bool, optional
+        For each part the times at which its outputs have its values, shape (outputs of the part, T).  Default: all
+        times.  At each time, exactly one part has an output.
 
     Attributes
     ----------
@@ -114,7 +118,7 @@ class ComposedChaos(Surrogate):
     Raises
     ------
     uqmbd.StudyError
-        If an output is missing, or there twice.
+        If an output is missing at a time, or there twice.
 
     Examples
     --------
@@ -137,23 +141,29 @@ class ComposedChaos(Surrogate):
 
     parts: Mapping[str, Part]
     outputs: tuple[str, ...]
+    used: Mapping[str, Mask] | None = None
     labels: Labels = field(init=False)
 
     _kind = Composed
 
     def __post_init__(self) -> None:
-        """Check that each output is there once."""
+        """Check that each output is there once at each time."""
         object.__setattr__(self, "parts", dict(self.parts))
         object.__setattr__(self, "outputs", tuple(self.outputs))
-        infos = [o for part in self.parts.values() for o in part.labels.outputs]
-        if sorted(o.name for o in infos) != sorted(self.outputs):
+        infos = {o.name: o for part in reversed([*self.parts.values()]) for o in part.labels.outputs}
+        times = next(iter(self.parts.values())).labels.shape[1:]
+        count = np.zeros((len(self.outputs), *times), dtype=int)
+        if set(infos) == set(self.outputs):
+            for rows, used in zip(self._rows, self._used, strict=True):
+                count[rows] += used
+        if set(infos) != set(self.outputs) or (count != 1).any() or len(set(self.outputs)) != len(self.outputs):
+            names = (o.name for part in self.parts.values() for o in part.labels.outputs)
             raise StudyError(
-                f"Parts of a chaos must have each output once; they have {', '.join(o.name for o in infos)}, and the "
+                f"Parts of a chaos must have each output once at each time; they have {', '.join(names)}, and the "
                 f"outputs are {', '.join(self.outputs)}."
             )
-        infos.sort(key=lambda o: self.outputs.index(o.name))
         first = next(iter(self.parts.values()))
-        object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos)))
+        object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos[name] for name in self.outputs)))
         object.__setattr__(self, "space", first.space)
         object.__setattr__(self, "elements", tuple(e for part in self.parts.values() for e in part.elements))
         alike = ("verification_germs", "verification_weights")
@@ -223,9 +233,14 @@ class ComposedChaos(Surrogate):
         ['composed/first/chaos', 'composed/second/chaos']
         """
         found = {}
-        for (name, part), rows in zip(self.parts.items(), self._rows, strict=True):
-            place = ("output", np.array(rows), {"long_name": "number of the output in the study"})
-            found[f"composed/{name}/{stored_as(part)}"] = part.to_dataset().assign(place=place)
+        for (name, part), rows, used in zip(self.parts.items(), self._rows, self._used, strict=True):
+            more: dict[str, Any] = {
+                "place": ("output", np.array(rows), {"long_name": "number of the output in the study"})
+            }
+            if not used.all():
+                about = {"long_name": "whether the output has the values of this part"}
+                more["used"] = (part.labels.dims, used.astype(np.int8), about)
+            found[f"composed/{name}/{stored_as(part)}"] = part.to_dataset().assign(more)
         return found
 
     @classmethod
@@ -256,7 +271,29 @@ class ComposedChaos(Surrogate):
             for name, place in zip(data["output"].values, data["place"].values, strict=True)
         }
         parts = {name: KINDS[kind](data) for name, (kind, data) in datasets.items()}
-        return cls(parts, tuple(sorted(places, key=lambda name: places[name])))
+        used = {
+            name: data["used"].values > 0 if "used" in data else np.ones(parts[name].labels.shape, dtype=bool)
+            for name, (_, data) in datasets.items()
+        }
+        return cls(parts, tuple(sorted(places, key=lambda name: places[name])), used)
+
+    def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
+        """Return the surrogate of some outputs and times: parts that have none of them at any time are left out."""
+        rows = list(fewer.get("output", range(len(self.outputs))))
+        times = fewer.get("time")
+        parts, masks = {}, {}
+        for (name, part), own, used in zip(self.parts.items(), self._rows, self._used, strict=True):
+            masks[name] = used if times is None else used[:, list(times)]
+            kept = [k for row in rows if row in own and masks[name][k := own.index(row)].any()]
+            masks[name] = masks[name][kept]
+            if kept:
+                parts[name] = part.selected(kept, times)
+        return replace(
+            self,
+            parts=parts,
+            outputs=tuple(self.outputs[row] for row in rows),
+            used={name: masks[name] for name in parts},
+        )
 
     def _variables(self, stated: bool) -> dict[str, Any]:
         raise StudyError(f"A {type(self).__name__} is stored in several datasets; {_SEVERAL}.")
@@ -272,11 +309,25 @@ class ComposedChaos(Surrogate):
     def _why_unknown(self) -> dict[str, str]:
         return {name: why for part in self.parts.values() for name, why in part._why_unknown().items()}
 
+    @property
+    def _used(self) -> list[Mask]:
+        """Whether an output of a part has its values, by time: for each part (own outputs, T), or (own outputs,)."""
+        if self.used is None:
+            return [np.ones(part.labels.shape, dtype=bool) for part in self.parts.values()]
+        return [np.asarray(self.used[name], dtype=bool).reshape(p.labels.shape) for name, p in self.parts.items()]
+
     def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
-        """Put values of the parts together along the axis of the outputs."""
-        found = np.concatenate([read(part) for part in self.parts.values()], axis=axis)
-        order = np.argsort([row for rows in self._rows for row in rows])
-        return np.take(found, order, axis=axis)
+        """Put values of the parts together: outputs are along an axis, times, if there are any, along the next."""
+        before, found = (slice(None),) * axis, None
+        for part, rows, used in zip(self.parts.values(), self._rows, self._used, strict=True):
+            values = read(part)
+            if found is None:
+                found = np.empty((*values.shape[:axis], len(self.outputs), *values.shape[axis + 1 :]), values.dtype)
+            for k, row in enumerate(rows):
+                where: tuple[Any, ...] = () if used[k].ndim == 0 else (used[k],)
+                found[(*before, row, *where)] = values[(*before, k, *where)]
+        assert found is not None
+        return found
 
     def _evaluate(self, germs: Array) -> Array:
         return self._gathered(lambda part: part._evaluate(germs), 1)
@@ -286,18 +337,26 @@ class ComposedChaos(Surrogate):
 
     def _sampler(self, germs: Array) -> SampleBlocks:
         drawn = [part._sampler(germs) for part in self.parts.values()]
-        owner = {row: (k, n) for k, rows in enumerate(self._rows) for n, row in enumerate(rows)}
         times = int(np.prod(self.labels.shape[1:]))
+        owner = np.zeros((len(self.outputs), times), dtype=int)
+        first = np.zeros(owner.shape, dtype=int)  # column of a part that holds an output at a time
+        for k, (rows, used) in enumerate(zip(self._rows, self._used, strict=True)):
+            for n, row in enumerate(rows):
+                own = used[n].reshape(-1)
+                owner[row, own] = k
+                first[row, own] = n * times + np.flatnonzero(own)
+        owners, columns = owner.reshape(-1), first.reshape(-1)
+        # runs of columns that one part holds in this order
+        breaks = np.flatnonzero((np.diff(owners) != 0) | (np.diff(columns) != 1)) + 1
 
         def pieces(part: slice) -> Sequence[tuple[SampleBlocks, slice]]:
-            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
-            found = []
-            for output in range(first // times, -(-last // times)):
-                k, n = owner[output]
-                begin, end = max(first, output * times), min(last, (output + 1) * times)
-                shift = (n - output) * times
-                found.append((drawn[k], slice(begin + shift, end + shift)))
-            return found
+            begin, end, _ = part.indices(len(owners))
+            edges = [begin, *breaks[(breaks > begin) & (breaks < end)].tolist(), end]
+            return [
+                (drawn[owners[low]], slice(int(columns[low]), int(columns[low]) + high - low))
+                for low, high in itertools.pairwise(edges)
+                if high > low
+            ]
 
         return SampleBlocks(
             lambda part: np.concatenate([one.columns(where) for one, where in pieces(part)], axis=1),
@@ -319,6 +378,9 @@ class ComposedChaos(Surrogate):
         return self._by_output([part._verdicts_of_decay(tolerance) for part in self.parts.values()])
 
     def _by_output(self, said: Sequence[tuple[_Said, ...]]) -> tuple[_Said, ...]:
-        """Put what each part says of its outputs into the order of all."""
-        found = {row: x for rows, own in zip(self._rows, said, strict=True) for row, x in zip(rows, own, strict=True)}
-        return tuple(found[row] for row in sorted(found))
+        """Return a statement on each output in their order: that of the part that has it at the most times."""
+        found: dict[int, list[tuple[bool, int, _Said]]] = {}
+        for rows, used, own in zip(self._rows, self._used, said, strict=True):
+            for row, times, one in zip(rows, used, own, strict=True):
+                found.setdefault(row, []).append((bool(one), int(np.sum(times)), one))
+        return tuple(max(found[row], key=lambda one: one[:2])[2] for row in sorted(found))

@@ -5,7 +5,7 @@ Length: it is one class, whose public methods have examples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -292,7 +292,11 @@ class SurrogateContainer:
             if not one or any(k not in range(whole.get(dim, 0)) for k in one):
                 raise StudyError(f"Numbers along {dim!r} are {one!r}; expected some from 0 to {whole.get(dim, 0) - 1}.")
         fewer = {dim: one for dim, one in wanted.items() if one != [*range(whole[dim])]}
-        return type(self).from_dataset(self._dataset(stated=False).isel(fewer)) if fewer else self
+        return self._of(fewer) if fewer else self
+
+    def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
+        """Return the surrogate of some outputs and times, by their numbers, of the dimensions that have fewer."""
+        return type(self).from_dataset(self._dataset(stated=False).isel(dict(fewer)))
 
     def reached(self) -> Self:
         """Return the surrogate at the times that all samples reach: itself, unless it is aligned.

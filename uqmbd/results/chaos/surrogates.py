@@ -105,11 +105,11 @@ def surrogate(
         if output is None:
             found[name] = (kind, data)
         elif output in own:
-            return KINDS[kind](data.isel(output=own.index(output) + np.arange(1)))
-    if output is not None:
+            found[name] = (kind, data.isel(output=own.index(output) + np.arange(1)))
+    if not found:
         raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
-    if list(found) == [""]:
-        kind, data = found[""]
+    if list(found) == [""] or (output is not None and len(found) == 1):
+        ((kind, data),) = found.values()
         return KINDS[kind](data)
     return ComposedChaos.from_datasets(found)
 

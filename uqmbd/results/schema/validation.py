@@ -301,7 +301,7 @@ def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float,
 
 def _validate_composed(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
     """Check the parts of a composed surrogate: each output has one, at its place."""
-    seen: list[int] = []
+    seen: dict[int, Array | int] = dict.fromkeys(range(len(names)), 0)  # parts of each output, over time
     for part in node.children.values():
         kinds = [name for name in ("chaos", *_WITHOUT_TIME) if name in part.children]
         _require(len(kinds) == 1, part.path, f"the surrogates {kinds}", "one")
@@ -311,9 +311,15 @@ def _validate_composed(node: xr.DataTree, statistics: xr.DataTree, end: float, n
         known = place.dtype.kind in "iu" and bool(np.all((place >= 0) & (place < len(names))))
         _require(known, f"{data.path}/place", f"{place}", "numbers of outputs of 'statistics'")
         _validate_surrogates(part, statistics, end, names[place])
-        seen += place.tolist()
-    every = list(range(len(names)))
-    _require(sorted(seen) == every, node.path, f"parts of the outputs {sorted(seen)}", f"each of {every} once")
+        used = data.to_dataset().get("used")
+        if used is not None:
+            _dims(data, "used", _OVER_TIME)
+            known = used.dtype.kind in "iu" and bool(np.isin(used.values, (0, 1)).all())
+            _require(known, f"{data.path}/used", "other values", "0 or 1")
+        for k, row in enumerate(place.tolist()):
+            seen[row] = seen[row] + (1 if used is None else used.values[k])
+    wrong = [names[row] for row, count in seen.items() if np.any(count != 1)]
+    _require(not wrong, node.path, f"the outputs {wrong} in no part or in several", "one part at each time")
 
 
 def _validate_axes(node: xr.DataTree, names: Array, times: Array, end: float) -> None:
