@@ -9,9 +9,14 @@ import pytest
 import uqmbd
 from uqmbd.extend import AlignedElement, labels
 from uqmbd.results import AlignedChaos
-from uqmbd.results.chaos.decay import error_words, stated_words
 from uqmbd.results.chaos.sampling import quantiles_of_rows
-from uqmbd.results.chaos.stated_error import reference_spread, stated_error, uncertainty_factor
+from uqmbd.results.chaos.stated_error import (
+    error_words,
+    reference_spread,
+    stated_error,
+    stated_words,
+    uncertainty_factor,
+)
 
 
 def drawn(seed):

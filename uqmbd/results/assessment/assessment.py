@@ -15,9 +15,8 @@ from uqmbd.names import ANY
 from uqmbd.results.assessment.differences import choose_reference
 from uqmbd.results.assessment.judgements import Judgement, MethodVerdict, judgements_of, method_verdicts
 from uqmbd.results.assessment.limits import COARSE, RARE, WELL, WIDE
-from uqmbd.results.assessment.own_errors import own_error, replicates_of
+from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, own_error, own_statements, replicates_of
 from uqmbd.results.assessment.recommendation import recommended
-from uqmbd.results.assessment.sentences import NO_SPREAD, STILL, own_statements
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.results.requirements import Answer, answers, differing, meets
 from uqmbd.results.schema import comparable, propagator_nodes

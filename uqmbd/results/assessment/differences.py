@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Share, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.assessment.distances import distributions, quantile_differences
+from uqmbd.results.assessment.distances import distributions
 from uqmbd.results.assessment.limits import COARSE, ROUGH
-from uqmbd.results.assessment.own_errors import own_error, root_mean_square
+from uqmbd.results.assessment.own_errors import OwnError, own_error, own_statements, root_mean_square
 from uqmbd.results.assessment.recommendation import advice, loose
-from uqmbd.results.assessment.sentences import own_statements
 from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, verdicts
 from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array
@@ -69,10 +68,15 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float,
         ...
     uqmbd.errors.StudyError: A comparison needs the result of at least one propagator; there is none.
     """
+    return _most_reliable(nodes, {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()})
+
+
+def _most_reliable(nodes: Mapping[str, xr.DataTree], own: Mapping[str, OwnError]) -> str:
+    """Return the label of the reference, by the errors that methods state."""
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; there is none.")
-
-    own = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
+    if len(nodes) == 1:
+        return next(iter(nodes))
     names = {label: node.children["statistics"].to_dataset()["output"].values.tolist() for label, node in nodes.items()}
     known = {label: one.varies & ~(one.stated > COARSE) for label, one in own.items()}
     spread = {name for label in nodes for name, varies in zip(names[label], known[label], strict=True) if varies}
@@ -172,13 +176,13 @@ def compare(
     'states no error; the reference'
     """
     nodes = _by_label(nodes)
-    chosen = choose_reference(nodes, rtol=rtol) if reference is None else reference
-    if chosen not in nodes:
-        raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
+    if reference is not None and reference not in nodes:
+        raise StudyError(f"The reference {reference!r} is not among the methods {', '.join(map(repr, nodes))}.")
+    errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
+    chosen = _most_reliable(nodes, errors) if reference is None else reference
     base = nodes[chosen].children["statistics"].to_dataset()
     times = _times(base)
     units = [str(u) for u in base["output_units"].values]
-    errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     own = {label: own_statements(node, errors[label]) for label, node in nodes.items()}
     columns: dict[str, list[Any]] = {}
     until: list[float] = []
@@ -198,7 +202,7 @@ def compare(
             columns.setdefault(f"{name}_difference_max", []).append(_largest(known))
             columns.setdefault(f"{name}_difference_l2", []).append(l2)
             columns.setdefault(f"{name}_relative_l2", []).append(relative(l2, scale, np.inf))
-        columns.setdefault("quantile_difference_max", []).append(quantile_differences(statistics, base))
+        columns.setdefault("quantile_difference_max", []).append(_quantile_differences(statistics, base))
         mine, other = (errors[name].isel(common) for name in (label, chosen))
         columns.setdefault("own_error", []).append(mine.relative(times[common]))
         largest, at = errors[label].largest(times if "time" in base["mean"].dims else None)
@@ -274,6 +278,23 @@ def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> 
         role = "" if alone or not moves else "; the reference"
         found.append(Verdict(REFERENCE if moves else NO_SPREAD, f"{text}{role}", 0.0))
     return found
+
+
+def _quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
+    """Return the largest difference of quantiles (O,) at probabilities and times of both; NaN where there is none."""
+    unknown = np.full(base.sizes["output"], np.nan)
+    if "quantile" not in found or "quantile" not in base:
+        return unknown
+    if found is base:
+        known = np.isfinite(base["quantile"].transpose("output", ...).values).reshape(len(unknown), -1)
+        return np.where(known.any(axis=1), 0.0, np.nan)
+    shared = np.intersect1d(found["probability"].values, base["probability"].values)
+    if not len(shared):
+        return unknown
+    one, other = (d["quantile"].sel(probability=shared).transpose("output", ...).values for d in (found, base))
+    difference = np.abs(one - other).reshape(len(unknown), -1)
+    known = np.isfinite(difference)
+    return np.where(known.any(axis=1), np.where(known, difference, -np.inf).max(axis=1, initial=-np.inf), np.nan)
 
 
 def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[str, xr.DataTree]:

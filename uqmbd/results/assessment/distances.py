@@ -1,4 +1,4 @@
-"""Distances of distributions between two methods: of quantiles, of Wasserstein, of Kolmogorov and Smirnov.
+"""Distances of distributions between two methods: of Wasserstein, of Kolmogorov and Smirnov.
 
 :func:`scipy.stats.wasserstein_distance` and :func:`scipy.stats.ks_2samp` take four times as long for the same numbers:
 each sorts for itself, and the latter works out a probability that is not asked for.
@@ -19,27 +19,10 @@ from uqmbd.results.chaos import spread_germs, surrogate, surrogate_parts
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["distances", "distributions", "ks_by_chance", "quantile_differences"]
+__all__ = ["distances", "distributions", "ks_by_chance"]
 
 
 SURROGATE_SAMPLES = 4096
-
-
-def quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
-    """Return the largest difference of quantiles (O,) at probabilities and times of both; NaN where there is none."""
-    unknown = np.full(base.sizes["output"], np.nan)
-    if "quantile" not in found or "quantile" not in base:
-        return unknown
-    if found is base:
-        known = np.isfinite(base["quantile"].transpose("output", ...).values).reshape(len(unknown), -1)
-        return np.where(known.any(axis=1), 0.0, np.nan)
-    shared = np.intersect1d(found["probability"].values, base["probability"].values)
-    if not len(shared):
-        return unknown
-    one, other = (d["quantile"].sel(probability=shared).transpose("output", ...).values for d in (found, base))
-    difference = np.abs(one - other).reshape(len(unknown), -1)
-    known = np.isfinite(difference)
-    return np.where(known.any(axis=1), np.where(known, difference, -np.inf).max(axis=1, initial=-np.inf), np.nan)
 
 
 def distributions(

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.limits import COARSE
-from uqmbd.results.assessment.sentences import NO_SPREAD
+from uqmbd.results.assessment.own_errors import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_at_most
 

@@ -1,8 +1,12 @@
-"""What a method says of its own error: standard errors of samples, the stated error of a surrogate."""
+"""What a method states of its own error, in numbers and in one sentence for each output.
+
+Samples have standard errors, surrogates a stated error.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,12 +14,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.results.chaos import reference_spread, stored_surrogates
+from uqmbd.arguments import typechecked
+from uqmbd.results.assessment.limits import EXACT
+from uqmbd.results.chaos import StoredSurrogate, reference_spread, stated_words, stored_surrogates, verdict_of_decay
 from uqmbd.results.statistics import (
     divisor,
     independent_errors,
     integration_error,
     over_time,
+    rtol_of,
     studentised,
     usual_errors,
     varying,
@@ -23,8 +30,16 @@ from uqmbd.results.statistics import (
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["OwnError", "own_error", "replicates_of", "root_mean_square"]
+__all__ = ["NO_SPREAD", "STILL", "OwnError", "own_error", "own_statements", "replicates_of", "root_mean_square"]
 
+
+NO_SPREAD = "no spread"
+"""Kind of a verdict on an output that does not vary."""
+
+STILL = "does not vary beyond the integration error"
+"""The sentence about it."""
+
+_REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or raise the order"}
 
 MOST_SAMPLES = 500
 """Samples from which the dependence of neighbouring times is found."""
@@ -155,8 +170,9 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         for name in ("std_error_mean", "std_error_std")
     ]
     noise = _before_widening(statistics, errors, count, replicates) if noisy else errors
-    bias, stated, told = _surrogate(node, statistics, std)
-    order, top = _orders(node, len(mean))
+    surrogates = stored_surrogates(node)
+    bias, stated, told = _surrogate(surrogates, statistics, std)
+    order, top = _orders(surrogates, len(mean))
     vary = varying(statistics, rtol)
     if noisy:
         told = np.nan_to_num(told, nan=0.0) + 1.96 * errors[1] / divisor(reference_spread(np.nan_to_num(std)))
@@ -226,14 +242,14 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
         return default
 
 
-def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
+def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
     """Return the bound (O, T) of what a surrogate misses, its stated error (O,), and the same over time (O, T)."""
     from scipy.special import chdtri
 
     # how many realisations another method's error is from nobody knows
     told, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
     sources = [(statistics, np.arange(len(std)))]
-    for _, data, rows in stored_surrogates(node):
+    for _, data, rows in surrogates:
         if "verification_weights" in data:
             # as many of the same weight would be known as well
             verified[rows] = 1 / np.sum(data["verification_weights"].values ** 2)
@@ -261,13 +277,13 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     return margin * found, stated, told
 
 
-def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:
+def _orders(surrogates: Sequence[StoredSurrogate], outputs: int) -> tuple[int | None, Array]:
     """Return the order of a surrogate, and the part of the standard deviation in its terms of the highest degree (O,).
 
     The order is the largest degree of any input, as it is asked for. That part is known of expansions at equal times.
     """
     orders, top = [], np.full(outputs, np.nan)
-    for part in stored_surrogates(node):
+    for part in surrogates:
         if "multi_index" not in part.data or part.data["multi_index"].dims != ("term", "input"):
             continue
         degree = part.data["multi_index"].values.sum(axis=1)
@@ -287,3 +303,62 @@ def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
     fine = np.flatnonzero(data["status"].values == Status.OK)[:MOST_SAMPLES]
     response = data["response"].isel(sample=fine).values.reshape(len(fine), *shape)
     return response if len(fine) > 1 else None
+
+
+@typechecked
+def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
+    """Say of each output of a method how large an error the method itself states.
+
+    `node`: a propagator's node, or its child ``scalars``; `own`: what is known of its errors, at all its times.
+    Return ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which
+    on it is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
+
+    >>> import chaospy
+    >>> import uqmbd
+    >>> from uqmbd.results.assessment import own_statements
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> tree = uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()
+    >>> own_statements(tree["collocation"])
+    ['stated error of the surrogate below 0.0001 % of the standard deviation (at 1 s)']
+    """
+    found = own_error(node, rtol_of(node), dependence=False) if own is None else own
+    statistics = node.children["statistics"].to_dataset()
+    times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
+    split = {row for part in stored_surrogates(node) if part.split for row in part.rows.tolist()}
+    said = []
+    for o, name in enumerate(str(value) for value in statistics["output"].values):
+        known = np.isfinite(found.std[o])
+        told = found.told[o, known]
+        if not found.varies[o]:
+            said.append(STILL)
+        elif not told.size or np.isnan(told).any():
+            said.append(_decay(node, name, o) or "states no error")
+        elif found.samples:
+            at = None if times is None else times[known]
+            said.append(stated_words("samples", told, at, np.inf))
+        else:
+            at = None if times is None else times[known]
+            said.append(stated_words("surrogate", told, at, EXACT, _REMEDIES["elements" if o in split else "chaos"]))
+    return said
+
+
+def _decay(node: xr.DataTree, name: str, output: int) -> str:
+    """Say how the coefficients of an expansion at equal times have fallen; empty where there is none."""
+    part = next((x for x in stored_surrogates(node) if x.equal_times and output in x.rows), None)
+    if part is None or part.data["coefficients"].ndim > 3:
+        return ""
+    data, dims = part.data, part.data["coefficients"].dims
+    row = part.rows.tolist().index(output)
+    coefficients, index = data["coefficients"].values[:, row], data["multi_index"].values
+    germs = [str(value) for value in data["germ" if "germ" in data.coords else "input"].values]
+    times = np.asarray(data["time"].values, dtype=float) if "time" in dims else None
+    if times is not None:
+        known = np.isfinite(coefficients).all(axis=0)
+        coefficients, times = coefficients[:, known], times[known]
+        if not len(times):
+            return ""
+    return verdict_of_decay(name, coefficients, index, germs, times, EXACT).removeprefix(f"{name}: ")

@@ -14,7 +14,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.results.assessment.integration_share import integration_shares
 from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
 from uqmbd.results.assessment.limits import EXACT, WELL
-from uqmbd.results.assessment.sentences import NO_SPREAD
+from uqmbd.results.assessment.own_errors import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_percent
 

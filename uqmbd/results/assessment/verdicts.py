@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.results.assessment.limits import COARSE, ENOUGH_SAMPLES, EXACT, LEAST_SAMPLES, ROUGH
-from uqmbd.results.assessment.own_errors import OwnError, root_mean_square
-from uqmbd.results.assessment.sentences import NO_SPREAD, STILL
+from uqmbd.results.assessment.own_errors import NO_SPREAD, STILL, OwnError, root_mean_square
 from uqmbd.results.assessment.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.chaos import error_words
 from uqmbd.results.statistics import divisor

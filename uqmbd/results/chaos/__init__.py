@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.composed import ComposedChaos, Part, chaos_from_dataset, stored_as
-from uqmbd.results.chaos.decay import error_words, stated_words, verdict_of_decay
+from uqmbd.results.chaos.decay import verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
 from uqmbd.results.chaos.interface import Surrogate
@@ -13,7 +13,7 @@ from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos, QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.segments import AlignedElement, Landmarks
-from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread, weighted_std
+from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, error_words, reference_spread, stated_words, weighted_std
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,
     stored_surrogates,

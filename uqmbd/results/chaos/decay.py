@@ -19,9 +19,6 @@ __all__ = [
     "decay_rate",
     "energy_of_germs",
     "energy_of_orders",
-    "error_words",
-    "factor_words",
-    "stated_words",
     "top_order",
     "verdict_of_decay",
 ]
@@ -29,9 +26,6 @@ __all__ = [
 
 # Amplitudes below this part of the standard deviation are rounding, and no longer decay.
 _ROUNDING = 1e-14
-
-KNOWN = 2.0
-"""Factor up to which a stated error counts as known."""
 
 
 def energy_of_orders(coefficients: Array, multi_index: Index) -> Array:
@@ -100,59 +94,6 @@ def top_order(multi_index: Index) -> tuple[int, Mask]:
     totals = multi_index.sum(axis=1)
     edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))
     return int(tops.max(initial=0)), edge
-
-
-def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
-    """Say how large a stated error (T,), or (1,) without times, is, and what to do where it passes a limit.
-
-    Every place that tells a stated error tells it in these words.
-
-    >>> import numpy as np
-    >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
-    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
-    """
-    advice = f"; {remedy}" if np.any(error > limit) else ""
-    return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
-
-
-def factor_words(factor: float, count: int) -> str:
-    """Say how well the largest stated error is known, if not to a factor of two, from so many realisations.
-
-    >>> factor_words(1.5, 16), factor_words(3.14, 8)
-    ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
-    """
-    if not factor > KNOWN:
-        return ""
-    if count == 1:
-        return ", of which one verification realisation knows little: raise verify"
-    return f", known to a factor of {factor:.2g} only from {count} verification realisations: raise verify"
-
-
-def error_words(error: Array, times: Array | None, limit: float) -> str:
-    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit.
-
-    Of times at which it is NaN, the first is named.
-
-    >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
-    'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
-    """
-    if times is None:
-        return f"{format_percent(float(error[0]))} of the standard deviation"
-    unknown = np.isnan(error)
-    if unknown.all():
-        return "unknown at all times"
-    if unknown.any():
-        known, since = error_words(error[~unknown], times[~unknown], limit), times[unknown.argmax()]
-        return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
-    first, worst = first_above(error, limit), int(error.argmax())
-    if first is None:
-        return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
-    since = f"below {100 * limit:g} % of the standard deviation until {times[first]:g} s"
-    if first == 0:
-        since = f"above {100 * limit:g} % of the standard deviation from {times[0]:g} s on"
-        if not np.all(error > limit):
-            since = f"above {100 * limit:g} % of the standard deviation already at {times[0]:g} s"
-    return f"{since}, {format_percent(float(error[worst]))} at {times[worst]:g} s"
 
 
 def verdict_of_decay(

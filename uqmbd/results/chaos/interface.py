@@ -18,13 +18,14 @@ from uqmbd.arguments import Bounds, Count, Seed, typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.container import SurrogateContainer
-from uqmbd.results.chaos.decay import factor_words, stated_words
 from uqmbd.results.chaos.labelled import DERIVATIVE, VALUE, Named, labelled_array, points_of, surrogate_statistics
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import (
+    factor_words,
     first_above,
     root_mean_square,
     stated_error,
+    stated_words,
     uncertainty_factor,
     weighted_std,
 )

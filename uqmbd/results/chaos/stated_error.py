@@ -1,4 +1,4 @@
-"""How far to trust a chaos: its error at realisations that did not enter it."""
+"""Stated error of a chaos: its error at realisations that did not enter it, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import numpy as np
 from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
+from uqmbd.wording import format_at_most, format_percent
 
 __all__ = [
     "SPREAD_FLOOR",
+    "error_words",
+    "factor_words",
     "first_above",
     "reference_spread",
     "root_mean_square",
     "stated_error",
+    "stated_words",
     "uncertainty_factor",
     "weighted_std",
 ]
@@ -24,6 +28,10 @@ MOST = 50.0
 
 SPREAD_FLOOR = 0.01
 """Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
+
+
+KNOWN = 2.0
+"""Factor up to which a stated error counts as known."""
 
 
 def reference_spread(std: Array) -> Array:
@@ -92,3 +100,56 @@ def weighted_std(values: Array, weights: Array) -> Array:
     weights = weights / weights.sum()
     shift = np.tensordot(weights, values, axes=1)
     return root_mean_square(values - shift, weights)
+
+
+def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
+    """Say how large a stated error (T,), or (1,) without times, is, and what to do where it passes a limit.
+
+    Every place that tells a stated error tells it in these words.
+
+    >>> import numpy as np
+    >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
+    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
+    """
+    advice = f"; {remedy}" if np.any(error > limit) else ""
+    return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
+
+
+def factor_words(factor: float, count: int) -> str:
+    """Say how well the largest stated error is known, if not to a factor of two, from so many realisations.
+
+    >>> factor_words(1.5, 16), factor_words(3.14, 8)
+    ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
+    """
+    if not factor > KNOWN:
+        return ""
+    if count == 1:
+        return ", of which one verification realisation knows little: raise verify"
+    return f", known to a factor of {factor:.2g} only from {count} verification realisations: raise verify"
+
+
+def error_words(error: Array, times: Array | None, limit: float) -> str:
+    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit.
+
+    Of times at which it is NaN, the first is named.
+
+    >>> error_words(np.array([0.002, np.nan, 0.03]), np.array([0.0, 1.0, 2.0]), 0.1)
+    'at most 3.0 % of the standard deviation (at 2 s), unknown at 1 of 3 times from 1 s on'
+    """
+    if times is None:
+        return f"{format_percent(float(error[0]))} of the standard deviation"
+    unknown = np.isnan(error)
+    if unknown.all():
+        return "unknown at all times"
+    if unknown.any():
+        known, since = error_words(error[~unknown], times[~unknown], limit), times[unknown.argmax()]
+        return f"{known}, unknown at {unknown.sum()} of {len(error)} times from {since:g} s on"
+    first, worst = first_above(error, limit), int(error.argmax())
+    if first is None:
+        return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
+    since = f"below {100 * limit:g} % of the standard deviation until {times[first]:g} s"
+    if first == 0:
+        since = f"above {100 * limit:g} % of the standard deviation from {times[0]:g} s on"
+        if not np.all(error > limit):
+            since = f"above {100 * limit:g} % of the standard deviation already at {times[0]:g} s"
+    return f"{since}, {format_percent(float(error[worst]))} at {times[worst]:g} s"

@@ -21,8 +21,16 @@ from uqmbd.results.statistics.samples import (
     sample_statistics,
     statistics_of_samples,
 )
-from uqmbd.results.statistics.scaling import divisor, over_time, relative
-from uqmbd.results.statistics.spread import integration_error, rtol_of, settled, varies, varying
+from uqmbd.results.statistics.spread import (
+    divisor,
+    integration_error,
+    over_time,
+    relative,
+    rtol_of,
+    settled,
+    varies,
+    varying,
+)
 
 __all__ = [
     "ConsecutiveSamples",

@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.arguments import typechecked
 from uqmbd.results.statistics.moments import NORMAL, Moments
-from uqmbd.results.statistics.scaling import divisor
+from uqmbd.results.statistics.spread import divisor
 from uqmbd.typing import Array
 
 __all__ = ["replicate_errors", "studentised"]

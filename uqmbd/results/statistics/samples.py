@@ -18,7 +18,7 @@ from uqmbd.results.statistics.circular import circular_of_samples
 from uqmbd.results.statistics.moments import Moments, independent_errors
 from uqmbd.results.statistics.quantiles import NOT_FINITE, interpolated, levels_of, ranks_of
 from uqmbd.results.statistics.replicates import replicate_errors
-from uqmbd.results.statistics.scaling import divisor
+from uqmbd.results.statistics.spread import divisor
 from uqmbd.status import Status
 
 __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]

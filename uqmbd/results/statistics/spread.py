@@ -1,8 +1,11 @@
-"""Whether outputs vary at all: by more than the error of the integration, or than rounding where it is not known."""
+"""Spread of outputs: statistics as rows over time, scales to divide by, and whether an output varies.
+
+It varies by more than the error of the integration, or than rounding where that is not known.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -11,10 +14,9 @@ from numpy.typing import NDArray
 from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
-from uqmbd.results.statistics.scaling import over_time
 from uqmbd.typing import Array
 
-__all__ = ["integration_error", "rtol_of", "settled", "varies", "varying"]
+__all__ = ["divisor", "integration_error", "over_time", "relative", "rtol_of", "settled", "varies", "varying"]
 
 
 FACTOR = 3.0
@@ -31,6 +33,26 @@ OF_TOLERANCE = 0.1
 
 SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verification_factor": 1.0}
 """What statistics of an output are that does not vary, beside Sobol' indices, which are 0."""
+
+
+def divisor(scale: Array) -> Array:
+    """Return a scale, or 1 where it is not positive, to divide by; an unknown one stays unknown.
+
+    >>> divisor(np.array([2.0, 0.0, np.nan])).tolist()
+    [2.0, 1.0, nan]
+    """
+    return np.where(scale <= 0, 1.0, scale)
+
+
+def over_time(values: Any) -> Array:
+    """Return values (O, T) of a statistic (output, time), or (O, 1) of one without time."""
+    array = np.asarray(values, dtype=float)
+    return array if array.ndim == 2 else array.reshape(len(array), 1)
+
+
+def relative(values: Array, scale: Array, unknown: float) -> Array:
+    """Return values over a scale: NaN of an unknown scale, of zero an unknown share, and 0 of what is zero itself."""
+    return np.where(~(scale <= 0), values / divisor(scale), np.where(values > 0, unknown, values))
 
 
 @typechecked
