@@ -252,7 +252,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             sums = ControlledSums(ChaosControl(surrogate.chaos, uniform), self.samples)
         watching = [one.add for one in (sums, passing) if one is not None]
         with nullcontext() if paired is None else closing(paired):
-            found = gather(problem, values, sizes, self.keep, together(watching))
+            found = gather(problem, values, sizes, self.keep, together(watching) if watching else None)
         few = min(found.count, int(np.count_nonzero(found.kept.good))) < 2
         if few or found.failures > self.max_failures * self.samples:
             raise uqmbd.IntegrationError(

@@ -332,7 +332,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
 
 def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:
     """Find the functions of time that constraints are given."""
-    if "phi_t" not in model.evaluators["velocity"].index:
+    if not model.rheonomic:
         return None
     owners = set(model.owners)
     return prescribed_by([c for c in mechanism.all_components() if c.name in owners], mechanism.inputs.variables)

@@ -28,7 +28,8 @@ def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array)
     else:
         found = observe(batch, outputs, flat, np.resize(times, members * count), np.repeat(np.arange(members), count))
     # times side by side: whoever reads all of them takes several times as long otherwise
-    return outputs.unwrap(np.ascontiguousarray(found.reshape(members, count, -1).transpose(0, 2, 1)))
+    response = np.ascontiguousarray(found.reshape(members, count, -1).transpose(0, 2, 1))
+    return outputs.unwrap(response) if outputs.turns.any() else response
 
 
 def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:

@@ -88,7 +88,6 @@ from uqmbd.mechanism.expressions import (
     time_of_minimum,
     told,
 )
-from uqmbd.mechanism.forgotten import forgotten
 from uqmbd.mechanism.geometry import (
     Frame,
     Line,
@@ -195,7 +194,6 @@ __all__ = [
     "first_time",
     "flatten",
     "foreign_part",
-    "forgotten",
     "from_mjcf",
     "from_urdf",
     "half_angle",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from uqmbd.progress.board import Board
-from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed, stage
+from uqmbd.progress.board import AtMost, Board
+from uqmbd.progress.interface import Progress, Silent, UntilTheEnd, expected, failed, stage, told
 from uqmbd.progress.lines import Lines
 from uqmbd.progress.notebook import Notebook, in_notebook
-from uqmbd.progress.told import told
 
 __all__ = [
     "AtMost",

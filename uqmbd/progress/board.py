@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from uqmbd.progress.interface import AtMost
+from uqmbd.errors import StudyError
 from uqmbd.wording import format_duration
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["Board", "State", "TaskProgress"]
+__all__ = ["AtMost", "Board", "State", "TaskProgress"]
 
 State = Literal["waiting", "running", "done", "failed", "stopped"]
 
@@ -21,6 +22,34 @@ NARROW = 72
 NAME, SHORT = 26, 17
 """Characters of a label, and of one in few columns; of longer ones the middle goes."""
 _STYLES = {"waiting": "dim", "running": "", "done": "green", "failed": "bold red", "stopped": "yellow"}
+
+
+class AtMost(int):
+    """A total that is a maximum: the task may end before it.
+
+    Methods that find out by themselves how many realisations they need begin with it:
+    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``.  Who knows nothing of it takes it as a number.
+
+    Examples
+    --------
+    >>> import sys
+    >>> from uqmbd.progress import Lines
+    >>> lines = Lines(sys.stdout, clock=lambda: 0.0)
+    >>> lines.start("adaptive", AtMost(5000))
+    adaptive: 0 of at most 5000
+    >>> lines.advance("adaptive", 1531)
+    >>> lines.finish("adaptive")
+    adaptive: done after 0 s (1531)
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, most: int) -> AtMost:
+        """Check what is given."""
+        try:
+            return super().__new__(cls, operator.index(most))
+        except TypeError:
+            raise StudyError(f"AtMost: the total is {most!r}; expected a whole number.") from None
 
 
 @dataclass

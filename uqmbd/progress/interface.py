@@ -1,43 +1,17 @@
-"""Interface of objects that receive reports of progress."""
+"""Receivers of reports on progress: their interface, and the choice of one by the argument `progress`."""
 
 from __future__ import annotations
 
-import operator
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from uqmbd.errors import StudyError
+from uqmbd.progress.lines import Lines
+from uqmbd.progress.notebook import Notebook, in_notebook
 
-__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage"]
-
-
-class AtMost(int):
-    """A total that is a maximum: the task may end before it.
-
-    Methods that find out by themselves how many realisations they need begin with it:
-    ``problem.progress.start(problem.label, uqmbd.extend.AtMost(5000))``.  Who knows nothing of it takes it as a number.
-
-    Examples
-    --------
-    >>> import sys
-    >>> from uqmbd.progress import Lines
-    >>> lines = Lines(sys.stdout, clock=lambda: 0.0)
-    >>> lines.start("adaptive", AtMost(5000))
-    adaptive: 0 of at most 5000
-    >>> lines.advance("adaptive", 1531)
-    >>> lines.finish("adaptive")
-    adaptive: done after 0 s (1531)
-    """
-
-    __slots__ = ()
-
-    def __new__(cls, most: int) -> AtMost:
-        """Check what is given."""
-        try:
-            return super().__new__(cls, operator.index(most))
-        except TypeError:
-            raise StudyError(f"AtMost: the total is {most!r}; expected a whole number.") from None
+__all__ = ["Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage", "told"]
 
 
 class Progress(Protocol):
@@ -166,3 +140,20 @@ def stage(progress: Progress, text: str) -> None:
     """Tell of work without a number that begins, to who wants to know."""
     if callable(tell := getattr(progress, "stage", None)):
         tell(text)
+
+
+def told(progress: Progress | bool | None) -> Progress:
+    """Return the progress to report to: the given one, lines (True), none (False), or that of a notebook (None).
+
+    >>> type(told(None)).__name__, type(told(True)).__name__, type(told(False)).__name__
+    ('Silent', 'Lines', 'Silent')
+    """
+    if progress is None or isinstance(progress, bool):
+        if progress is not False and in_notebook():
+            return Notebook()
+        return Lines(sys.stderr) if progress else Silent()
+    if not all(callable(getattr(progress, name, None)) for name in ("start", "advance", "finish")):
+        raise StudyError(
+            f"progress is {progress!r}; expected True, False, None, or an object like uqmbd.extend.Progress."
+        )
+    return progress

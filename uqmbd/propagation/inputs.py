@@ -12,7 +12,7 @@ import sympy
 
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import StateSymbol, as_symbolic, random_variables, t
-from uqmbd.propagation.execution import Kind, Packed, compute_chunk
+from uqmbd.propagation.execution import Kind, compute_chunk
 from uqmbd.randomness import JointInput, RandomVariable, exists, moment_orders
 from uqmbd.results.schema import with_reasons
 from uqmbd.status import Status
@@ -81,7 +81,6 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
     count as different: such an input is not reported.
     """
     size, everything = len(inputs), list(range(len(inputs)))
-    packed = Packed.of(model)
     kind: Kind = "outputs" if model.outputs.names else "scalars" if model.scalars is not None else "requirements"
 
     def unchanged(suspects: list[int], points: Array, others: Array) -> list[int]:
@@ -91,7 +90,7 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
             moved = points.copy()
             moved[:, k] = others[:, k]
             rows.append(moved)
-        chunk = compute_chunk(packed, inputs.from_uniform(np.concatenate(rows)), times, rtol, integrator, kind)
+        chunk = compute_chunk(model, inputs.from_uniform(np.concatenate(rows)), times, rtol, integrator, kind)
         seen, status = [chunk.response], chunk.status
         if chunk.scalars is not None:
             seen.append(chunk.scalars.values[:, :, None])

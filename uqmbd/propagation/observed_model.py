@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
-from uqmbd.errors import Finding, StudyError
+from uqmbd.errors import Finding, Severity, StudyError
 from uqmbd.mechanism import as_symbolic
 from uqmbd.typing import Array
 from uqmbd.wording import typeset_units
@@ -37,7 +37,6 @@ __all__ = [
 def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:
     """Build a mechanism that has something to observe; `start` as for `Study`."""
     from uqmbd.dynamics import build, referenced
-    from uqmbd.mechanism import forgotten
 
     if not mechanism.observed():
         raise StudyError(
@@ -57,9 +56,31 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
             )
         built = model
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
-    if missing := forgotten(mechanism):
+    if missing := _never_added(mechanism):
         model = replace(model, findings=(*missing, *model.findings))
     return model
+
+
+def _never_added(mechanism: Mechanism) -> tuple[Finding, ...]:
+    """Return findings on the components that touch bodies of a mechanism and were never passed to its `add`.
+
+    A component that was replaced by another of its name, or rejected, does not count.
+    """
+    touched: dict[tuple[str, str], list[str]] = {}
+    for body in mechanism.bodies.values():
+        for name, kind in body.drafts.items():
+            if name not in mechanism.components:
+                touched.setdefault((name, kind), []).append(repr(body.name))
+    return tuple(
+        Finding(
+            Severity.WARNING,
+            f"{kind} {name!r}",
+            f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was made and never "
+            "added, so that it has no effect",
+            "Call mechanism.add(...) with it",
+        )
+        for (name, kind), bodies in sorted(touched.items())
+    )
 
 
 def warn_of(model: Model, stacklevel: int) -> None:
@@ -93,7 +114,7 @@ def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> N
     """Raise a `StudyError` if the position that is prescribed to a single realisation jumps within the times."""
     from uqmbd.dynamics import position_jumps
 
-    if len(times) > 1 and (found := position_jumps(ensemble, times, rtol)):
+    if len(times) > 1 and ensemble.model.rheonomic and (found := position_jumps(ensemble, times, rtol)):
         raise StudyError(f"{where}: {found[0]}.")
 
 

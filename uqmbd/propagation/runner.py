@@ -82,11 +82,11 @@ class Runner:
         begin = asked = self.clock()
         size = problem.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
-        kept, packed = self.kept(problem), problem.packed
+        kept, model = self.kept(problem), problem.model if self.executor is None else problem.packed
         about = (problem.rtol, problem.integrator, problem.kind)
 
         def task(part: Array) -> tuple[Callable[..., Chunk], tuple[Any, ...]]:
-            return compute_chunk, (packed, part, problem.whole_times, *about)
+            return compute_chunk, (model, part, problem.whole_times, *about)
 
         def lost(part: Array, reason: str) -> Chunk:
             # it is not stored: a run that goes on tries it again

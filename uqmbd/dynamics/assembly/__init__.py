@@ -10,8 +10,8 @@ from uqmbd.dynamics.assembly.assembly import (
     statement_rows,
     velocities,
 )
-from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
-from uqmbd.dynamics.assembly.start import Start
+from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, violated
+from uqmbd.dynamics.assembly.start import Start, gradient_lengths
 from uqmbd.dynamics.assembly.start_check import require_conditions
 from uqmbd.dynamics.assembly.undefined import ahead
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols

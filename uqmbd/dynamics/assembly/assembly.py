@@ -288,7 +288,7 @@ def velocities(
     """
     messages = [""] * len(q)
     conditioned = model.conditions is not None and len(model.conditions.velocities) > 0
-    if not model.statements and not conditioned and "phi_t" not in model.evaluators["velocity"].index:
+    if not model.statements and not conditioned and not model.rheonomic:
         return np.zeros_like(q), messages
     v, undecided = least_velocities(model, q, s, time, all_parameters)
     left = np.flatnonzero(undecided)

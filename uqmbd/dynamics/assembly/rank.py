@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.start import Start
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array, Index
 
@@ -18,7 +17,6 @@ __all__ = [
     "Rank",
     "dead_end",
     "gradient",
-    "gradient_lengths",
     "joints",
     "named",
     "null_equations",
@@ -41,10 +39,6 @@ FINE, COARSE = 1e-6, 1e-2
 
 BLOCK = 2048
 """States whose residuals are evaluated at once."""
-
-
-ROWS = 4096
-"""Realisations that are looked at once."""
 
 
 @dataclass(frozen=True)
@@ -73,21 +67,6 @@ def _scaled_gradient(model: Model, q: Array, s: Array, time: float, parameters: 
     norm = np.linalg.norm(d, axis=1)
     lengths = np.where(norm > 1e-9, norm, 1.0)[:, None]
     return d / lengths, lengths
-
-
-def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
-    """Lengths of the gradients of all equations at the start, shape (K, equation); 1 where there is none."""
-    evaluator = model.evaluators["velocity"]
-    squares = np.zeros((len(parameters), model.layout.constraints))
-    columns, (rows, _) = evaluator.index["d"]
-    present, begins = np.unique(rows, return_index=True)  # they are sorted
-    for first in range(0, len(parameters), ROWS):
-        part = slice(first, first + ROWS)
-        q, s = start.q[part], start.s[part]
-        values = evaluator(state_arguments(model.time, q, s, np.zeros_like(q)), parameters[part])[:, columns]
-        squares[part, present] = np.add.reduceat(values**2, begins, axis=1)
-    lengths = np.sqrt(squares)
-    return np.where(lengths > 1e-9, lengths, 1.0)
 
 
 def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:

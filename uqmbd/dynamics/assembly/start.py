@@ -1,4 +1,4 @@
-"""Where realisations start, and which of them cannot."""
+"""Where realisations start, which of them cannot, and the gradients of their equations there."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 
-__all__ = ["Start"]
+__all__ = ["Start", "gradient_lengths"]
+
+
+ROWS = 4096
+"""Realisations whose gradients are evaluated at once."""
 
 
 @dataclass(frozen=True)
@@ -54,3 +59,18 @@ class Start:
         """What has become of each realisation so far, as :class:`Status`, shape (K,)."""
         lost = np.where(self.outside, Status.OUTSIDE_LIMITS, Status.ASSEMBLY_FAILED)
         return np.where(self.ok, Status.OK, lost).astype(np.int64)
+
+
+def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
+    """Lengths of the gradients of all equations at the start, shape (K, equation); 1 where there is none."""
+    evaluator = model.evaluators["velocity"]
+    squares = np.zeros((len(parameters), model.layout.constraints))
+    columns, (rows, _) = evaluator.index["d"]
+    present, begins = np.unique(rows, return_index=True)  # they are sorted
+    for first in range(0, len(parameters), ROWS):
+        part = slice(first, first + ROWS)
+        q, s = start.q[part], start.s[part]
+        values = evaluator(state_arguments(model.time, q, s, np.zeros_like(q)), parameters[part])[:, columns]
+        squares[part, present] = np.add.reduceat(values**2, begins, axis=1)
+    lengths = np.sqrt(squares)
+    return np.where(lengths > 1e-9, lengths, 1.0)

@@ -119,10 +119,15 @@ class Model:
         What has been looked up stays known.
         """
         other = replace(self, time=time, controls=())
-        for name in ("_places", "block_parameters", "counts", "pattern"):
+        for name in ("_places", "block_parameters", "counts", "pattern", "rheonomic"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
+
+    @cached_property
+    def rheonomic(self) -> bool:
+        """Whether constraints depend on time."""
+        return "phi_t" in self.evaluators["velocity"].index
 
     @cached_property
     def block_parameters(self) -> int:

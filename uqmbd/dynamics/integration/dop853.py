@@ -115,7 +115,7 @@ class Integration:
     ) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
         start, layout = batch.start, self.model.layout
-        self.jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
+        self.jumping = bool(layout.rank) and self.model.rheonomic
         self.sampling = batch.sampling(times)
         samples = np.zeros(0) if self.sampling is None else self.sampling.times
         self.sampled = {time: k for k, time in enumerate(samples.tolist())}
@@ -140,8 +140,8 @@ class Integration:
         self.retired: list[IntegrationState] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
         self.messages, self.final, self.stiff = [""] * len(batch), [False] * len(batch), 0
-        compared = comparing and self.sampling is None  # from sample to sample somebody else compares
-        self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if compared else None
+        self.comparing = comparing and self.sampling is None  # from sample to sample somebody else compares
+        self.comparison: Comparison | None = None
         self.explicit_cost = [0.0] * len(batch)
         self.changed: set[int] = set()
 
@@ -267,8 +267,11 @@ class Integration:
         """Decide how a member goes on that waits."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
-        if self.comparison is not None and self._compared(self.comparison, member, status):
-            return
+        if self.comparing:
+            if self.comparison is None:
+                self.comparison = Comparison(self.batch, self.times, self.rtol, _dynamics(self.model))
+            if self._compared(self.comparison, member, status):
+                return
         if status == ExplicitStatus.STIFF:
             self.stiff += 1
             self._fail(member, f"stiff at t = {now:.6g} s")

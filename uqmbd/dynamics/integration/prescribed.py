@@ -92,12 +92,10 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
     """Find realisations in which a constraint, and so a position, jumps within the output times.
 
     Return for each a message: when, which component, and by how much.  An equation jumps where it differs right after a
-    break time from right before; one that only changes its sign does not.  The tolerance is relative to the size of the
-    mechanism.
+    break time from right before; one that only changes its sign does not.  The constraints of the model depend on time.
+    The tolerance is relative to the size of the mechanism.
     """
     model = ensemble.model
-    if "phi_t" not in model.evaluators["velocity"].index:
-        return {}
     breaks = ensemble.breaks
     if model.timed is not None:  # jumps at times that are known from looking only
         seen = look(model.timed, ensemble.values, breaks, times, rtol).jumps

@@ -29,7 +29,7 @@ def speed_jumps(
     """
     layout, delta = model.layout, instant(time)
     change = np.zeros((len(states), layout.coordinates))
-    if not layout.rank or "phi_t" not in model.evaluators["velocity"].index:
+    if not layout.rank or not model.rheonomic:
         return change, {}
 
     def speeds(states: Array, at: float, block: Array) -> Array:

@@ -113,7 +113,7 @@ class ProjectedEnsemble(ProjectedEquations):
         # other events only note when they happen
         if any(directions for *_, directions in self.model.events):
             require_for(self.model, integrator, where)
-        if jumps := position_jumps(self.ensemble, times, rtol):
+        if self.ensemble.model.rheonomic and (jumps := position_jumps(self.ensemble, times, rtol)):
             node, text = next(iter(jumps.items()))
             state = np.full((self.terms, len(times), self.model.layout.width), np.nan)
             state[:, 0] = self.start.state

@@ -23,7 +23,7 @@ Method = Callable[[Ensemble, Array, float], Trajectories]
 
 def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
     """Integrate K realisations by `method`; those whose positions would jump, or are off the constraints, fail."""
-    jumps = position_jumps(ensemble, times, rtol)
+    jumps = position_jumps(ensemble, times, rtol) if ensemble.model.rheonomic else {}
     found = method(ensemble, times, rtol) if not jumps else _others(method, ensemble, times, rtol, jumps)
     found = _stopped(found, _violations(ensemble, times, found.states, rtol), 0)
     # the start is a state that could be assembled: the integration has failed, not the assembly

@@ -201,7 +201,7 @@ def _changing(model: Model, screws: Screws, parameters: Array) -> str:
     # what is off by rounding, or by what Newton's method leaves, grows with the turns
     allowed = STEADY * (1 + screws.fastest * after)
     found = model.evaluate("velocity", state_arguments(times, q, s, v), rows)
-    if "phi_t" in model.evaluators["velocity"].index:
+    if model.rheonomic:
         kept = model.layout.kept
         d, own = found["d"][:, kept], found["phi_t"][:, kept]
         scale = np.maximum(np.abs(d * v[:, None, :]).max(axis=2, initial=0.0), np.abs(own)).max(axis=0, initial=0.0)

@@ -47,12 +47,8 @@ class BudgetTerms:
     clock: Callable[[], float] = time.monotonic  # s
 
     @classmethod
-    def of(
-        cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None
-    ) -> BudgetTerms | None:
-        """Read them; None where nothing is asked for."""
-        if budget is None and accuracy is None:
-            return None
+    def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> BudgetTerms:
+        """Read what a run asks for, at least one of them."""
         return cls(budget_of(budget, f"{where}: budget"), accuracy_of(accuracy, f"{where}: accuracy"), say)
 
     @property

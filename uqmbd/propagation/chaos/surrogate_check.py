@@ -47,13 +47,11 @@ def warn_of_surrogates(
 ) -> None:
     """Warn of outputs whose surrogate states a large error, or whose mean is outside the range of the realisations.
 
-    `node` holds one kind of outputs of a method; without a surrogate there is nothing to report. `realised` holds the
+    `node` holds one kind of outputs of a method with a surrogate, or a stated error of one. `realised` holds the
     smallest and largest values (O, T) of the realisations, and their number. `timeless` outputs have no times, but a
     time axis of length one.
     """
-    statistics, surrogates = node.children["statistics"].to_dataset(), stored_surrogates(node)
-    if not surrogates and "verification_error" not in statistics:
-        return
+    statistics = node.children["statistics"].to_dataset()
     names = [str(name) for name in statistics["output"].values]
     timed = not timeless and "time" in statistics["mean"].dims
     times = np.asarray(statistics["time"].values, dtype=float) if timed else None

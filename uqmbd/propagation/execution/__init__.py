@@ -12,7 +12,7 @@ from uqmbd.propagation.execution.chunks import (
     needs_motion,
     not_finite_output,
 )
-from uqmbd.propagation.execution.cost import CostClock, Spending
+from uqmbd.propagation.execution.cost import CostClock, Spending, machine_attribute, solver_counters
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, ChunkStore, Known, fingerprint
@@ -29,7 +29,7 @@ from uqmbd.propagation.execution.realisations import (
 from uqmbd.propagation.execution.resumed import study_digest, warn_of_changes
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
-from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
+from uqmbd.propagation.execution.transport import Packed
 from uqmbd.propagation.execution.workers import WorkerPool, executor_for, explained, opened, pool, threads_of
 
 __all__ = [

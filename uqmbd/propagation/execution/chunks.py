@@ -22,7 +22,8 @@ from uqmbd.dynamics import (
     margins_of,
     scalars_of,
 )
-from uqmbd.propagation.execution.transport import Packed, machine_counter
+from uqmbd.propagation.execution.cost import machine_counter
+from uqmbd.propagation.execution.transport import Packed
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -146,13 +147,13 @@ def needs_motion(model: Model, kind: Kind) -> bool:
 
 
 def compute_chunk(
-    packed: Packed, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
+    given: Model | Packed, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
 ) -> Chunk:
     """Assemble, integrate and observe realisations at inputs (K, input).
 
     Nothing is integrated unless the kind of outputs, or an output that is computed with them, needs a motion.
     """
-    model: Model = packed.value()
+    model: Model = given.value() if isinstance(given, Packed) else given
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
     with one_thread():
         ensemble = Ensemble(model, values)

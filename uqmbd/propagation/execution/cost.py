@@ -1,22 +1,41 @@
-"""What work costs, over all runs that it took: what is read from a checkpoint costs what it cost to compute."""
+"""Cost of work over all runs that it took, and the types of machines that it ran on.
+
+What is read from a checkpoint costs what it cost to compute.  Machines are counted with what solvers count, and so are
+stored with it.
+"""
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from uqmbd.errors import StudyError
+from uqmbd.propagation.execution.transport import machine_type
 
-__all__ = ["OTHER", "PARTS", "CostClock", "Laps", "Spending", "spending_attributes"]
+__all__ = [
+    "OTHER",
+    "PARTS",
+    "CostClock",
+    "Laps",
+    "Spending",
+    "machine_attribute",
+    "machine_counter",
+    "solver_counters",
+    "spending_attributes",
+]
 
 
 PARTS = ("integration", "fitting", "verification", "error estimation")
 """What methods spend time for; the rest is `OTHER`."""
 
 OTHER = "other"
+
+_ON = "on "
+"""What begins the names of counters of machines."""
 
 PURPOSES = ("verification", "error estimation")
 """Parts that realisations belong to which are computed for them."""
@@ -121,3 +140,27 @@ def spending_attributes(parts: dict[str, float], whole: float) -> dict[str, floa
     kept[OTHER] = max(whole - sum(kept.values()), 0.0)
     found = {f"wall_time_{name.replace(' ', '_')}": seconds for name, seconds in kept.items()}
     return {**found, "wall_time": sum(found.values())}
+
+
+def machine_counter(realisations: int) -> dict[str, float]:
+    """Return the counter of realisations that this machine has computed."""
+    return {f"{_ON}{machine_type()}": realisations}
+
+
+def solver_counters(counters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the other counters."""
+    return {name: value for name, value in counters.items() if not name.startswith(_ON)}
+
+
+def machine_attribute(counters: Mapping[str, float]) -> dict[str, str]:
+    """Return the attribute with the number of realisations by type of machine, as a JSON object.
+
+    It is empty where all of them were computed on machines of the type of this one.
+
+    >>> machine_attribute({"steps": 12, "on aarch64 neon glibc-2.36": 64})
+    {'machines': '{"aarch64 neon glibc-2.36": 64}'}
+    >>> machine_attribute(machine_counter(64))
+    {}
+    """
+    found = {name.removeprefix(_ON): int(count) for name, count in counters.items() if name.startswith(_ON) and count}
+    return {"machines": json.dumps(found)} if set(found) - {machine_type()} else {}

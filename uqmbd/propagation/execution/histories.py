@@ -112,7 +112,7 @@ def followed(
     empty = np.zeros((0, len(model.outputs.names), points))
     if not ensemble.start.ok[0]:
         return {**none, "response": empty, "message": np.array([ensemble.start.messages[0]])}
-    if jumps := position_jumps(ensemble, np.array(times), rtol):
+    if ensemble.model.rheonomic and (jumps := position_jumps(ensemble, np.array(times), rtol)):
         return {**none, "response": empty, "message": np.array([jumps[0]])}
     span = 1.0
     while True:

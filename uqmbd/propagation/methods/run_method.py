@@ -23,10 +23,12 @@ from uqmbd.progress import UntilTheEnd
 from uqmbd.propagation.chaos import warn_of_surrogates
 from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
+from uqmbd.propagation.methods.estimate import readable
 from uqmbd.propagation.methods.propagator import Propagator
+from uqmbd.propagation.methods.studied import Studied
 from uqmbd.propagation.problem import Problem
 from uqmbd.results import clopper_pearson, requirements_of
-from uqmbd.results.chaos import verified_std, verified_trials
+from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
     InputInfo,
     Labels,
@@ -42,11 +44,35 @@ from uqmbd.results.tree import joined_outputs, with_requirements, with_scalars
 from uqmbd.threads import one_thread
 from uqmbd.wording import format_count
 
-__all__ = ["run_method"]
+__all__ = ["obstacle_of", "run_method"]
 
 
 FEW = 2
 """Realisations that statistics are made of, at least."""
+
+
+def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
+    """Return in one sentence why a method cannot do a study, or None; estimate its memory before asking it."""
+    if not len(study.mechanism.inputs):
+        return propagator.obstacle(study)
+    try:
+        found = propagator.estimate(study)
+    except StudyError as error:
+        return str(error).removeprefix(f"{propagator.node_name}: ")
+    if found is not None and not found.at_most and (there := _memory()) < found.memory:
+        about = f" for {found.detail}" if found.detail else ""
+        return (
+            f"it would take about {readable(found.memory)} of memory{about}, and this machine has {readable(there)}; "
+            "take fewer samples or nodes, a lower order, fewer outputs or fewer output times"
+        )
+    return propagator.obstacle(study)
+
+
+def _memory() -> int:
+    """Physical memory of this machine, bytes."""
+    import psutil
+
+    return int(psutil.virtual_memory().total)
 
 
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
@@ -261,7 +287,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
     seen = verified_std(node, statistics["std"].shape)
     # in its place: a tree copies what is put into it
     statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
-    if problem.kind != "requirements":  # intervals of their probabilities hold the error of the surrogate
+    # intervals of probabilities hold the error of the surrogate
+    if problem.kind != "requirements" and (stored_surrogates(node) or "verification_error" in statistics):
         about = problem.label, problem.rtol, problem.runner.observed.extent
         warn_of_surrogates(node, *about, timeless=problem.timeless)
     return node

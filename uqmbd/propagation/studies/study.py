@@ -447,7 +447,8 @@ class Study:
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
-        terms = BudgetTerms.of(f"study {self.name!r}", budget, accuracy, planned)
+        bounded = budget is not None or accuracy is not None
+        terms = BudgetTerms.of(f"study {self.name!r}", budget, accuracy, planned) if bounded else None
         with claimed(folder) if folder else nullcontext(), opened(workers) as executor:
             if folder:
                 check_names(folder, [store_name(method.node_name) for method in chosen])

@@ -186,7 +186,7 @@ def sample_dataset(
         reasons[k] = f"output {labels.outputs[where[0]].name!r} is not finite ({values[k][where]:g}){when}"
     values[flags != Status.OK] = np.nan
 
-    known = {**meanings, int(Status.NOT_FINITE): meanings.get(Status.NOT_FINITE, Status.NOT_FINITE.meaning)}
+    known = {**meanings, int(Status.NOT_FINITE): meanings.get(Status.NOT_FINITE, STATUS_MEANINGS[Status.NOT_FINITE])}
     flag_attrs = {
         "flag_values": np.array(sorted(known), dtype=np.int32),
         "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from uqmbd.propagation.execution.transport.calls import Reply, said_before
 from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
-from uqmbd.propagation.execution.transport.machines import machine_attribute, machine_counter, solver_counters
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
 from uqmbd.propagation.execution.transport.routes import Route, death, route_to
@@ -21,11 +20,8 @@ __all__ = [
     "WorkerDied",
     "death",
     "forward",
-    "machine_attribute",
-    "machine_counter",
     "machine_type",
     "route_to",
     "said_before",
-    "solver_counters",
     "versions",
 ]
