@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import shutil
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 import sympy
+from PIL import Image
 
 from uqmbd import plugins
 
@@ -92,6 +94,28 @@ def test_every_study_has_a_page(site, tmp_path):
     for path in found:
         page = (tmp_path / "docs" / "gallery" / f"{path.stem}.md").read_text(encoding="utf-8")
         assert f"uqmbd run {path.relative_to(ROOT)}" in page and f":link: {path.stem}\n" in index
+
+
+def test_a_site_without_runs_shows_stored_pictures(site, tmp_path):
+    """Of every study; one that differs from the picture of a run is named."""
+    gallery = importlib.import_module("uqmbd_site.gallery")
+    source = tmp_path / "docs"
+    shutil.copytree(ROOT / "docs" / "pictures", source / "pictures")
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    gallery.write_gallery(source, run=False)
+    index = (source / "gallery" / "index.md").read_text(encoding="utf-8")
+    for name in gallery.studies(ROOT):
+        picture = f"pictures/{name}-mechanism.png"
+        assert (source / "gallery" / picture).exists() and f":img-top: {picture}" in index, name
+        assert picture in (source / "gallery" / f"{name}.md").read_text(encoding="utf-8")
+    run = source / "_build" / "studies" / "pendulum"
+    run.mkdir(parents=True)
+    stored = source / "pictures" / "pendulum-mechanism.png"
+    shutil.copy(stored, run / "mechanism.png")
+    assert gallery.changed_pictures(source) == []
+    with Image.open(stored) as image:
+        image.convert("RGB").rotate(90, fillcolor="white").save(run / "mechanism.png")
+    assert gallery.changed_pictures(source) == ["pendulum-mechanism.png"]
 
 
 def test_the_citation_is_of_this_version():

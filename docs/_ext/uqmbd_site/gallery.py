@@ -1,8 +1,8 @@
 """The gallery: a page for each study, with pictures of its results.
 
 ``uqmbd run`` runs each study and writes its report; the pages show pictures of these results.  A site that is built
-without running the studies shows the small pictures in ``docs/pictures``.  ``python -m uqmbd_site.gallery store``
-writes them from the last runs, and ``compare`` lists those that differ from the last runs.
+without running the studies shows the small pictures in ``docs/pictures``.  ``python -m uqmbd_site store`` writes
+them from the last runs, and ``python -m uqmbd_site compare`` lists those that differ.
 
 sphinx-gallery is not used: it runs scripts that draw figures themselves, and a study only defines a computation.
 """
@@ -234,19 +234,3 @@ def _index(root: Path, mechanisms: dict[str, str]) -> str:
         "",
     ]
     return "\n".join(lines)
-
-
-def main() -> None:
-    """Store the pictures of the last runs, or compare them with those that are stored."""
-    source = Path(__file__).parents[2]
-    if sys.argv[1:] == ["store"]:
-        print("\n".join(store_pictures(source)))
-    elif sys.argv[1:] == ["compare"]:
-        changed = changed_pictures(source)
-        sys.exit(f"Stored pictures that differ from those of the last runs: {', '.join(changed)}." if changed else 0)
-    else:
-        sys.exit("Usage: python -m uqmbd_site.gallery store|compare")
-
-
-if __name__ == "__main__":
-    main()
