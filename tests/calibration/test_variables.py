@@ -94,7 +94,7 @@ def test_a_crescent_and_a_ring_are_curved():
         assert curvature(norm.ppf((ranks + 0.5) / 4000))[0, 1] > 1.2 * CURVED
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_variables_of_a_crescent_warn():
     x = uqmbd.RandomVariable("x", chaospy.Normal(0.0, 1.0))
     offset = uqmbd.RandomVariable("offset", chaospy.Normal(30.0, 2.0), units="N/m")

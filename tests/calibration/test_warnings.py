@@ -37,7 +37,7 @@ def test_a_maximum_that_no_draws_are_about_is_told():
     assert "no draws are about" in str(found)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_maxima_that_draws_hold_are_not_told():
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 1.0, 0.02)
     assert len(found.checks["modes"]) == 2

@@ -200,7 +200,7 @@ def test_many_consistent_drawn_poses_are_kept(name):
             require_drawn_poses(name, "world", seed, count=45)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_torsion_springs_count_the_angle_of_a_hinge():
     """The moment of a spring of 1 N m/rad, linear and by a law, is minus the angle of a hinge on the same axis."""
     random = np.random.default_rng(4)

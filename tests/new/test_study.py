@@ -100,7 +100,7 @@ def test_it_runs_and_its_methods_agree(command):
     assert "agrees with monte-carlo" in run.stdout
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_checkers_of_types_find_nothing_in_it(command):
     """By mypy without settings but one, and by pyright with the hint that is written beside it."""
     assert command("new", "study", "rocker", "--typings").returncode == 0

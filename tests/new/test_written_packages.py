@@ -56,6 +56,7 @@ def test_mypy_finds_nothing_in_them(python, written):
     assert f"no issues found in {3 * len(PLUGIN_KINDS)} source files" in run.stdout
 
 
+@pytest.mark.slow
 def test_pyright_finds_nothing_in_them(python, written):
     pytest.importorskip("pyright")
     folders = [f"{name_of(kind)}/{folder}" for kind in PLUGIN_KINDS for folder in ("src", "tests")]

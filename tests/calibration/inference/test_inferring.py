@@ -110,7 +110,7 @@ def test_maxima_are_found_on_the_mechanism_whatever_the_slopes_of_the_surrogate(
     assert made.point.spent <= 200
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_where_realisations_do_not_suffice_the_errors_of_the_surrogate_widen_the_posterior():
     noise, held = 0.02, 0
     generator = np.random.default_rng(4)
@@ -233,7 +233,7 @@ def test_directions_that_are_identified_are_not_named():
     assert [d.name for d in directions(np.diag([0.4, 0.9]), ["a", "b"])] == ["b"]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_as_many_draws_are_kept_as_are_asked_for():
     def ridge(vectors):
         # thin and curved: walkers forget slowly

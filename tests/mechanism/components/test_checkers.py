@@ -266,7 +266,7 @@ def by_pyright(folder):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("check", [by_mypy, by_pyright])
+@pytest.mark.parametrize("check", [by_mypy, pytest.param(by_pyright, marks=pytest.mark.slow)])
 def test_right_calls_pass_and_each_mistake_is_found_at_its_line(check, scripts):
     folder, lines = scripts
     found = check(folder)

@@ -241,7 +241,7 @@ def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     assert node["aligned"].sizes["verification"] == 14
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monkeypatch):
     """Outputs without a time, event-aligned chaoses and nodes: at the common times, in the file and its comparison."""
     runs = {"one": (TIMES[:76:5], 2), "two": (TIMES[:76:15], 3)}
