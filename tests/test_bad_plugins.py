@@ -348,7 +348,7 @@ def test_every_bad_section_is_named_and_costs_nothing_else(tree, tmp_path):
         page = report.write_report(tree, tmp_path / "r.html", sections=[*bad, Section()]).read_text(encoding="utf-8")
     assert tree.identical(before)
     assert "so much friction" in page and "stolen" not in page and "<title>crank" in page
-    assert page.count("could not be made:") == len(bad) == len(told)
+    assert page.count("could not be written:") == len(bad) == len(told)
     for case, warning in zip(SECTIONS, told, strict=True):
         words = "out of memory" if case.values[2] == "MemoryError" else case.values[2]
         assert f"{__name__}.Bad" in str(warning.message) and words in str(warning.message)
@@ -397,6 +397,6 @@ def test_installed_plugin_is_told_by_its_name_on_the_command_line(tmp_path, tree
     assert "plugin_bad: its hook uqmbd_components raised SystemExit: bye" in listed.stdout
     written = run("report", str(tmp_path))
     assert written.returncode == 0, written.stderr
-    expected = "report section 'Unmade' of plugin 'plugin_bad' of plugin-bad 1.0 is left out: KeyboardInterrupt"
+    expected = "report section 'Unmade' of plugin 'plugin_bad' of plugin-bad 1.0 is omitted: KeyboardInterrupt"
     assert expected in written.stderr and "Traceback" not in written.stderr
     assert (tmp_path / "report.html").exists()

@@ -31,6 +31,26 @@ PHRASES = {
 }
 """Patterns, in any case, and what to write instead; identifiers of one capital letter are matched as they are."""
 
+HEADINGS = {
+    r"\bWhat was asked\b": "Results",
+    r"\bWhat matters\b|\bMatters most\b|>Because of<": "Main contributors",
+    r"\bHow reliable is this\b": "Reliability of the results",
+    r"\bNext time\b": "Recommended method",
+    r"\bOther inputs\b": "What-if",
+    r"\bWhat was uncertain\b": "Uncertain inputs",
+    r"\bWhich inputs matter\b": "Sensitivity to inputs",
+    r"\bHow far the surrogates\b": "Accuracy of the surrogates",
+    r"\bOutputs without a time<|\"Outputs without a time\"": "Scalar outputs",
+    r"\bWhen events happen\b": "Event times",
+    r"\bWork of the solver\b": "Solver statistics",
+    r">It says<|\"It says\"": "Condition",
+    r"\b[Vv]iolated with (?:a )?probability\b": "Probability of violation",
+}
+"""Headings of the report and of the console that were replaced, as they are written, and by what."""
+
+SHOW_HEADINGS = ("uqmbd/report/", "uqmbd/cli/", "docs/", "README.md")
+"""Where headings are written or quoted."""
+
 ALLOWED: dict[str, str] = {
     "tests/test_language.py": "the list itself",
 }
@@ -44,7 +64,7 @@ ALLOWED_WORDS: dict[str, tuple[str, str]] = {
 }
 """A word that a file may hold, and why."""
 
-TEXTS = (".py", ".md", ".js", ".html", ".jinja", ".h", ".c", ".toml")
+TEXTS = (".py", ".md", ".js", ".html", ".jinja", ".j2", ".h", ".c", ".toml")
 
 
 def _files() -> list[str]:
@@ -64,6 +84,11 @@ def _found(text: str) -> list[str]:
             line = text.count("\n", 0, hit.start()) + 1
             wrong.append(f"line {line}: {hit[0]!r}; write: {instead}")
     return wrong
+
+
+def _old_headings(text: str) -> list[str]:
+    """List headings that were replaced, and by what."""
+    return [f"{hit[0]!r} is now {new!r}" for old, new in HEADINGS.items() for hit in re.finditer(old, text)]
 
 
 @pytest.mark.parametrize(
@@ -90,6 +115,18 @@ def test_no_text_has_phrases_that_were_replaced() -> None:
         if found:
             wrong[name] = found
     assert not wrong, "\n".join(f"{name}: {line}" for name, lines in wrong.items() for line in lines)
+
+
+def test_old_headings_are_found_as_they_were_written() -> None:
+    assert _old_headings('<h2 id="next-head">Next time</h2>') == ["'Next time' is now 'Recommended method'"]
+    assert _old_headings("<th>Because of</th>") == ["'>Because of<' is now 'Main contributors'"]
+    assert not _old_headings("the next time, because of other inputs")
+
+
+def test_report_console_and_pages_use_the_same_headings() -> None:
+    names = [name for name in _files() if name.startswith(SHOW_HEADINGS)]
+    wrong = {name: _old_headings((ROOT / name).read_text(encoding="utf-8")) for name in names}
+    assert not any(wrong.values()), {name: found for name, found in wrong.items() if found}
 
 
 def test_allowed_words_are_in_their_files() -> None:

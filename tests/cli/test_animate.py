@@ -35,7 +35,7 @@ def test_animate(cli, tmp_path):
     assert (status, err) == (0, "")
     with Image.open(tmp_path / "falling_stone.gif") as film:
         assert film.n_frames == 10 and film.info["duration"] == 200
-    assert "10 pictures in 2 s" in out and "2 times as long as the motion takes" in out and "3 realisations" in out
+    assert "10 frames in 2 s" in out and "2 times the duration of the motion" in out and "3 realisations" in out
 
 
 @pytest.mark.thorough
@@ -49,7 +49,7 @@ def test_animate_a_method(cli, tmp_path):
     [
         (["--out", "x.avi"], "written as .gif or .mp4"),
         (["--method", "galerkin"], "no method 'galerkin'; its methods are: monte-carlo"),
-        (["--fps", "0"], "--fps 0: both are expected to be positive"),
+        (["--fps", "0"], "--fps 0: expected positive numbers"),
         (["--seconds", "900"], "18000 pictures"),
         (["--samples", "-1"], "--samples"),
     ],

@@ -245,7 +245,7 @@ def test_debug_shows_the_traceback(cli, study, place):
         (
             "KeyError('x')",
             1,
-            "Error: KeyError: 'x'\nThis is a mistake in uqmbd, in a plugin or in the study. Run it again with --",
+            "Error: KeyError: 'x'\nThe error is in uqmbd, in a plugin or in the study. Run the command with --",
         ),
         ("MemoryError()", 1, "out of memory"),
         ("OSError(28, 'No space left on device', 'results.nc')", 2, "Error: results.nc: No space left on device"),
@@ -286,7 +286,7 @@ def test_report_has_the_sections_of_plugins(cli, study, tmp_path, monkeypatch):
 def test_report_without_results(cli):
     status, _, err = cli("report", "nowhere")
     assert status == 2
-    assert "There is no nowhere/results.nc; give the folder that `uqmbd run" in err.replace(os.sep, "/")
+    assert "nowhere/results.nc does not exist; expected the folder that `uqmbd run" in err.replace(os.sep, "/")
 
 
 @pytest.mark.thorough
@@ -301,7 +301,7 @@ def test_compare(cli, study):
     assert status == 2 and "c.nc" in err
     for missing in ("missing", "missing.nc"):
         status, _, err = cli("compare", "a", missing)
-        assert status == 2 and f"There is no such file or folder: {missing};" in err
+        assert status == 2 and f"{missing}: no such file or folder;" in err
 
 
 @pytest.mark.thorough
@@ -505,7 +505,7 @@ def test_without_a_report_none_is_written(cli, study, tmp_path):
     status, out, err = cli("run", study(), "--out", "r", "--no-report")
     assert status == 0 and "writing the report" not in err
     assert {path.name for path in (tmp_path / "r").iterdir()} == {"results.nc", ".uqmbd-manifest.json"}
-    assert "for one: uqmbd report r" in out
+    assert "to write it: uqmbd report r" in out
 
 
 @pytest.mark.parametrize("option", ["--open", "--figures"])
@@ -528,7 +528,7 @@ def test_the_report_is_opened_when_it_is_written_and_figures_when_asked_for(cli,
     assert not (tmp_path / "r" / "figures").exists()
     status, _, err = cli("report", "r", "--figures", "--open")
     assert status == 0 and any((tmp_path / "r" / "figures").glob("*.svg"))
-    assert "no browser could be started" in err and len(opened) == 2
+    assert "no browser was found" in err and len(opened) == 2
     status, _, err = cli("report", "r")
     assert status == 0 and "those of an earlier report; --figures" in err and len(opened) == 2
 

@@ -113,10 +113,10 @@ WRONG = {
     GOOD.replace("fail-as", "Fail"): "whose name 'Fail' is no word",
     GOOD.replace("fail-as", "--fail"): "whose name '--fail' is no word",
     GOOD.replace('help = "Fail in some way."', "help = None"): "whose class attribute `help`",
-    GOOD.replace("how: Annotated[str,", "how: Annotated[str | int,"): "left out: AssertionError: Typer",
+    GOOD.replace("how: Annotated[str,", "how: Annotated[str | int,"): "omitted: AssertionError: Typer",
     GOOD.replace(
         'name = "fail-as"', 'name = "fail-as"\n    def __init__(self): raise SystemExit("no")'
-    ): "left out: SystemExit: no",
+    ): "omitted: SystemExit: no",
 }
 
 
@@ -134,7 +134,7 @@ def test_a_command_that_is_wrong_is_told_and_harms_nobody(install, command_line,
     # it may be what was meant
     status, _, err = command_line("fail-as")
     assert status == 2 and "No such command 'fail-as'" in err
-    if "left out" not in WRONG[source]:
+    if "omitted" not in WRONG[source]:
         assert "Could not be loaded completely: plugin 'plugin_broken'" in " ".join(err.split())
 
 

@@ -106,8 +106,8 @@ def test_a_control_beyond_keep(curved: uqmbd.Study) -> None:
 def test_the_report_says_of_which_samples(curved: uqmbd.Study, tmp_path: Path) -> None:
     tree = curved.with_propagators([MonteCarlo(samples=200, seed=1, keep=100)]).run()
     text = " ".join(write_report(tree, tmp_path / "report.html").read_text().split())
-    assert "Statistics of monte-carlo are those of all 200; histograms and densities are those of the first 100" in text
-    assert "Quantiles were counted between edges, and are known within" in text
+    assert "Statistics of monte-carlo use all 200 samples. Histograms and densities use the first 100" in text
+    assert "Quantiles are interpolated from a histogram; their error is at most" in text
 
 
 def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

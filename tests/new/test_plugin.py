@@ -60,7 +60,7 @@ def test_nothing_is_overwritten_unasked(command):
     mine = Path("rope/src/rope/component.py")
     mine.write_text("mine")
     run = command("new", "plugin", "rope", "--kind", "law")
-    assert run.returncode == 2 and "are there already, and nothing was written; --force overwrites" in run.stderr
+    assert run.returncode == 2 and "exist already, and nothing was written; use --force to overwrite" in run.stderr
     assert mine.read_text() == "mine"
     assert command("new", "plugin", "rope", "--kind", "law", "--force").returncode == 0
     assert "law_at(" in mine.read_text()
@@ -69,33 +69,33 @@ def test_nothing_is_overwritten_unasked(command):
 @pytest.mark.parametrize(
     ("name", "kind", "why"),
     [
-        ("WireRope", "component", "small letters and digits, words of them parted by hyphens or underscores"),
+        ("WireRope", "component", "lower-case letters and digits, with single hyphens or underscores between words"),
         ("WireRope", "component", "Try 'wire-rope'"),
         ("2ropes", "component", "Try 'plugin-2ropes'"),
         ("rope_", "component", "Try 'rope'"),
         ("größe", "component", "Try 'gr-e'"),
-        ("a/rope", "component", "give a name, not a path"),
+        ("a/rope", "component", "expected a name, not a path"),
         ("", "component", "the name is empty"),
-        ("r" * 41, "component", "40 at most"),
-        ("numpy", "component", "there is a module numpy already"),
-        ("uqmbd-joints", "component", "there is a module uqmbd_joints already"),
-        ("uqmbd-springs", "section", "there is a module uqmbd_springs already"),
-        ("json", "command", "it is a part of Python"),
-        ("uqmbd-r", "component", "it has one letter"),
+        ("r" * 41, "component", "the maximum is 40"),
+        ("numpy", "component", "a module numpy exists already"),
+        ("uqmbd-joints", "component", "a module uqmbd_joints exists already"),
+        ("uqmbd-springs", "section", "a module uqmbd_springs exists already"),
+        ("json", "command", "part of Python"),
+        ("uqmbd-r", "component", "the name has a single letter"),
         ("lambda", "contact-law", "lambda is a reserved word"),
         ("uqmbd-true", "component", "True is a reserved word"),
-        ("uqmbd-exception", "component", "would be called Exception, as a built-in name"),
-        ("uqmbd-any", "law", "would be called Any, as typing.Any, which it uses"),
-        ("uqmbd-path", "command", "would be called Path, as pathlib.Path, which it uses"),
-        ("uqmbd-friction", "contact-law", "would be called friction, as uqmbd_contact.friction, which it uses"),
-        ("test-rig", "component", "pytest takes what is called so for a test"),
-        ("revolute", "component", "the component 'Revolute' is that of plugin 'joints' of uqmbd"),
-        ("galerkin", "propagator", "the propagator 'galerkin' is that of plugin 'galerkin' of uqmbd"),
-        ("dop853", "integrator", "the integrator 'dop853' is that of uqmbd itself"),
-        ("sobol", "design", "the sampling design 'sobol' is that of uqmbd itself"),
-        ("run", "command", "the command 'run' is that of uqmbd itself"),
-        ("new", "command", "the command 'new' is that of uqmbd itself"),
-        ("urdf", "reader", "the reader of model files 'urdf' is that of plugin 'models' of uqmbd"),
+        ("uqmbd-exception", "component", "would be named Exception, which is a built-in name"),
+        ("uqmbd-any", "law", "would be named Any, like typing.Any, which it uses"),
+        ("uqmbd-path", "command", "would be named Path, like pathlib.Path, which it uses"),
+        ("uqmbd-friction", "contact-law", "would be named friction, like uqmbd_contact.friction, which it uses"),
+        ("test-rig", "component", "pytest treats functions of this name as tests"),
+        ("revolute", "component", "the component 'Revolute' belongs to plugin 'joints' of uqmbd"),
+        ("galerkin", "propagator", "the propagator 'galerkin' belongs to plugin 'galerkin' of uqmbd"),
+        ("dop853", "integrator", "the integrator 'dop853' belongs to uqmbd itself"),
+        ("sobol", "design", "the sampling design 'sobol' belongs to uqmbd itself"),
+        ("run", "command", "the command 'run' belongs to uqmbd itself"),
+        ("new", "command", "the command 'new' belongs to uqmbd itself"),
+        ("urdf", "reader", "the reader of model files 'urdf' belongs to plugin 'models' of uqmbd"),
     ],
 )
 def test_names_that_cannot_be_are_told(command, name, kind, why):

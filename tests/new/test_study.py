@@ -38,7 +38,7 @@ def test_nothing_is_overwritten_unasked(command):
     Path("crank.py").write_text("mine")
     run = command("new", "study", "crank", "--typings")
     assert run.returncode == 2
-    assert run.stderr == "Error: crank.py is there already, and nothing was written; --force overwrites.\n"
+    assert run.stderr == "Error: crank.py exists already, and nothing was written; use --force to overwrite.\n"
     assert files() == ["crank.py"] and Path("crank.py").read_text() == "mine"
     assert command("new", "study", "crank", "--force").returncode == 0
     assert "uqmbd.Study(" in Path("crank.py").read_text()
@@ -47,24 +47,24 @@ def test_nothing_is_overwritten_unasked(command):
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("crank.py", "leave out the .py; `uqmbd new study crank` writes crank.py"),
-        ("studies/crank", "give a name, not a path; --folder says where"),
-        ("slider-crank", "letters, digits and underscores and does not begin with a digit. Try 'slider_crank'"),
+        ("crank.py", "omit the suffix .py; `uqmbd new study crank` writes crank.py"),
+        ("studies/crank", "expected a name, not a path; use --folder"),
+        ("slider-crank", "letters, digits and underscores, and does not begin with a digit. Try 'slider_crank'"),
         ("2nd", "Try 'study_2nd'"),
         ("a b", "Try 'a_b'"),
         ("...", "Try 'study'"),
         ("lambda", "lambda is a reserved word of Python"),
-        ("numpy", "there is a module numpy already"),
-        ("uqmbd", "there is a module uqmbd already"),
-        ("time", "there is a module time already (it is a part of Python)"),
-        ("sys", "it is a part of Python"),
-        ("CON", "Windows keeps CON for a device"),
-        ("nul", "Windows keeps nul for a device"),
-        ("Lpt9", "Windows keeps Lpt9 for a device"),
-        ("__init__", "a meaning of its own"),
-        ("__main__", "a meaning of its own"),
+        ("numpy", "a module numpy exists already"),
+        ("uqmbd", "a module uqmbd exists already"),
+        ("time", "a module time exists already (part of Python)"),
+        ("sys", "part of Python"),
+        ("CON", "Windows reserves CON for a device"),
+        ("nul", "Windows reserves nul for a device"),
+        ("Lpt9", "Windows reserves Lpt9 for a device"),
+        ("__init__", "reserves file names of this form"),
+        ("__main__", "reserves file names of this form"),
         ("", "the name is empty"),
-        ("c" * 41, "it has 41 characters; 40 at most"),
+        ("c" * 41, "the name has 41 characters; the maximum is 40"),
     ],
 )
 def test_names_that_cannot_be_are_told(command, name, why):

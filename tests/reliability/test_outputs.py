@@ -41,5 +41,8 @@ def test_what_does_not_happen_has_not_failed(tree):
 
 def test_the_report_says_of_how_many_realisations_statistics_are(tree, tmp_path):
     text = " ".join(write_report(tree[0], tmp_path / "report.html").read_text().split())
-    assert "Statistics of reliability are those of 120 realisations that are spread like the inputs" in text
+    assert (
+        "The statistics of reliability use the 120 realisations that were sampled from the distributions of the inputs"
+        in text
+    )
     assert "are those of all" not in text

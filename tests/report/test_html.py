@@ -78,7 +78,7 @@ class Wrong:
 def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Return the report of the study with three plugin sections."""
     path = tmp_path_factory.mktemp("report") / "new" / "report.html"
-    with pytest.warns(uqmbd.extend.PluginWarning, match="is left out") as told:
+    with pytest.warns(uqmbd.extend.PluginWarning, match="is omitted") as told:
         assert report.write_report(study, path, sections=[Extra(), Broken(), Wrong()]) == path
     assert len(told) == 2
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
@@ -136,13 +136,13 @@ def test_it_says_everything(source: str, study: xr.DataTree) -> None:
         "step too small at 'pin' <img src=x>",
         "No realisation of second, galerkin $3 failed.",
         "residual evaluations12 345",
-        "realisations integrated alone3",
+        "realisations integrated separately3",
         "time in the integrator, summed over workers1 min 15 s",
         "my counter1.5",
         "Largest standard deviation",
         "with 95 % confidence",
         "240 samples instead of 60 would halve the uncertainty",
-        "Differences from second, the reference",
+        "Differences from the reference, second",
         "uqmbd run 'a & b.py'",
         "option samples",
     ):
@@ -205,8 +205,8 @@ def test_plugin_sections(source: str) -> None:
     """A section is shown as it renders; one that raises is a note with its name and the reason."""
     assert "<p>From <b>4</b> nodes.</p>" in source
     text = " ".join(Page(source).text.split())
-    assert "The section “Broken <section>” could not be made: RuntimeError: no <data>" in text
-    assert "The section “Wrong” could not be made: TypeError: render() returned a int" in text
+    assert "The section “Broken <section>” could not be written: RuntimeError: no <data>" in text
+    assert "The section “Wrong” could not be written: TypeError: render() returned a int" in text
 
 
 @pytest.mark.thorough

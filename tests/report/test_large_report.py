@@ -114,10 +114,10 @@ def test_nothing_is_left_out_silently(tmp_path: Path, page: Path, outputs: int) 
     section = text[text.index('<section id="outputs">') : text.index('<section id="influence">')]
     assert len(re.findall(r"<details open>\s*<summary><h3>", section)) == 6
     assert names[:3] == ["output_00", "output_01", "output_02"]  # planted: the spread falls with the number
-    assert f"Of {outputs} outputs, the 6 most uncertain ones" in text
+    assert f"The 6 most uncertain of {outputs} outputs" in text
     assert text.count("of the 6 most uncertain outputs") == 2  # influence, trust
     summary = text[text.index('<section id="summary"') : text.index('<section id="influence">')]
-    assert "The same by every method" in summary and f"All verdicts ({5 * outputs} rows)" in text
+    assert "Statistics by every method" in summary and f"All verdicts ({5 * outputs} rows)" in text
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ def test_a_study_that_cannot_move_says_so(study):
     page = Page(uqmbd.Study("s", mechanism, [0.0, 0.5, 1.0], [])._repr_html_())
     assert "The motion at the means of the inputs cannot be drawn" in "".join(page.texts)
     large = study.with_times(np.linspace(0, 1, 60_000))
-    assert "It is large" in large._repr_html_() and charts(large._repr_html_()) == 0
+    assert "The study is large" in large._repr_html_() and charts(large._repr_html_()) == 0
 
 
 def test_results_are_shown(study):
@@ -140,14 +140,14 @@ def test_results_are_shown(study):
             report.show(*given)
     with pytest.raises(uqmbd.StudyError, match="a float; expected the result"):
         report.show(1.0)
-    with pytest.raises(uqmbd.StudyError, match="no method"):
+    with pytest.raises(uqmbd.StudyError, match="no result of a method"):
         report.show(xr.DataTree())
 
 
 def test_what_went_wrong_is_shown(study):
     tree = study.run()
     tree.attrs["failed"] = '{"galerkin": "no <memory>"}'
-    assert "There are no results of galerkin: no <memory>" in Page(report.show(tree).html).texts
+    assert "galerkin has no results: no <memory>" in Page(report.show(tree).html).texts
 
 
 def test_a_session_that_asks_for_it_shows_results_by_themselves(study):
@@ -264,7 +264,7 @@ def test_the_picture_of_a_mechanism_names_what_it_shows_and_says_if_it_is_not_as
     told = drawn_texts(mechanism)
     assert {"rod & 0", "rod & 1", "pivot", "elbow"} <= set(told) and not any("assembled" in text for text in told)
     mechanism.add(Revolute("far", mechanism.ground, rods[1], (9, 0), (0.5, 0)))
-    assert "as drawn: it cannot be assembled" in drawn_texts(mechanism)
+    assert "as defined, because it cannot be assembled" in drawn_texts(mechanism)
 
 
 def drawn_texts(mechanism):

@@ -105,4 +105,4 @@ def test_counters_that_counted_nothing_have_no_line(tree: xr.DataTree, tmp_path)
     counted["counted"].attrs["solver_counters"] = '{"steps": 12, "events": 0, "mine": "none"}'
     page = report.write_report(counted, tmp_path / "report.html").read_text(encoding="utf-8")
     text = text_of(page.partition('<section id="cost">')[2].partition("</section>")[0])
-    assert "steps of the integrator" in text and "mine" in text and "events" not in text
+    assert "integration steps" in text and "mine" in text and "events" not in text

@@ -41,19 +41,19 @@ def animate_study(
     length = float(study.times[-1] - study.times[0])
     lasting = min(max(length, SECONDS[0]), SECONDS[1]) if seconds is None else seconds
     if not (lasting > 0 and fps > 0):
-        raise StudyError(f"--seconds {lasting:g} --fps {fps:g}: both are expected to be positive.")
+        raise StudyError(f"--seconds {lasting:g} --fps {fps:g}: expected positive numbers.")
     frames = max(2, round(fps * lasting))
     if frames > MOST_FRAMES:
         raise StudyError(
-            f"{frames} pictures ({fps:g} per second for {lasting:g} s) are too many; at most {MOST_FRAMES} are made."
+            f"{frames} frames ({fps:g} per second for {lasting:g} s) are too many; the maximum is {MOST_FRAMES}."
         )
     data = motion(study, samples=samples, frames=frames, method=method)
     written = animate(data, target, seconds=lasting)
     shown = data.sizes["realisation"] - 1
     failed = int(data.attrs.get("failures", 0))
     factor = lasting / length
-    speed = "as fast as it is" if abs(factor - 1) < 0.01 else f"{factor:.3g} times as long as the motion takes"
-    cloud = f"; {shown} realisations beside the motion at the means" if shown else "; the motion at the means"
-    lost = f" ({failed} failed and are left out)" if failed else ""
+    speed = "real time" if abs(factor - 1) < 0.01 else f"{factor:.3g} times the duration of the motion"
+    cloud = f"; motion at the means and {shown} realisations" if shown else "; motion at the means"
+    lost = f" ({failed} failed and are not shown)" if failed else ""
     print(f"animation  {written}")
-    print(f"{frames} pictures in {format_duration(lasting, rough=True)}, {speed}{cloud}{lost}.")
+    print(f"{frames} frames in {format_duration(lasting, rough=True)}, {speed}{cloud}{lost}.")

@@ -29,9 +29,8 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 app = typer.Typer(
     name="uqmbd",
     cls=Commands,
-    help="How uncertainty in lengths, masses, stiffnesses and loads spreads through a mechanism.",
-    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used, 3 a requirement "
-    "or an accuracy is not met.",
+    help="Propagate the uncertainty of lengths, masses, stiffnesses and loads through a multibody mechanism.",
+    epilog="Exit status: 0 success, 1 failed computation, 2 unusable input, 3 unmet requirement or accuracy.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
@@ -39,7 +38,7 @@ app = typer.Typer(
 )
 new = typer.Typer(
     name="new",
-    help="Write a study or a plugin to start from.",
+    help="Write a new study or a new plugin from a template.",
     rich_markup_mode=None,
     no_args_is_help=True,
     context_settings=CONTEXT,
@@ -51,7 +50,9 @@ KINDS_HELP = "\n".join(["\b", "Kinds:", *(f"  {name:12} {kind.what}" for name, k
 
 Script = Annotated[
     Path,
-    typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.", autocompletion=studies),
+    typer.Argument(
+        metavar="STUDY.py", help="Study script: a Python file that defines `study`.", autocompletion=studies
+    ),
 ]
 
 
@@ -89,21 +90,23 @@ def run(
     only: Annotated[
         list[str] | None,
         typer.Option(
-            "--only", metavar="LABEL", help="Run this propagator only (may be repeated).", autocompletion=labels
+            "--only", metavar="LABEL", help="Run only this propagator (may be repeated).", autocompletion=labels
         ),
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="LABEL.option=value", help="Change an option of a propagator (may be repeated)."),
+        typer.Option("--set", metavar="LABEL.option=value", help="Set an option of a propagator (may be repeated)."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("results"),
     budget: Annotated[
         str | None,
-        typer.Option("--budget", metavar="B", help="How much to compute: 30s, 10min, 2h, or a number of realisations."),
+        typer.Option("--budget", metavar="B", help="Budget: a time (30s, 10min, 2h) or a number of realisations."),
     ] = None,
     accuracy: Annotated[
         str | None,
-        typer.Option("--accuracy", metavar="A", help="Take as many samples, or orders, as errors of A need: 1%."),
+        typer.Option(
+            "--accuracy", metavar="A", help="Accuracy: choose samples or orders for errors of at most A, such as 1%."
+        ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
     require: Annotated[
@@ -111,12 +114,12 @@ def run(
         typer.Option(
             "--require",
             metavar="P",
-            help="Exit with status 3 unless each requirement is violated with at most P, as 1% (95 % confidence).",
+            help="Exit with status 3 unless each probability of violation is at most P, such as 1% (95 % confidence).",
         ),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write the report.")] = True,
     show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
-    figures: Annotated[bool, typer.Option("--figures", help="Write each figure to DIR/figures, too (SVG).")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="Also write each figure to DIR/figures (SVG).")] = False,
     *,
     workers: Workers,
 ) -> None:
@@ -124,7 +127,7 @@ def run(
     begin = time.monotonic()
     for name, asked in (("--open", show), ("--figures", figures)):
         if asked and not report:
-            raise StudyError(f"{name} needs the report, which --no-report leaves out; leave one of them out.")
+            raise StudyError(f"{name} needs the report, which --no-report omits; omit one of these options.")
     # at once: what is imported next takes a while
     print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)
     check_script(script)
@@ -156,12 +159,12 @@ def check(
     script: Script,
     figure: Annotated[
         Path | None,
-        typer.Option("--figure", metavar="FILE", help="Draw the mechanism: a .png, .svg or .pdf."),
+        typer.Option("--figure", metavar="FILE", help="Draw the mechanism to FILE (.png, .svg or .pdf)."),
     ] = None,
 ) -> None:
-    """Show what a study computes, without running it.
+    """Check a study without running it.
 
-    Its bodies, equations, rank, redundant equations, mobility, inputs, propagators, and what each of these would take.
+    List bodies, equations, redundant equations, mobility, inputs and propagators, and predict the cost of each method.
     """
     check_script(script)
     with loading():
@@ -175,10 +178,13 @@ def animate(
     script: Script,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="A .gif, or a .mp4 where ffmpeg is installed (default: STUDY.gif)."),
+        typer.Option("--out", metavar="FILE", help="A .gif file, or .mp4 if ffmpeg is installed (default: STUDY.gif)."),
     ] = None,
     samples: Annotated[
-        int, typer.Option("--samples", metavar="N", min=0, help="Realisations around the motion at the means.")
+        int,
+        typer.Option(
+            "--samples", metavar="N", min=0, help="Number of realisations, in addition to the motion at the means."
+        ),
     ] = 20,
     method: Annotated[
         str | None,
@@ -186,13 +192,13 @@ def animate(
             "--method", metavar="LABEL", help="Show the realisations of this propagator.", autocompletion=labels
         ),
     ] = None,
-    fps: Annotated[float, typer.Option("--fps", metavar="N", help="Pictures per second.")] = 20.0,
+    fps: Annotated[float, typer.Option("--fps", metavar="N", help="Frames per second.")] = 20.0,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", metavar="S", help="Duration (default: that of the motion, from 3 to 8)."),
+        typer.Option("--seconds", metavar="S", help="Duration in s (default: that of the motion, within 3 to 8)."),
     ] = None,
 ) -> None:
-    """Show the mechanism in motion: at the means of the inputs, with a cloud of realisations."""
+    """Animate the mechanism at the means of the inputs, with a cloud of realisations."""
     check_script(script)
     with loading():
         from uqmbd.cli.animate import animate_study
@@ -204,7 +210,7 @@ def animate(
 def plugins(
     as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of a table.")] = False,
 ) -> None:
-    """List the installed plugins and what each offers."""
+    """List the installed plugins and their contents."""
     from uqmbd.cli.plugins import show_plugins
 
     show_plugins(as_json=as_json)
@@ -212,9 +218,9 @@ def plugins(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds a results.nc.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, with results.nc.")],
     show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
-    figures: Annotated[bool, typer.Option("--figures", help="Write each figure to DIR/figures, too (SVG).")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="Also write each figure to DIR/figures (SVG).")] = False,
 ) -> None:
     """Write DIR/report.html again from DIR/results.nc."""
     with loading():
@@ -230,34 +236,34 @@ def compare(
         typer.Argument(metavar="A.nc B.nc ...", help="Result files, or folders of runs.", show_default=False),
     ],
     reference: Annotated[
-        str | None, typer.Option("--reference", metavar="LABEL", help="Compare all methods with this one.")
+        str | None, typer.Option("--reference", metavar="LABEL", help="Reference method of the comparison.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Write DIR/comparison.nc and DIR/report.html too.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Also write DIR/comparison.nc and DIR/report.html.")
     ] = None,
 ) -> None:
-    """Show how far results are apart, whether they agree, and what else differs."""
+    """Compare results: differences of statistics, verdicts, and differences between the studies."""
     with loading():
         from uqmbd.cli.compare import show_comparison
 
     show_comparison(results, reference=reference, out=out)
 
 
-Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where it is written.", show_default="here")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")]
+Folder = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Target folder.", show_default="here")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 
 
 @new.command("study")
 def new_study_script(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the study, and of its script NAME.py.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the study and of its script NAME.py.")],
     folder: Folder = Path(),
     typings: Annotated[
         bool,
-        typer.Option("--typings", help="Write typings/chaospy, too: pyright takes numbers for what they are then."),
+        typer.Option("--typings", help="Also write typings/chaospy, type stubs for pyright."),
     ] = False,
     force: Force = False,
 ) -> None:
-    """Write NAME.py: a study that runs, with a comment on each of its parts."""
+    """Write NAME.py, an executable study with a comment on each part."""
     written = new_study(name, folder, typings=typings, force=force)
     for path in written:
         print(f"wrote    {path}")
@@ -266,12 +272,14 @@ def new_study_script(
 
 @new.command("plugin", epilog=KINDS_HELP)
 def new_plugin_package(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the package, and of its folder: wire-rope.")],
-    kind: Annotated[Kind, typer.Option("--kind", metavar="KIND", help="What it offers, one of the kinds below.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the package and of its folder, such as wire-rope.")
+    ],
+    kind: Annotated[Kind, typer.Option("--kind", metavar="KIND", help="Kind of the plugin, from the list below.")],
     folder: Folder = Path(),
     force: Force = False,
 ) -> None:
-    """Write a package NAME with a plugin that works, its tests, and a CI file."""
+    """Write a package NAME with a working plugin, its tests, and a CI workflow."""
     written = new_plugin(name, kind.value, folder, force=force)
     for path in written:
         print(f"wrote    {path}")
@@ -279,4 +287,4 @@ def new_plugin_package(
     print(f"\nNext:    cd {folder / name}")
     print('         python -m pip install --editable ".[test]"')
     print("         python -m pytest")
-    print(f"Then replace the example by your own: docs/{about.page} in the folder of uqmbd says what there is.")
+    print(f"Then replace the example with your own code. docs/{about.page} of uqmbd describes the interface.")

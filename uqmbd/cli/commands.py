@@ -49,6 +49,6 @@ def plugin_commands() -> dict[str, Any]:
         with Isolated() as work:
             made[name] = plugins.command_line(command)
         if work.failed:
-            text = f"the command {name!r} of {plugins.owner('commands', name)} is left out: {work.reason}"
+            text = f"the command {name!r} of {plugins.owner('commands', name)} is omitted: {work.reason}"
             warnings.warn(text, PluginWarning, stacklevel=2)
     return made

@@ -33,7 +33,7 @@ def _show_table(found: Sequence[plugins.PluginInfo]) -> None:
 
     if not found:
         print(
-            "No plugins are installed, not even those of uqmbd itself: it was not installed by pip, or its "
+            "No plugins are installed, not even the built-in ones. uqmbd was not installed by pip, or its "
             "installation is damaged. Try: pip install --force-reinstall uqmbd"
         )
         return

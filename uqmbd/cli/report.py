@@ -37,16 +37,16 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
     # Someone who names the file itself means its folder.
     source = folder if folder.is_file() else folder / "results.nc"
     if not source.exists():
-        raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
+        raise StudyError(f"{source} does not exist; expected the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
     if not_verified(tree):
-        print(f"Note: {source} is not verified: uqmbd wrote no digest into this file.", file=sys.stderr, flush=True)
+        print(f"Note: {source} is not verified: this file has no digest.", file=sys.stderr, flush=True)
     for name, file in (("motion", MOTION), ("pose_surrogate", POSES)):
         place = source.parent / file
         if is_recognised(place):
             tree[name] = load(place)
         elif os.path.lexists(place):
-            print(f"Note: {place} is not used: it is no file of uqmbd, or damaged.", file=sys.stderr, flush=True)
+            print(f"Note: {place} is ignored: it was not written by uqmbd, or is damaged.", file=sys.stderr, flush=True)
     path = write(tree, source.parent / "report.html", figures=figures)
     print(f"report   {path}")
     if show:
@@ -73,7 +73,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
     run.mkdir(parents=True, exist_ok=True)
     if not figures and folder.exists():
         print(
-            f"Note: the figures in {folder} are those of an earlier report; --figures writes them again.",
+            f"Note: the figures in {folder} belong to an earlier report; --figures updates them.",
             file=sys.stderr,
             flush=True,
         )
@@ -81,7 +81,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
         # what is there is replaced where uqmbd wrote it, and else left
         previous = make_way(run, [path.name, *([FIGURES] if figures else [])])
         if previous is not None:
-            print(f"Note: the report that was in {run} is in {previous} now.", file=sys.stderr, flush=True)
+            print(f"Note: the earlier report in {run} was moved to {previous}.", file=sys.stderr, flush=True)
         start_manifest(run)
         target = write_report(tree, path, sections=installed_sections(), folder=folder if figures else None)
     except OSError as error:
@@ -100,4 +100,4 @@ def open_report(path: Path) -> None:
     except webbrowser.Error:
         opened = False
     if not opened:
-        print(f"Note: no browser could be started; open {address}", file=sys.stderr, flush=True)
+        print(f"Note: no browser was found; open {address}", file=sys.stderr, flush=True)

@@ -42,12 +42,12 @@ def with_spread(mean: float, std: float) -> str:
     >>> with_spread(0.349613, 0.003121), with_spread(-12345.6, 250.0), with_spread(1.5, 0.0)
     ('0.3496 ± 0.0031', '-12346 ± 250', '1.5 ± 0')
     >>> with_spread(2.5e-7, 1.1e-9), with_spread(float("nan"), 1.0)
-    ('2.500e-07 ± 1.1e-09', 'not known')
+    ('2.500e-07 ± 1.1e-09', 'unknown')
     >>> with_spread(-1.6e-9, 0.55), with_spread(-1.6e-12, 2.3e-5)
     ('0.00 ± 0.55', '0 ± 2.3e-05')
     """
     if not (math.isfinite(mean) and math.isfinite(std)):
-        return "not known"
+        return "unknown"
     if std == 0.0:
         return f"{mean:.6g} ± 0"
     place = 1 - math.floor(math.log10(abs(std)))
@@ -77,13 +77,13 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row(Text(name), Text(unit), *(_final(node, number) for node in nodes.values()))
     if names and still:
         table.add_row("")
-        table.add_row(Text("without a time", style="italic"))
+        table.add_row(Text("scalar outputs", style="italic"))
     _add_scalars(table, list(nodes), still)
     _add_requirements(table, nodes)
     table.add_section()
     table.add_row("failed realisations", "", *_failed(nodes.values()))
     if any(int(node.attrs.get("failures", 0)) for node in still.values()):
-        table.add_row("without these values", "", *_failed(still.get(label) for label in nodes))
+        table.add_row("without scalar outputs", "", *_failed(still.get(label) for label in nodes))
     spent = (float(node.attrs.get("wall_time", 0.0)) for node in nodes.values())
     table.add_row("wall time", "", *(format_duration(time) for time in spent))
     if any("clock" in node.attrs for node in nodes.values()):
@@ -91,7 +91,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
     if len(names) > LINES:
-        screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
+        screen.print(f"... and {len(names) - LINES} more outputs, which the report contains.")
     _show_assessment(screen, tree)
     width = max(map(len, files), default=0)
     for kind, path in files.items():
@@ -128,13 +128,13 @@ def _show_assessment(screen: Console, tree: xr.DataTree) -> None:
     found = assess(tree)
     for sentence in found.contradictions:
         screen.print(Text(sentence, style="bold red"))
-    screen.print(Text("\nHow reliable is this result?", style="bold"))
-    table = plain_table("reliable", "what", "why")
+    screen.print(Text("\nReliability of the results", style="bold"))
+    table = plain_table("reliable", "quantity", "reason")
     for one in found.reliability[:RELIABILITY]:
         table.add_row(Text(f"{one.sign} {one.word}"), Text(one.name), Text(one.reason))
     screen.print(table)
     if len(found.reliability) > RELIABILITY:
-        screen.print(f"... and {len(found.reliability) - RELIABILITY} more, none worse.")
+        screen.print(f"... and {len(found.reliability) - RELIABILITY} more, none of them less reliable.")
     if said := (*found.recommendation, *found.reasons):
         print("", *said, "", sep="\n")
     if problem := tree.children["comparison"].attrs.get("problem") if "comparison" in tree.children else None:
@@ -163,7 +163,7 @@ def _add_requirements(table: Table, nodes: Mapping[str, xr.DataTree]) -> None:
         return
     if table.row_count:
         table.add_row("")
-    table.add_row(Text("violated with probability (95 %)", style="italic"))
+    table.add_row(Text("probability of violation (95 %)", style="italic"))
     for name, by_method in found.items():
         table.add_row(Text(name), "", *(Text(by_method[x].words if x in by_method else "–") for x in nodes))
 
@@ -186,8 +186,8 @@ def _final(node: xr.DataTree, output: int) -> str:
     mean = float(statistics["mean"])
     late = float(statistics.get("censored", 0.0))
     if late and not math.isfinite(mean):
-        return "does not always happen" if math.isnan(late) else f"does not happen in {format_share(late)}"
-    more = f"; does not happen in {format_share(late)}" if late else ""
+        return "does not always occur" if math.isnan(late) else f"does not occur in {format_share(late)}"
+    more = f"; does not occur in {format_share(late)}" if late else ""
     if math.isfinite(mean) and not varying(whole, rtol_of(node))[output]:
         return f"{mean:.6g}, no spread{more}"
     return with_spread(mean, float(statistics["std"])) + more

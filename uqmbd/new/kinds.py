@@ -44,16 +44,16 @@ PLUGIN_KINDS = {
         base="uqmbd.Component",
     ),
     "law": PluginKind(
-        title="A component with a law in a symbol",
-        what="a component that takes an expression or a table of the user",
-        example="two bodies that attract each other by a law of the user",
+        title="A component with a user-defined law",
+        what="a component with an expression or a table from the user",
+        example="two bodies that attract each other by a law from the user",
         module="component",
         page="how-to/plugins/law.md",
         registry="components",
         base="uqmbd.Component",
     ),
     "contact-law": PluginKind(
-        title="A law of contact",
+        title="A contact law",
         what="normal force and friction of a contact",
         example="the law of Lankarani and Nikravesh",
         module="contact_law",
@@ -62,7 +62,7 @@ PLUGIN_KINDS = {
     ),
     "propagator": PluginKind(
         title="A propagator",
-        what="a method that carries uncertainty",
+        what="a method that propagates uncertainty",
         example="first-order perturbation",
         module="propagator",
         page="how-to/plugins/propagator.md",
@@ -90,7 +90,7 @@ PLUGIN_KINDS = {
     "section": PluginKind(
         title="A section of the report",
         what="a part of the HTML report",
-        example="charts of how fast outputs change",
+        example="charts of the rates of outputs",
         module="section",
         page="how-to/plugins/report_section.md",
         registry="report_sections",
@@ -98,7 +98,7 @@ PLUGIN_KINDS = {
     ),
     "reader": PluginKind(
         title="A reader of model files",
-        what="what turns a file of another program into a mechanism",
+        what="conversion of a file of another program to a mechanism",
         example="tables of masses and springs",
         module="reader",
         page="how-to/other_models.md",
@@ -106,7 +106,7 @@ PLUGIN_KINDS = {
     ),
     "command": PluginKind(
         title="A command",
-        what="what is typed after `uqmbd`",
+        what="a subcommand of `uqmbd`",
         example="a list of the bodies of a study",
         module="command",
         page="how-to/plugins/command.md",

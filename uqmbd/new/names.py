@@ -62,13 +62,13 @@ def check_study_name(name: str) -> None:
     >>> check_study_name("crank")
     """
     if name.endswith(".py"):
-        raise StudyError(f"name {name!r}: leave out the .py; `uqmbd new study {name[:-3]}` writes {name}.")
+        raise StudyError(f"name {name!r}: omit the suffix .py; `uqmbd new study {name[:-3]}` writes {name}.")
     _check_plain(name)
     if not name.isidentifier():
         near = re.sub(r"\W+", "_", name).strip("_")
         near = near if near.isidentifier() else f"study_{near}".rstrip("_")
         raise StudyError(
-            f"name {name!r}: a study is a Python module, whose name has letters, digits and underscores and "
+            f"name {name!r}: a study is a Python module: its name has letters, digits and underscores, and "
             f"does not begin with a digit. Try {near!r}."
         )
     _check_reserved(name, name)
@@ -90,22 +90,22 @@ def check_plugin_name(name: str, kind: PluginKind) -> PluginNames:
         if not re.match("[a-z]", near):
             near = f"plugin-{near}".rstrip("-")
         raise StudyError(
-            f"name {name!r}: a package is called by small letters and digits, words of them parted by hyphens or "
-            f"underscores, and a letter first. Try {near!r}."
+            f"name {name!r}: the name of a package has lower-case letters and digits, with single hyphens or "
+            f"underscores between words, and begins with a letter. Try {near!r}."
         )
     names = PluginNames(name)
     if len(names.short) < 2:
-        raise StudyError(f"name {name!r}: it has one letter; give one that says what it is about.")
+        raise StudyError(f"name {name!r}: the name has a single letter; choose a descriptive name.")
     for word in (names.package, names.function, names.cls):
         _check_reserved(name, word)
     offered = names.cls if kind.offers == "class" else names.function
     if hasattr(builtins, offered):
         raise StudyError(
-            f"name {name!r}: what the package offers would be called {offered}, as a built-in name of Python; "
-            "choose another."
+            f"name {name!r}: the example would be named {offered}, which is a built-in name of Python; "
+            "choose another name."
         )
     if names.function.startswith("test"):
-        raise StudyError(f"name {name!r}: pytest takes what is called so for a test; choose another.")
+        raise StudyError(f"name {name!r}: pytest treats functions of this name as tests; choose another name.")
     return names
 
 
@@ -114,9 +114,9 @@ def check_module(name: str, module: str, folder: Path) -> None:
 
     Raise StudyError with where it is.
     """
-    where = "it is a part of Python" if module in sys.stdlib_module_names else _place(module, folder.resolve())
+    where = "part of Python" if module in sys.stdlib_module_names else _place(module, folder.resolve())
     if where:
-        raise StudyError(f"name {name!r}: there is a module {module} already ({where}); one would hide the other.")
+        raise StudyError(f"name {name!r}: a module {module} exists already ({where}); one would hide the other.")
 
 
 def _place(module: str, folder: Path) -> str:
@@ -130,26 +130,26 @@ def _place(module: str, folder: Path) -> str:
         return ""
     places = [found.origin] if found.has_location and found.origin else list(found.submodule_search_locations or [])
     if not places:
-        return "it is a part of Python"
+        return "part of Python"
     place = Path(places[0]).resolve()
     return "" if folder in place.parents or folder == place else str(place)
 
 
 def _check_plain(name: str) -> None:
     if not name.strip():
-        raise StudyError("the name is empty; give one that says what it is about.")
+        raise StudyError("the name is empty; choose a descriptive name.")
     if "/" in name or "\\" in name:
-        raise StudyError(f"name {name!r}: give a name, not a path; --folder says where it is written.")
+        raise StudyError(f"name {name!r}: expected a name, not a path; use --folder for the target folder.")
     if len(name) > LONGEST:
-        raise StudyError(f"name {name!r}: it has {len(name)} characters; {LONGEST} at most.")
+        raise StudyError(f"name {name!r}: the name has {len(name)} characters; the maximum is {LONGEST}.")
 
 
 def _check_reserved(name: str, word: str) -> None:
     if keyword.iskeyword(word):
-        raise StudyError(f"name {name!r}: {word} is a reserved word of Python; choose another.")
+        raise StudyError(f"name {name!r}: {word} is a reserved word of Python; choose another name.")
     if re.fullmatch("__.*__", word):
-        raise StudyError(f"name {name!r}: Python gives files of this name a meaning of its own; choose another.")
+        raise StudyError(f"name {name!r}: Python reserves file names of this form; choose another name.")
     if re.fullmatch("con|prn|aux|nul|(com|lpt)[0-9]", word.casefold()):
         raise StudyError(
-            f"name {name!r}: Windows keeps {word} for a device, and has no files of this name; choose another."
+            f"name {name!r}: Windows reserves {word} for a device, so no file can have this name; choose another name."
         )

@@ -61,7 +61,7 @@ def _check_registered(names: PluginNames, kind: PluginKind, target: Path) -> Non
         owner = plugins.owner(kind.registry, word)
     ours = (target / "src" / names.package).exists()  # --force, of a package that is installed from there
     if owner and not ours:
-        raise StudyError(f"name {names.name!r}: the {known.noun} {word!r} is that of {owner}; choose another.")
+        raise StudyError(f"name {names.name!r}: the {known.noun} {word!r} belongs to {owner}; choose another name.")
 
 
 def _check_free(name: str, offered: str, text: str) -> None:
@@ -72,8 +72,8 @@ def _check_free(name: str, offered: str, text: str) -> None:
                 module = node.module if isinstance(node, ast.ImportFrom) else alias.name
                 if (alias.asname or alias.name) == offered and not _is_own(module, name):
                     raise StudyError(
-                        f"name {name!r}: what the package offers would be called {offered}, as {module}.{offered}, "
-                        "which it uses; choose another."
+                        f"name {name!r}: the example would be named {offered}, like {module}.{offered}, "
+                        "which it uses; choose another name."
                     )
 
 

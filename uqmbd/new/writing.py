@@ -59,8 +59,8 @@ def write(texts: Mapping[Path, str], folder: Path, *, force: bool) -> list[Path]
     paths = [folder / path for path in texts]
     there = [str(path) for path in paths if path.exists() or path.is_symlink()]
     if there and not force:
-        are = "is" if len(there) == 1 else "are"
-        raise StudyError(f"{', '.join(there)} {are} there already, and nothing was written; --force overwrites.")
+        exist = "exists" if len(there) == 1 else "exist"
+        raise StudyError(f"{', '.join(there)} {exist} already, and nothing was written; use --force to overwrite.")
     for path, text in zip(paths, texts.values(), strict=True):
         path.parent.mkdir(parents=True, exist_ok=True)
         # without --force one that has come since is an error, too

@@ -107,7 +107,7 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
     """Return the page, and what its sections show."""
     result = StudyResult.of(tree)
     if not result.methods:
-        raise StudyError("A report needs the result of at least one propagator; there is none.")
+        raise StudyError("A report needs the result of at least one propagator; the tree contains none.")
     contents: dict[str, Content] = {}
     of_plugins = [_of_plugin(section, tree, f"section-{k}") for k, section in enumerate(sections, 1)]
     shown = [
@@ -137,7 +137,7 @@ def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Pa
     beside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
     previous = make_way(run, [REPORT, *([FIGURES] if beside else [])])
     if previous is not None:
-        warnings.warn(f"the report that was in {run} is in {previous} now", StudyWarning, stacklevel=3)
+        warnings.warn(f"the earlier report in {run} was moved to {previous}", StudyWarning, stacklevel=3)
     with scratch(run) as place:
         new = place / "new" / FIGURES if beside else figures
         if new is not None:
@@ -182,19 +182,19 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
     with Isolated() as work:
         given: Any = section.title
         if not isinstance(given, str):
-            raise TypeError(f"title is a {type(given).__name__}; a text is expected")
+            raise TypeError(f"title is a {type(given).__name__}; expected a text")
         title = str(given)
     problem = work.reason
     # it may do to its copy what it likes
     with Isolated() as work, _own_settings():
         made: Any = section.render(tree.copy())
         if not isinstance(made, str):
-            raise TypeError(f"render() returned a {type(made).__name__}; a text of HTML is expected")
+            raise TypeError(f"render() returned a {type(made).__name__}; expected a text of HTML")
         fragment = str(made)
     problem = problem or work.reason
     if problem:
         where = f"{kind.__module__}.{kind.__qualname__}"
-        warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=4)
+        warnings.warn(f"report section {title!r} ({where}) is omitted: {problem}", PluginWarning, stacklevel=4)
         return {"title": title, "anchor": anchor, "html": "", "problem": f"{problem} ({where})"}
     return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
 

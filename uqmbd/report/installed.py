@@ -38,6 +38,6 @@ def installed_sections() -> list[Section]:
             sections.append(section())
         if work.failed:
             who = plugins.owner("report_sections", name) or section.__module__
-            text = f"report section {name!r} of {who} is left out: {work.reason}"
+            text = f"report section {name!r} of {who} is omitted: {work.reason}"
             warnings.warn(text, PluginWarning, stacklevel=2)
     return sections

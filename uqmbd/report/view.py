@@ -95,16 +95,16 @@ class Method:
         kinds = {
             "angle": f"the angle {name}",
             "oscillation": f"the oscillation of {name}",
-            "angle, oscillation": f"the angle {name}, or of its oscillation where it does not turn",
+            "angle, oscillation": f"the angle {name}, or of its oscillation in realisations without full turns",
         }
-        said = f"realisations are compared at equal phase of {kinds.get(str(known.get('clock_kind')), name)}"
+        said = f"realisations are compared at equal phases of {kinds.get(str(known.get('clock_kind')), name)}"
         least, most = np.ravel(known.get("clock_turns", (math.nan, math.nan))).tolist()
         if math.isfinite(most) and most:
-            said += f", which makes {least:.3g} to {most:.3g} turns until the last output time"
+            said += f", with {least:.3g} to {most:.3g} turns until the last output time"
         if (longer := float(known.get("longer", 1.0))) > 1:
-            said += f"; they were followed {longer:.3g} times as long as the output times"
+            said += f"; they were integrated for {longer:.3g} times the duration of the study"
         if standing := float(known.get("standing", 0.0)):
-            said += f"; in about {standing:.1%} of them it stands, and they are compared at equal times"
+            said += f"; in about {standing:.1%} of them it stands still, and they are compared at equal times"
         return said
 
     @property
@@ -277,13 +277,13 @@ class StudyResult:
     @property
     def problems(self) -> list[str]:
         """Which methods gave no results, and why, and what else could not be computed."""
-        said = [f"There are no results of {label}: {reason}" for label, reason in failed_methods(self.tree).items()]
+        said = [f"{label} has no results: {reason}" for label, reason in failed_methods(self.tree).items()]
         problem = self.tree.children["comparison"].attrs.get("problem") if "comparison" in self.tree.children else None
         return said + ([f"The methods could not be compared: {problem}"] if problem else [])
 
     @property
     def findings(self) -> list[Finding]:
-        """What is probably wrong with the study, each once: of the study, then of each method, with its label."""
+        """Probable mistakes in the study, each once: of the study, then of each method, with its label."""
         found = _findings_of(self.tree)
         known = {one.text for one in found}
         for label, method in self.methods.items():

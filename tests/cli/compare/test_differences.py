@@ -52,7 +52,7 @@ def test_what_does_not_always_happen_is_not_compared(command_line, tmp_path):
         save(tree, tmp_path / name / "results.nc")
     status, out, err = command_line("compare", "one", "other")
     assert status == 0, err
-    assert "Not compared, for they do not happen in all realisations: reached." in out
+    assert "Not compared, because they do not occur in all realisations: reached." in out
     assert "last" in out
 
 

@@ -22,7 +22,7 @@ def test_nothing_to_go_on_with_is_told(command_line, tmp_path):
     (tmp_path / "results" / "unfinished" / "asked.json").write_text(json.dumps({"study": "0" * 32, "methods": {}}))
     status, _, said = command_line("run", "fall.py", "--no-report", "--resume")
     assert status == 0, said
-    assert said.splitlines().count("Note: --resume: nothing unfinished is in results; the run begins anew.") == 1
+    assert said.splitlines().count("Note: --resume: results contains no unfinished run; a new run starts.") == 1
 
 
 def test_who_is_waited_for_is_the_stage(command_line, tmp_path):

@@ -40,7 +40,7 @@ def test_sizes_are_said_stored_and_shown(command_line, script, tmp_path):
     assert 97 <= size <= 160
     assert "; 20 % was asked for" in tree["monte-carlo"].attrs["budget_summary"]
     assert json.loads(tree.attrs["budget"])["methods"]["collocation"]["size"] == 1
-    assert "Size of monte-carlo, chosen by what it states" in (tmp_path / "r" / "report.html").read_text()
+    assert "Size of monte-carlo, chosen by its stated error" in (tmp_path / "r" / "report.html").read_text()
     status, _, _ = command_line("run", script, "--out", "again", "--set", f"monte-carlo.samples={size}")
     assert status == 0
     again = load(tmp_path / "again" / "results.nc")

@@ -59,7 +59,7 @@ def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp
         assert err.index("writing the report") < err.index(reason)
         assert reason in json.loads(tree.attrs["failed"])[label]
     report = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
-    assert "There are no results of unfit: it cannot do this study: too many inputs" in report
+    assert "unfit has no results: it cannot do this study: too many inputs" in report
     assert "no &lt;licence&gt; found" in report and "no <licence>" not in report
     assert "--resume" in err  # chunks of what succeeded are kept, so that it costs little to go on
 
@@ -75,12 +75,12 @@ def test_results_with_failed_methods_are_reported_and_compared(cli, tmp_path, mo
     cli("run", "fall.py", "--out", "q", methods="MonteCarlo(samples=9, seed=2)")
     status, out, err = cli("compare", "r", "q", "--out", "both")
     assert (status, err) == (0, "")
-    assert "There are no results of broken in A: RuntimeError" in out
+    assert "broken has no results in A: RuntimeError" in out
     rows = [line.split() for line in out.splitlines()]
     assert ["method", "broken", "failed", "–"] in rows and not any(row[:1] == ["failed"] for row in rows)
     whole = results.load(tmp_path / "both" / "comparison.nc")
     assert list(json.loads(whole.attrs["failed"])) == ["A unfit", "A broken"]
-    assert "There are no results of A broken" in (tmp_path / "both" / "report.html").read_text(encoding="utf-8")
+    assert "A broken has no results" in (tmp_path / "both" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("methods", ["Unfit(), Broken()", "Broken(), Unfit()", "Unfit()", "Broken()"])

@@ -92,9 +92,9 @@ def test_results_say_so(results, tmp_path):
     assert "could not be drawn" not in text
     names = [axes.get_xlabel() for axes in scalar_densities(results).axes]
     assert names == ["fastest [m/s]", "reached [s]", "middle [s]"]
-    assert "reached does not happen in" in text
-    assert "its statistics are those of the others" in text
-    assert "a surrogate of the others would go on beyond them" in text
+    assert "reached does not occur in" in text
+    assert "its statistics use the others" in text
+    assert "a surrogate of the others would extrapolate" in text
 
 
 @pytest.mark.thorough

@@ -41,7 +41,7 @@ def test_limits_are_drawn_or_told():
     """A near one is a line with its name; one that would flatten the chart is stated in a note."""
     axes = drawn(np.sin(TIMES), limits={"near": 1.5, "far <away>": 1e6})
     said = [text.get_text() for text in axes.figure.legends[0].get_texts()]
-    assert "limit: near (1.5 N)" in said and "too far away: limit far <away> (1 × 10⁶ N)" in said
+    assert "limit: near (1.5 N)" in said and "outside the chart: limit far <away> (1 × 10⁶ N)" in said
     assert axes.get_ylim()[1] < 3 and 1.5 in [line.get_ydata()[0] for line in axes.lines if len(line.get_ydata())]
 
 

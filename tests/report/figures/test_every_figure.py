@@ -233,7 +233,7 @@ def test_every_figure_is_a_file(tree: xr.DataTree, tmp_path: Path) -> None:
             assert ET.parse(file).getroot().tag.endswith("svg")
     names = {file.name for file in files}
     assert {"height-bands.svg", "event-aligned-event-times.svg", "motion.gif", "split-elements.svg"} <= names
-    assert "When events happen" in page and "no. 1" in page
+    assert "Event times" in page and "no. 1" in page
 
 
 def test_a_figure_that_cannot_be_drawn_is_told_and_costs_no_other(tmp_path: Path) -> None:

@@ -70,13 +70,13 @@ def test_too_few_and_unexplained_failures() -> None:
     drawn = np.random.default_rng(1).random((300, 2))
     one = _samples(drawn, np.arange(300) == 5, [""] * 300, ["a", "b"])
     assert failure_words(one, failure_reasons(one)[0]) == [
-        "These samples are too few to tell which input is behind it."
+        "These samples are too few to identify the responsible input."
     ]
     some = _samples(drawn, np.arange(300) % 20 == 0, [""] * 300, ["a", "b"])
     assert failure_words(some, failure_reasons(some)[0]) == [
-        "No single input tells these samples from those that succeeded."
+        "No single input separates these samples from the successful ones."
     ]
-    assert failure_reasons(some)[0].text == "no reason was given"
+    assert failure_reasons(some)[0].text == "no reason was reported"
 
 
 def test_figure_shows_the_two_best_inputs(rods: xr.Dataset) -> None:
@@ -105,6 +105,6 @@ def test_report_explains_them(rods: xr.Dataset, tmp_path: object) -> None:
     page = report.write_report(tree, f"{tmp_path}/a.html").read_text(encoding="utf-8")
     reasons = failure_reasons(rods)
     assert f"Assembly failed: {len(reasons[0].samples)} samples (" in page
-    assert page.count('alt="Inputs of the failed samples among those of the others. ') == 2
+    assert page.count('alt="Inputs of failed and successful samples. ') == 2
     assert "rod_length: failed samples lie between 0.41 and 0.44 m" in page
     assert "could not be drawn" not in page

@@ -61,7 +61,7 @@ def test_curves_that_turn_back_are_lines():
 
 def test_what_cannot_be_drawn_is_told():
     node = node_of(np.zeros((2, 3)), np.ones((2, 3)))
-    with pytest.raises(uqmbd.StudyError, match="to be drawn over itself"):
+    with pytest.raises(uqmbd.StudyError, match="cannot be drawn over itself"):
         over_output(node, "x", over="x")
     with pytest.raises(uqmbd.StudyError, match="There is no output 'z'"):
         over_output(node, "x", over="z")
@@ -95,7 +95,7 @@ def test_every_method_and_the_report(tmp_path):
 
     write_report(load(tmp_path / "results.nc"), tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "How it goes with way: the mean, and the bands" in page
+    assert "Curve over way: the mean, and the bands" in page
     assert page.count("height over way") >= 1
 
 

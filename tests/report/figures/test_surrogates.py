@@ -69,7 +69,7 @@ def test_vanishing_spread_is_greyed_out(orders: xr.DataTree) -> None:
     quiet = std <= 0.01 * std.max()
     assert quiet[0] and 0 < quiet.sum() < 6  # all start at x = 1
     figure = _drawn(report.sobol_indices(node, OUTPUT))
-    assert _legend(figure)[-1] == "hardly any spread"
+    assert _legend(figure)[-1] == "small standard deviation"
     for axes in figure.axes:
         boxes = [path.get_extents() for path in axes.collections[-1].get_paths()]
         covered = [any(box.x0 <= t < box.x1 for box in boxes) for t in times]
@@ -87,7 +87,7 @@ def test_negligible_inputs_are_others() -> None:
     total = first + 0.005
     names = [f"input_{k}" for k in rng.permutation(10)]
     figure = _drawn(report.sobol_indices(_with_indices(first, total, std, names), "x"))
-    assert _legend(figure) == [*names[:3], "7 others", "hardly any spread"]
+    assert _legend(figure) == [*names[:3], "7 others", "small standard deviation"]
     np.testing.assert_allclose(figure.axes[0].lines[3].get_ydata(), first.sum(axis=0))
     np.testing.assert_allclose(figure.axes[1].lines[3].get_ydata(), total[3:].sum(axis=0))
 
@@ -173,7 +173,7 @@ def test_decay_of_a_constant(orders: xr.DataTree) -> None:
     for name in ("constant 力", "zero"):
         figure = report.coefficient_decay(orders, name)
         assert [axes.texts[0].get_text() for axes in figure.axes] == ["no spread", "no spread"]
-        assert _legend(report.sobol_indices(orders, name))[-1] == "hardly any spread"
+        assert _legend(report.sobol_indices(orders, name))[-1] == "small standard deviation"
 
 
 def test_stated_error_and_its_horizon(orders: xr.DataTree) -> None:
@@ -311,9 +311,9 @@ def test_errors_say_what_is_missing(study: xr.DataTree, orders: xr.DataTree) -> 
     """No indices, no chaos, an unknown output: each is a message with the name."""
     with pytest.raises(StudyError, match="no Sobol' indices over time in 'monte-carlo'"):
         report.sobol_indices(study, OUTPUT)
-    with pytest.raises(StudyError, match="'monte-carlo' holds no polynomial chaos"):
+    with pytest.raises(StudyError, match="'monte-carlo' has no polynomial chaos"):
         report.coefficient_decay(study["monte-carlo"], OUTPUT)
-    with pytest.raises(StudyError, match="None of these results holds a polynomial chaos"):
+    with pytest.raises(StudyError, match="None of these results contains a polynomial chaos"):
         report.coefficient_decay(study, OUTPUT)
     for draw in (report.sobol_indices, report.coefficient_decay, report.differences, report.order_convergence):
         with pytest.raises(StudyError, match="no output 'y'|None of these"):

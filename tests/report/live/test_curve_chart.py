@@ -72,7 +72,7 @@ def test_peaks_of_each_of_many_times_are_kept():
         ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' has an infinity; NaN says"),
         ([0.0, 1.0], [Curve("a", ["x", "y"])], "expected real numbers"),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0.0], [1.0, 1.0]),))], "the lower end of 'b' of 'a' has (1,)"),
-        ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a name of its own"),
+        ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a different name for each"),
         ([0.0, 1.0], [Curve(3, [1.0, 2.0])], "expected texts"),
         ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected two at most"),
     ],
@@ -256,7 +256,7 @@ def test_several_charts_have_axes_of_their_own():
 def test_charts_that_do_not_fit_together_are_refused(chart, expected):
     with pytest.raises(StudyError, match=expected):
         charts_html([chart], "", "")
-    with pytest.raises(StudyError, match="a title of its own"):
+    with pytest.raises(StudyError, match="a different title"):
         report.charts_html([Chart("y", [0.0, 1.0], [Curve("a", [1, 2])], "t")] * 2, "alt", "caption")
     with pytest.raises(StudyError, match="a sequence of one or more uqmbd.report.Chart"):
         charts_html([], "", "")

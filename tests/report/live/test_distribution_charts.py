@@ -103,7 +103,7 @@ def test_inputs_have_their_density_and_show_where_samples_failed():
         x, f = smooth(given[:, column])
         inner = (places > x[0]) & (places < x[-1])
         np.testing.assert_allclose(
-            curves["smooth estimate"][inner], np.interp(places, x[1:-1], f[1:-1])[inner], rtol=1e-6
+            curves["kernel density estimate"][inner], np.interp(places, x[1:-1], f[1:-1])[inner], rtol=1e-6
         )
         failed = view["methods"][-1]
         assert failed["label"] == "inputs of failed samples" and np.isnan(curves[failed["label"]]).all()
@@ -148,6 +148,6 @@ def test_a_page_of_outputs_without_a_time_has_their_table_and_chart(tmp_path):
     node = scalar_method("a", {"f1": rng.normal(5, 1, 200)})
     page = report.write_report(results.study_tree([node], study="s", mechanism="m"), tmp_path / "report.html")
     text = page.read_text(encoding="utf-8")
-    section = text[text.index("<h2>Outputs without a time") :]
+    section = text[text.index("<h2>Scalar outputs") :]
     assert 'data-name="standard deviation"' in section and "could not be drawn" not in text
     assert 'data-alt="Probability densities of f1."' in section

@@ -112,7 +112,7 @@ def test_the_input_that_matters_most_comes_first(make_chaos):
 
 
 def test_without_a_surrogate_there_is_a_reason(study):
-    assert "samples and no surrogate" in explorer_data(study)["reason"]
+    assert "samples, but no surrogate" in explorer_data(study)["reason"]
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_without_a_surrogate_there_is_a_reason(study):
         (3.5, "highest", None, "met", "met by 0.50 m: 3 m at 2 s"),
         (2.5, "highest", None, "violated", "violated by 0.50 m: 3 m at 2 s"),
         (-1.2, "lowest", None, "met", "met by 0.20 m: −1 m at 1 s"),
-        (-0.9, "lowest", 0.2, "near", "too near to tell: −1 m at 1 s"),
+        (-0.9, "lowest", 0.2, "near", "undecided, nearer than the stated error: −1 m at 1 s"),
     ],
 )
 def test_limits_are_held_against_the_nearest_value(node, limit, end, error, kind, words):
@@ -137,9 +137,9 @@ def test_limits_are_held_against_the_nearest_value(node, limit, end, error, kind
     ("margin", "error", "kind", "words"),
     [
         (0.5, 0.01, "met", "met by 0.50; stated error 0.010"),
-        (-0.5, None, "violated", "violated by 0.50; its error is not known"),
-        (-0.5, 0.6, "near", "too near to tell: stated error 0.60"),
-        (None, 0.1, "unknown", "not known"),
+        (-0.5, None, "violated", "violated by 0.50; error unknown"),
+        (-0.5, 0.6, "near", "undecided: stated error 0.60"),
+        (None, 0.1, "unknown", "unknown"),
     ],
 )
 def test_margins_are_held_against_their_errors(node, margin, error, kind, words):

@@ -142,7 +142,7 @@ def test_requirements_that_compare_no_output_with_a_number_follow_the_sliders(op
         margin = float(margins.evaluate_germs(margins.space.to_germs(np.array([values(page)])))[0, 0, -1])
         sign, verb = ("✓", "met") if margin >= 0 else ("✗", "violated")
         said = verdicts(page)["deep enough"]
-        assert said.startswith((f"{sign} {verb} by ", "? too near to tell"))
+        assert said.startswith((f"{sign} {verb} by ", "? undecided"))
         if not said.startswith("?"):
             assert number(said.removeprefix(f"{sign} {verb} by ").split(";")[0]) == pytest.approx(abs(margin), rel=0.06)
         seen.append(said)
@@ -184,7 +184,7 @@ def test_a_slider_tells_value_place_and_units(opened, flat):
     field.fill("0.7")
     field.press("Enter")
     settle(page)
-    assert "Beyond the realisations by which errors are known" in page.locator(".inputs-box .state").inner_text()
+    assert "Outside the verification realisations" in page.locator(".inputs-box .state").inner_text()
     page.get_by_role("button", name="All at their means").click()
     settle(page)
     assert values(page)[0] == 0.5 and page.locator(".inputs-box .state").inner_text() == ""
@@ -225,7 +225,9 @@ def test_the_mechanism_follows_the_sliders(opened, flat):
     longest = picture(page)
     slide(page, 0, "Home")
     assert len({before, longest, picture(page)}) == 3
-    assert "stated error of what is drawn at most" in page.locator("#explore .stage-holder .state").first.inner_text()
+    assert (
+        "stated error of the drawn points at most" in page.locator("#explore .stage-holder .state").first.inner_text()
+    )
     page.get_by_role("checkbox", name="realisations").uncheck()
     assert picture(page) != before
 

@@ -72,8 +72,7 @@ def test_a_limit_that_is_far_away_is_told_and_leaves_the_curve_its_height(opened
     page = opened(page_file)
     assert page.locator("#in-view .limits").inner_text().strip() == "limit: floor (\N{MINUS SIGN}0.53 m)"
     assert (
-        page.locator("#in-view .beyond:not(.lines)").inner_text()
-        == "Too far away to be drawn: the limit of cellar (−50 m)."
+        page.locator("#in-view .beyond:not(.lines)").inner_text() == "Outside the chart: the limit of cellar (−50 m)."
     )
     figure = page.locator("#in-view")
     rows = figure.locator("canvas").evaluate(

@@ -60,7 +60,7 @@ def colour_at(page, part, across, down):
 
 def test_the_element_under_the_pointer_is_told_and_shaded_by_its_error(opened, page_file):
     page = opened(page_file)
-    figure = figure_of(page, "The elements in the plane")
+    figure = figure_of(page, "Elements in the plane")
     box = figure.locator(".u-over").bounding_box()
     chart = elements_data(made(four(), np.array([0.001, 0.01, 0.1, 0.02])))
     shades = []
@@ -81,7 +81,7 @@ def test_the_element_under_the_pointer_is_told_and_shaded_by_its_error(opened, p
 
 def test_dark_pages_have_shades_of_their_own(opened, page_file):
     page = opened(page_file, color_scheme="dark")
-    figure = figure_of(page, "The elements in the plane")
+    figure = figure_of(page, "Elements in the plane")
     low, high = (sum(colour_at(page, figure, x, y)[:3]) for x, y in ((0.1, 0.65), (0.6, 0.65)))
     assert low < high
 
@@ -108,7 +108,7 @@ def test_bars_are_over_their_names_and_can_be_switched_off(opened, page_file):
 
 def test_requirements_have_the_time_of_the_page_on_the_first_screen_and_below(opened, page_file):
     page = opened(page_file)
-    figure = figure_of(page, "Probability of having been violated")
+    figure = figure_of(page, "Probability of a violation")
     seen = figure.locator(".view:not(.away)")
     page.evaluate("document.dispatchEvent(new CustomEvent('uqmbd-time', { detail: { time: 0.5, source: null } }))")
     assert seen.locator("caption").inner_text() == "At 0.5 s, in %"

@@ -117,7 +117,7 @@ def test_errors_are_those_of_the_dataset_in_the_order_of_levels():
     looks = [(m["shape"], m.get("hollow", False), tuple(m["dash"])) for m in by_runs["methods"][:4]]
     assert len(set(looks)) == 4 and looks[0][0] == looks[1][0] != looks[2][0]
     own = [m for m in by_runs["methods"] if m.get("quiet")]
-    assert [m["label"] for m in own] == ["the reference itself: standard deviation"]
+    assert [m["label"] for m in own] == ["reference error: standard deviation"]
     np.testing.assert_allclose(values(own[0]), 0.5)
 
 

@@ -90,7 +90,7 @@ def test_poses_are_kept_with_the_motion(tmp_path):
     data = packed_poses(made["pose_surrogate"])
     assert json_script(packed_poses(again["pose_surrogate"])) == json_script(data)
     assert live_surrogate(made["mc"])["reason"] == with_poses(tree.drop_nodes("c"), study)[1]
-    assert "not known" in with_poses(tree.drop_nodes("motion"), study)[1]
+    assert "unknown" in with_poses(tree.drop_nodes("motion"), study)[1]
     dear = tree.copy()
     dear["c"].attrs |= {"wall_time": 100.0, "realisations": made["pose_surrogate"].attrs["realisations"]}
     without, reason = with_poses(dear, study)
@@ -99,5 +99,5 @@ def test_poses_are_kept_with_the_motion(tmp_path):
 
 def test_samples_alone_give_no_poses():
     study = uqmbd.Study("posed", turning(), np.linspace(0, 0.2, 5), [MonteCarlo(samples=4, seed=1, label="mc")])
-    with pytest.raises(StudyError, match="no surrogate, hence none of poses"):
+    with pytest.raises(StudyError, match="no surrogate, so there is none of the poses"):
         pose_surrogate(study, "mc", frames=3)

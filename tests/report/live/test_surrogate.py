@@ -197,7 +197,7 @@ def test_samples_alone_are_refused_with_a_reason():
     made = propagator_node(
         "mc", statistics_dataset(axes, mean=still, std=still), propagator="p", realisations=1, wall_time=0.0
     )
-    assert "samples and no surrogate" in live_surrogate(made)["reason"]
+    assert "samples, but no surrogate" in live_surrogate(made)["reason"]
 
 
 def test_a_surrogate_that_is_too_large_for_a_page_is_refused_with_its_size():

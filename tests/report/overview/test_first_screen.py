@@ -93,7 +93,7 @@ def test_inputs_that_depend_on_one_another_have_correlations_and_no_shares():
     found = of_history(StudyResult.of(results.study_tree([node], study="s", mechanism="m")), "y")
     expected = {name: np.corrcoef(x, response[:, 0, -1])[0, 1] for name, x in (("a", a), ("b", b))}
     assert dict(zip(found.names, found.shares, strict=True)) == pytest.approx(expected)
-    assert found.words.startswith(f"{found.names[0]} (correlation ") and "depend on one another" in found.kind
+    assert found.words.startswith(f"{found.names[0]} (correlation ") and "whose inputs are dependent" in found.kind
 
 
 def test_a_requirement_is_met_where_all_methods_say_so():
@@ -167,7 +167,7 @@ def test_a_page_of_samples_alone_says_why_it_has_no_sliders(tmp_path):
         tree = results.study_tree([node], study="s", mechanism="m")
         return report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
 
-    assert "Inputs cannot be chosen in this page: There are samples and no surrogate" in page(sampled())
+    assert "This report has no sliders for the inputs: The results contain samples, but no surrogate" in page(sampled())
     alone = sampled()
     assert 'id="explore"' not in page(alone.drop_nodes("samples"))
 

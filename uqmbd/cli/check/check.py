@@ -81,7 +81,7 @@ def _show_check(script: Path, figure: Path | None) -> None:
     screen.print(f"  mobility    {_mobility(found)}")
     if found.redundant:
         redundant = ", ".join(found.redundant)
-        screen.print(f"  redundant   {redundant} (follow from the others, and are left out)", markup=False)
+        screen.print(f"  redundant   {redundant} (follow from the others and are omitted)", markup=False)
     if found.not_unique:
         undetermined = ", ".join(found.not_unique)
         screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
@@ -144,11 +144,11 @@ def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
     if not isinstance(mechanism, ImportedMechanism):
         return
     screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
-    table = plain_table("not taken, or changed", "count", "which", "why")
+    table = plain_table("omitted or changed", "count", "elements", "reason")
     for row in mechanism.not_taken:
         table.add_row(Text(row.what), str(row.count), Text(row.listed), Text(row.why))
     screen.print()
-    screen.print(table if len(mechanism.not_taken) else "All that the file says was taken.")
+    screen.print(table if len(mechanism.not_taken) else "The import is complete: nothing was omitted or changed.")
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:
@@ -195,7 +195,7 @@ def _show_components(screen: Console, components: tuple[tuple[str, str, int], ..
     for name, kind, equations in components:
         table.add_row(Text(name), Text(kind), str(equations))
     screen.print()
-    screen.print(table if components else "No components: every body moves freely.")
+    screen.print(table if components else "There are no components: every body moves freely.")
 
 
 def _show_controllers(screen: Console, controllers: tuple[tuple[str, str, str, str], ...]) -> None:
@@ -212,12 +212,12 @@ def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...]) -> N
     for name, distribution, units in inputs:
         table.add_row(Text(name), Text(distribution), Text(typeset_units(units)))
     screen.print()
-    screen.print(table if inputs else "No random inputs: every realisation is the same.")
+    screen.print(table if inputs else "There are no random inputs: all realisations are equal.")
 
 
 def _show_requirements(screen: Console, study: Study) -> None:
     """Print what the mechanism has to satisfy."""
-    table = plain_table("requirement", "relation", "holds", "description")
+    table = plain_table("requirement", "relation", "required", "description")
     for requirement in study.mechanism.requirements.values():
         when = "at all times" if requirement.over_time else "once"
         table.add_row(*map(Text, (requirement.name, requirement.relation, when, requirement.description)))
@@ -232,7 +232,7 @@ def _show_findings(screen: Console, study: Study) -> None:
     try:
         found = findings(study)
     except UqmbdError as error:  # such as a study without outputs, which is not finished
-        screen.print(f"Findings: none can be listed yet. {error}", markup=False, soft_wrap=True)
+        screen.print(f"Findings: not available. {error}", markup=False, soft_wrap=True)
         return
     screen.print(f"Findings: {len(found) or 'none'}")
     for finding in found:
@@ -241,7 +241,7 @@ def _show_findings(screen: Console, study: Study) -> None:
 
 def _show_propagators(screen: Console, study: Study) -> None:
     """Print the study's propagators, what each would take, and the others that are installed."""
-    table = plain_table("propagator", "type", "fits", "options other than by default")
+    table = plain_table("propagator", "type", "suitable", "non-default options")
     for propagator in study.propagators:
         names = (Text(propagator.node_name), Text(type(propagator).__name__))
         table.add_row(*names, _fit(propagator, study), Text(_options(propagator)))
@@ -254,7 +254,7 @@ def _show_propagators(screen: Console, study: Study) -> None:
     used = {type(propagator).name for propagator in study.propagators}
     others = sorted(set(plugins.propagators()) - used)
     if others:
-        screen.print(f"Installed besides: {', '.join(others)}", markup=False)
+        screen.print(f"Other installed propagators: {', '.join(others)}", markup=False)
 
 
 def _options(propagator: Any) -> str:
@@ -297,8 +297,10 @@ def _show_estimates(screen: Console, study: Study) -> None:
     if timing is not None:
         each = format_duration(timing.each) if timing.each >= 1e-3 else f"{1e6 * timing.each:.0f} μs"
         measured = f"{format_count(timing.count, 'realisation')}, {each} each"
-        screen.print(f"Times are estimates for one worker, by {measured}, without statistics and report.", markup=False)
-        screen.print("Sizes by a time and an accuracy: uqmbd run --budget 10min --accuracy 1%", markup=False)
+        screen.print(
+            f"Estimated times are for one worker, without statistics and report; measured by {measured}.", markup=False
+        )
+        screen.print("To choose sizes by time and accuracy: uqmbd run --budget 10min --accuracy 1%", markup=False)
 
 
 def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str) -> str:

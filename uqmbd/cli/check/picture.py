@@ -25,7 +25,9 @@ def require_format(path: Path) -> None:
     uqmbd.errors.StudyError: --figure crank.docx: a picture is written as .png, .svg or .pdf.
     """
     if path.suffix.lower() not in FORMATS:
-        raise StudyError(f"--figure {path}: a picture is written as {', '.join(FORMATS[:-1])} or {FORMATS[-1]}.")
+        raise StudyError(
+            f"--figure {path}: expected a file name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}."
+        )
 
 
 def draw_figure(study: Study, path: Path) -> None:

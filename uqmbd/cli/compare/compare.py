@@ -49,15 +49,15 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
     for (letter, tree), path in zip(trees.items(), paths, strict=True):
         found = propagator_nodes(tree)
         if not found:
-            raise StudyError(f"{path} holds no result of any method.")
+            raise StudyError(f"{path} contains no results.")
         nodes |= {f"{letter} {label}": node for label, node in found.items()}
         screen.print(Text(f"{letter}  {path}: {', '.join(found)}"))
         if not_verified(tree):
-            screen.print(Text(f"   {letter} is not verified: uqmbd wrote no digest into this file."))
+            screen.print(Text(f"   {letter} is not verified: this file has no digest."))
         for label, reason in failed_methods(tree).items():
-            screen.print(Text(f"   There are no results of {label} in {letter}: {reason}"))
+            screen.print(Text(f"   {label} has no results in {letter}: {reason}"))
     if len(nodes) < 2:
-        raise StudyError(f"{paths[0]} holds one method only; give another result to compare it with.")
+        raise StudyError(f"{paths[0]} contains a single method; give a second result for the comparison.")
     _show_differences(screen, trees)
     rtol = max(float(tree.attrs.get("rtol", 0.0)) for tree in trees.values())
     from uqmbd.results import align
@@ -67,7 +67,7 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
     moving = {label: node for label, node in nodes.items() if node["statistics"].sizes["output"]}
     still, left_out = happening(scalar_nodes(nodes))
     if left_out:
-        screen.print(Text(f"Not compared, for they do not happen in all realisations: {', '.join(left_out)}."))
+        screen.print(Text(f"Not compared, because they do not occur in all realisations: {', '.join(left_out)}."))
     for some in (moving, still):
         for group in _groups(list(some), chosen) if len(some) > 1 else ():
             aligned, notes = align({label: some[label] for label in group})
@@ -83,10 +83,12 @@ def _show_all(trees: Mapping[str, xr.DataTree], paths: Sequence[Path], reference
 
 def _file(path: Path) -> Path:
     if not path.exists():
-        raise StudyError(f"There is no such file or folder: {path}; give a result file, or the folder of a run.")
+        raise StudyError(f"{path}: no such file or folder; expected a result file, or the folder of a run.")
     if path.is_dir() and path.suffix != ".zarr":
         if not (path / "results.nc").exists():
-            raise StudyError(f"There is no results.nc in {path}; give a result file, or the folder of a run.")
+            raise StudyError(
+                f"{path}: the folder contains no results.nc; expected a result file, or the folder of a run."
+            )
         return path / "results.nc"
     return path
 
@@ -94,7 +96,7 @@ def _file(path: Path) -> Path:
 def _chosen(reference: str, labels: list[str]) -> str:
     found = [label for label in labels if reference in (label, label.partition(" ")[2])]
     if not found:
-        raise StudyError(f"--reference {reference}: there is no such method; there are {', '.join(labels)}.")
+        raise StudyError(f"--reference {reference}: no such method; expected one of: {', '.join(labels)}.")
     return found[0]
 
 
@@ -122,9 +124,9 @@ def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None
     if len(trees) < 2:
         return
     if not found:
-        screen.print("Studies, inputs, options and versions are the same.")
+        screen.print("Studies, inputs, options and versions are equal.")
         return
-    table = plain_table("what differs", *trees)
+    table = plain_table("difference", *trees)
     for name, given in found:
         table.add_row(Text(name), *(Text(given[letter]) for letter in trees))
     screen.print()
@@ -138,7 +140,7 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
     for label in (str(m) for m in found["method"].values):
         if label == reference:
             continue
-        screen.print(Text(f"\n{label}  against  {reference}", style="bold"))
+        screen.print(Text(f"\n{label} compared with {reference}", style="bold"))
         table = plain_table("output", "units", "largest mean difference", "largest std difference", "verdict")
         row = found.sel({"method": label})  # `method` as a keyword is another thing to xarray
         for number, output in enumerate(found["output"].values):
@@ -166,7 +168,7 @@ def _show_requirements(screen: Console, nodes: Mapping[str, xr.DataTree]) -> Non
     if not found:
         return
     labels = [label for label in nodes if any(label in by_method for by_method in found.values())]
-    table = plain_table("requirement, violated with probability (95 %)", *labels, right=len(labels))
+    table = plain_table("requirement: probability of violation (95 %)", *labels, right=len(labels))
     for name, by_method in found.items():
         table.add_row(Text(name), *(Text(by_method[x].words if x in by_method else "–") for x in labels))
     screen.print()

@@ -42,7 +42,7 @@ def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], o
         sizing = known[label].sizing(study, accuracy_of(chosen["accuracy"])) if label in known else None
         if sizing is not None and option in (sizing.option, *sizing.also):
             raise StudyError(
-                f"--set {setting} contradicts {asked}, by which {option} of {label} is chosen; leave one of them out."
+                f"--set {setting} contradicts {asked}, which chooses {option} of {label}; omit one of them."
             )
 
 

@@ -92,7 +92,7 @@ def run_study(
 
     said = [] if allowed is None else unmet(propagator_nodes(tree), allowed)
     if allowed is not None and not said:
-        print(f"All requirements are met: each is violated with at most {format_probability(allowed)}, by all methods.")
+        print(f"All requirements are met: all methods state probabilities of at most {format_probability(allowed)}.")
     said += missed(tree)
     for sentence in said:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
@@ -128,11 +128,11 @@ def _run(
         study = study.with_propagators(apply_settings(settings, study.propagators))
     if require is not None and not study.mechanism.requirements:
         raise StudyError(
-            f"--require {require:g}: mechanism {study.mechanism.name!r} has no requirements; state what must hold, "
-            "e.g. mechanism.require('clearance', slider.position[0] <= 0.47), or leave --require out."
+            f"--require {require:g}: mechanism {study.mechanism.name!r} has no requirements. Add one, "
+            "such as mechanism.require('clearance', slider.position[0] <= 0.47), or omit --require."
         )
     if not study.propagators:
-        raise StudyError(f"{script}: the study has no propagators; give it some, as in propagators=[MonteCarlo(...)].")
+        raise StudyError(f"{script}: the study has no propagators; add some, such as propagators=[MonteCarlo(...)].")
     # Before the work, not after it: a folder that cannot be written should cost no hours.
     with claimed(writable(out)):
         if workers is not None and (awaited := workers.awaited):
@@ -140,11 +140,11 @@ def _run(
         with (workers or Workers()).at_work(script) as executor:
             if resume and not is_kept(out):
                 print(
-                    f"Note: --resume: nothing unfinished is in {out}; the run begins anew.", file=sys.stderr, flush=True
+                    f"Note: --resume: {out} contains no unfinished run; a new run starts.", file=sys.stderr, flush=True
                 )
             previous = set_aside(out, _needed(report=report, figures=figures), _stores(study, only))
             if previous:
-                print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
+                print(f"Note: the earlier results in {out} were moved to {previous}.", file=sys.stderr, flush=True)
             tree = _computed(study, executor, only, out, script, progress, resume=resume, **chosen)
         about = _origin(script, require)
         return _delivered(tree, study, out, script, progress, about=about, report=report, figures=figures)
@@ -227,17 +227,17 @@ def _delivered(
         show_summary(tree, files=files, title=f"{study.name}: ")
         failed = failed_methods(tree)
         for label, reason in failed.items():
-            print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
+            print(f"Error: {label} has no results: {reason}", file=sys.stderr, flush=True)
         if failed.keys() - too_small_for(tree) and is_kept(out):
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
         if problem:
             print(
-                f"Error: {problem}\nThe results are there; to write the report of them again: uqmbd report {out}",
+                f"Error: {problem}\nThe results are complete. To write their report: uqmbd report {out}",
                 file=sys.stderr,
                 flush=True,
             )
         if not report:
-            print(f"report   not written; for one: uqmbd report {out}")
+            print(f"report   not written; to write it: uqmbd report {out}")
         return not (failed or problem), tree, files.get("report")
 
     return summed_up
@@ -275,7 +275,7 @@ def _origin(script: Path, require: float | None) -> dict[str, Any]:
 
 def _how_to_go_on(script: Path, out: Path) -> str:
     return (
-        f"What is computed so far is kept in {out}. To go on (with other options as before): "
+        f"The completed part is stored in {out}. To continue (with the same other options): "
         f"uqmbd run {script} --out {out} --resume"
     )
 

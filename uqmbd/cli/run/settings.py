@@ -154,8 +154,8 @@ def _option_types(propagator: Propagator) -> dict[str, Any]:
 
 def _listed(propagators: Sequence[Propagator]) -> str:
     if not propagators:
-        return "It has no propagators at all."
-    return "It has: " + ", ".join(f"{p.node_name} ({type(p).__name__})" for p in propagators) + "."
+        return "The study has no propagators."
+    return "Its propagators: " + ", ".join(f"{p.node_name} ({type(p).__name__})" for p in propagators) + "."
 
 
 def _options(propagator: Propagator) -> str:

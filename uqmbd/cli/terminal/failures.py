@@ -42,8 +42,8 @@ def explained(*, debug: bool) -> Iterator[None]:
     except MemoryError as error:
         _leave(error, "Error: out of memory; try fewer samples, outputs, times or workers.", FAILED, debug=debug)
     except Exception as error:
-        hint = "" if debug else " Run it again with --debug to see where it comes from, and please report it."
-        message = f"Error: {type(error).__name__}: {error}\nThis is a mistake in uqmbd, in a plugin or in the study."
+        hint = "" if debug else " Run the command with --debug for a traceback, and report the error."
+        message = f"Error: {type(error).__name__}: {error}\nThe error is in uqmbd, in a plugin or in the study."
         _leave(error, message + hint, FAILED, debug=debug)
 
 

@@ -78,7 +78,7 @@ def checked(
         made.append(replace(curve, values=values, bands=bands))
     names = [curve.name for curve in made]
     if len(set(names)) < len(names):
-        raise StudyError(f"{where}: its curves are named {names}; expected a name of its own for each.")
+        raise StudyError(f"{where}: its curves are named {names}; expected a different name for each.")
     return moments, made
 
 

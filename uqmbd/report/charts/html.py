@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["chart_figure", "chart_html", "charted", "charts_html", "still_html"]
 
-NOTHING_TO_DRAW = "Not drawn, as there is no spread, or there are not two values that a line could join: "
+NOTHING_TO_DRAW = "Not drawn, because the output does not vary or has fewer than two values: "
 """What stands in place of a chart without data, before its caption."""
 
 Shown = Chart | Views
@@ -126,7 +126,7 @@ def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str 
         )
     titles = [chart.title for chart in charts]
     if len(set(titles)) < len(titles):
-        raise StudyError(f"charts_html: the charts have the titles {titles}; expected a title of its own for each.")
+        raise StudyError(f"charts_html: the charts have the titles {titles}; expected a different title for each.")
     views = Views([checked_chart(chart) for chart in charts], choose)
     return image_html({"source": "", "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(views)))
 

@@ -124,7 +124,7 @@ def _draw(axes: Axes, whole: Chart, letters: int, height: float, *, alone: bool 
         legend[said] = axes.axhline(value, color=FAILED, ls=(0, (1.25, 1.875)), lw=1.6)
     for name, value in beyond.items():
         (nothing,) = axes.plot([], [], ls="")
-        legend[f"too far away: limit {name} ({format_quantity(value, typeset_units(chart.units))})"] = nothing
+        legend[f"outside the chart: limit {name} ({format_quantity(value, typeset_units(chart.units))})"] = nothing
     _right(axes, chart, places, letters)
     _up(axes, chart, limits)
     for span in chart.spans:

@@ -26,7 +26,7 @@ __all__ = ["CHARTED", "drawn_source", "figure_html", "image_html", "still_image"
 CHARTED = '<figure class="charted"'
 """How the figure of a chart begins; scripts of the page look for it."""
 
-UNSEEN = "(A chart that a script draws; its numbers are in the tables.) "
+UNSEEN = "(This chart needs scripts; its numbers are in the tables.) "
 """What stands where no script draws a chart that has no picture."""
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"

@@ -109,7 +109,7 @@ def densities_chart(results: Results | Samples, output: str, times: Sequence[flo
 
 @typechecked
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
-    """Draw how an output is distributed at some times: histograms as densities, and a smooth estimate.
+    """Draw how an output is distributed at some times: histograms as densities, and a kernel density estimate.
 
     Of several methods the first has bars and a curve, the others a curve each.  A method without samples that holds a
     polynomial chaos is drawn from samples of it.
@@ -245,7 +245,7 @@ def inputs_chart(node: Samples, space: GermSpace | None = None) -> Views:
     """
     charts = []
     for one in input_densities(node, space):
-        line = ["smooth estimate" if one.curve.known is None else "distribution"]
+        line = ["kernel density estimate" if one.curve.known is None else "distribution"]
         shown = densities(one.values, [one.curve])
         looks: dict[str, Any] = {"colour": INPUT, "failed": one.failed}
         charts.append(density_chart(one.name, one.name, one.units, shown, line, "histogram of the samples", **looks))
@@ -262,7 +262,7 @@ def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
         The node of a propagator that has ``samples``, or its samples.
     space : GermSpace, optional
         Of these inputs, as a surrogate of the same study stores it: with it, curves are the distributions that were
-        sampled, where it knows them; else they are smooth estimates.
+        sampled, where it knows them; else they are kernel density estimates.
 
     Returns
     -------

@@ -140,11 +140,11 @@ def elements_in_words(node: xr.DataTree) -> str:
     split = [f"{names[k]} at {n} {'place' if n == 1 else 'places'}" for k, n in enumerate(counts) if n]
     text = f"{label_of(node)} split the inputs into {data.sizes['element']} elements"
     if not split:
-        return f"{text}: none was needed."
+        return f"{text}: no split was needed."
     rest = [names[k] for k, n in enumerate(counts) if not n]
     text += f": {', '.join(split)}" + (f", {', '.join(rest)} not at all" if rest else "")
     computed = node.attrs.get("elements_computed")
-    more = "" if computed is None else f" On the way {int(computed)} elements were computed."
+    more = "" if computed is None else f" {int(computed)} elements were computed in total."
     return f"{text}.{more}"
 
 

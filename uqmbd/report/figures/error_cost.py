@@ -111,7 +111,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
             if low < own < high and count > 1:
                 look = Look("quiet", dash, 1.0, joined=True, quiet=True)
                 places, level = np.geomspace(spent.min(), spent.max(), count), np.full(count, own)
-                curves.append(Curve(f"the reference itself: {name}", level, (), "", look=look, places=places))
+                curves.append(Curve(f"reference error: {name}", level, (), "", look=look, places=places))
         charts.append(
             Chart(
                 f"error of {output}",
@@ -130,7 +130,7 @@ def cost_chart(convergence: xr.Dataset, output: str) -> Views:
                 heading=f"reference: {convergence.attrs.get('reference', '')}" if not charts else "",
             )
         )
-    return Views(charts, "What it costs", heights=(1.85,))
+    return Views(charts, "Cost", heights=(1.85,))
 
 
 @typechecked

@@ -104,7 +104,7 @@ def _pattern(message: str) -> str:
 def _joined(messages: list[str]) -> str:
     """Return one message for many of the same pattern."""
     if not messages[0]:
-        return "no reason was given"
+        return "no reason was reported"
     if len(set(messages)) == 1:
         return messages[0]
     plain = [_BRACKETS.sub("", message) for message in messages]
@@ -176,9 +176,9 @@ def failure_words(node: Samples, reason: FailureGroup) -> list[str]:
             f"(all samples {_short(float(everything.min()))} to {_short(float(everything.max()))}{unit}); {others}."
         )
     if not sentences and len(reason.samples) < ENOUGH:
-        return ["These samples are too few to tell which input is behind it."]
+        return ["These samples are too few to identify the responsible input."]
     if not sentences:
-        return ["No single input tells these samples from those that succeeded."]
+        return ["No single input separates these samples from the successful ones."]
     return sentences
 
 

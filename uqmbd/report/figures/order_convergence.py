@@ -60,8 +60,8 @@ def orders_of(results: Results, output: str, reference: str | None = None) -> tu
             found.append(Convergence(name, orders, realisations, mean, std))
     if not found:
         raise StudyError(
-            f"There is no other chaos to compare {chosen!r} with; run the propagator at several orders, with labels "
-            "as 'collocation-1', 'collocation-2'."
+            f"There is no other chaos to compare {chosen!r} with. Run the propagator at several orders, with labels "
+            "such as 'collocation-1', 'collocation-2'."
         )
     return chosen, found
 
@@ -73,7 +73,7 @@ def _has(node: xr.DataTree, output: str) -> bool:
 def _off(node: xr.DataTree, output: str, base: xr.Dataset, scale: float) -> tuple[float, float]:
     other = of_output(node.children["statistics"], output)
     if not np.array_equal(times_of(other), times_of(base)):
-        raise StudyError(f"Only methods with the same times can be compared; those of {node.name!r} differ.")
+        raise StudyError(f"Only methods with the same times can be compared. Those of {node.name!r} differ.")
     mean, std = (float(np.abs(other[name].values - base[name].values).max()) / scale for name in ("mean", "std"))
     return mean, std
 

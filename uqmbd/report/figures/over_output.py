@@ -85,7 +85,7 @@ def paths_over(results: Results, output: str, over: str) -> Over:
     Raise StudyError if no such output exists, or both are the same.
     """
     if output == over:
-        raise StudyError(f"Output {output!r} is to be drawn over itself; give another output as over=.")
+        raise StudyError(f"Output {output!r} cannot be drawn over itself; give another output as over=.")
     nodes = nodes_of(results)
     paths = {label: _paths(node, output, over) for label, node in nodes.items()}
     first = next(iter(nodes.values())).children["statistics"]

@@ -70,7 +70,7 @@ def violated_by(results: Results) -> Figure:
     """
     found = violations_chart(nodes_of(results))
     if found is None:
-        raise StudyError("There are no requirements whose probability of being violated grows with time.")
+        raise StudyError("There are no requirements whose probability of violation grows with time.")
     return paper(found)
 
 

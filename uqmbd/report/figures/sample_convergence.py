@@ -27,7 +27,7 @@ __all__ = ["ESTIMATED", "SamplingPlan", "Settling", "convergence", "design_of", 
 NORMAL_95 = 1.96
 _POINTS = 120
 ESTIMATED = {"mean": "mean", "std": "standard deviation"}
-"""What is estimated, and what it is called."""
+"""Statistic, and what it is called."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def settling(node: Samples, output: str, time: float | None = None) -> Settling:
     response = of_output(samples, output)["response"]
     fine = samples["status"].values == Status.OK
     if fine.sum() < 2:
-        raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: there is nothing to converge.")
+        raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: a convergence chart needs two.")
     if time is None:
         with np.errstate(invalid="ignore"):
             chosen = int(np.std(response.values[fine], axis=0).argmax())
@@ -156,7 +156,7 @@ def settling_chart(node: Samples, output: str, time: float | None = None) -> Vie
                 heading=f"t = {found.time:.4g} s" if name == "mean" else "",
             )
         )
-    return Views(charts, "What is estimated", columns=1, shared=True)
+    return Views(charts, "Statistic", columns=1, shared=True)
 
 
 @typechecked

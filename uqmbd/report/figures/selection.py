@@ -66,7 +66,7 @@ def samples_of(node: Samples) -> xr.Dataset:
             return node
         raise StudyError("This figure is drawn from samples: a dataset with 'response' and 'status' is needed.")
     if "samples" not in node.children:
-        raise StudyError(f"The propagator {node.name!r} kept no samples; this figure is drawn from samples.")
+        raise StudyError(f"The propagator {node.name!r} stored no samples; this figure is drawn from samples.")
     return node.children["samples"].to_dataset()
 
 

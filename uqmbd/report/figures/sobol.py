@@ -1,4 +1,4 @@
-"""Which inputs matter: Sobol' indices over time, with the standard deviation that they are shares of."""
+"""Sobol' indices over time, with the standard deviation to which they refer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NEGLIGIBLE = 0.02
 """Inputs whose total index never exceeds this, where the output spreads, are not shown one by one."""
 TOO_LARGE = 0.1
 """Stated error of a chaos above which another one tells better what matters."""
-OF_GERMS = "“b | a” is what b adds once a is known"
+OF_GERMS = "“b | a” is the contribution of b, given a"
 INTERACTING = 0.002
 """Share of the variance from which on interactions are drawn."""
 
@@ -129,8 +129,8 @@ def indices_chart(found: Indices, output: str, most: int = 5) -> Chart:
             found.names[k],
             found.total[k] + quiet,
             (),
-            "takes part in",
-            columns=(Column("explains alone", found.first[k] + quiet),),
+            "total index",
+            columns=(Column("first-order index", found.first[k] + quiet),),
         )
         for k in named
     ]
@@ -160,7 +160,9 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
     # shares of next to nothing are any number, and do not decide how high the axes reach
     reach = np.where(found.meaningful, [one for _, _, one, _ in layers], 0.0)
     over = float(base.max(where=found.meaningful, initial=0.0))
-    spans = tuple(Span("hardly any spread", runs) for runs in [_quiet_runs(times, found.meaningful)] if len(runs))
+    spans = tuple(
+        Span("small standard deviation", runs) for runs in [_quiet_runs(times, found.meaningful)] if len(runs)
+    )
     heading = f"of germs, as inputs are dependent: {OF_GERMS}" if found.of_germs else ""
     ends = min(0.0, 1.02 * float(reach.min())), max(1.0, 1.02 * float(reach.max()))
     highest = 1.08 * float(std.max())

@@ -78,8 +78,8 @@ def chaos_of(
     """Return the chaos of a method, or of one of its outputs, or at the times nearest to some; none is an error."""
     if not _has_chaos(node):
         raise StudyError(
-            f"The propagator {node.name!r} holds no polynomial chaos of outputs over time; this figure is drawn from "
-            "one. Use the node of a propagator that makes one, as collocation does."
+            f"The propagator {node.name!r} has no polynomial chaos of outputs over time, which this figure shows. "
+            "Use the node of a propagator that computes one, such as collocation."
         )
     data = node.children["chaos"].to_dataset()
     if output is not None:
@@ -103,7 +103,7 @@ def finest(nodes: Mapping[str, xr.DataTree]) -> str:
     """
     found = chaos_nodes(nodes) or surrogate_nodes(nodes)
     if not found:
-        raise StudyError("None of these results holds a polynomial chaos of outputs over time.")
+        raise StudyError("None of these results contains a polynomial chaos of outputs over time.")
     return max(found, key=lambda label: (order_of(found[label]), int(found[label].attrs.get("realisations", 0))))
 
 
@@ -132,7 +132,7 @@ def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
 def times_of(data: xr.Dataset) -> NDArray[np.float64]:
     """Return the times; outputs without times are an error."""
     if "time" not in data.sizes:
-        raise StudyError("This figure is drawn over time, and these outputs have no times.")
+        raise StudyError("This figure is drawn over time, and these outputs have no time.")
     return np.asarray(data["time"].values, dtype=float)
 
 

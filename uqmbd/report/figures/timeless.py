@@ -134,7 +134,7 @@ def scalar_densities(results: Results) -> Figure:
     """
     found = scalars_chart(results)
     if found is None:
-        raise StudyError("There are no samples of outputs without a time, and no chaos of them.")
+        raise StudyError("There are no samples and no polynomial chaos of scalar outputs.")
     return paper(found)
 
 
@@ -179,7 +179,7 @@ class NumberedEvent:
     @property
     def title(self) -> str:
         """What it is called, and in how many realisations it happens if not in all."""
-        share = "" if self.share > 0.9995 else f" ({100 * self.share:.2g} % reach it)"
+        share = "" if self.share > 0.9995 else f" ({100 * self.share:.2g} % of realisations)"
         return f"{self.name}, no. {self.number}{share}"
 
 
@@ -227,7 +227,7 @@ def events_chart(events: Sequence[NumberedEvent]) -> Views:
     charts = []
     for event in events:
         shown = densities(event.times, [DensityCurve(event.times)])
-        named = ["smooth estimate"]
+        named = ["kernel density estimate"]
         charts.append(density_chart(event.title, "time", "s", shown, named, "histogram", heading=event.title))
     return Views(charts, "Event")
 
@@ -261,7 +261,7 @@ def event_times(results: Results) -> Figure:
     node = next((n for n in nodes_of(results).values() if has_events(n)), None)
     events = [] if node is None else earliest_events(node)
     if not events:
-        raise StudyError("None of these results follows events; use Collocation(alignment='events').")
+        raise StudyError("None of these results is aligned with events; use Collocation(alignment='events').")
     return paper(events_chart(events))
 
 

@@ -121,7 +121,7 @@ export function makeChart(figure, model) {
     "aria-label": `${model.across.name[0].toUpperCase()}${model.across.name.slice(1)} in the chart of ${files}`,
     "aria-valuemin": model.at[0],
     "aria-valuemax": model.at[model.at.length - 1],
-    title: `Drag to zoom in, double-click for all. Keys: ← → move the ${linked ? "time" : "cursor"}, + − zoom, 0 shows all. Ctrl and the wheel zoom, too.`,
+    title: `Drag to zoom in, double-click to show all. Keys: ← → move the ${linked ? "time" : "cursor"}, + − zoom, 0 shows all. Ctrl and the wheel also zoom.`,
   });
   const all = button(linked && !plane ? "Show all times" : "Show all", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
   all.hidden = true;
@@ -133,9 +133,9 @@ export function makeChart(figure, model) {
     button("−", "Zoom out", () => zoomBy(2)),
     button("CSV", `Save the numbers of this chart (${model.time.length} ${linked ? "times" : "places"})`, () =>
       saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(files, "csv"))),
-    button("PNG", "Save what this chart shows as a picture", () =>
+    button("PNG", "Save the visible part of this chart as a picture", () =>
       pixelsOf(model, seenIn(plot)).toBlob((blob) => saveBlob(blob, fileName(files, "png")))),
-    button("SVG", "Save what this chart shows as a drawing", () =>
+    button("SVG", "Save the visible part of this chart as a vector drawing", () =>
       saveBlob(new Blob([svgText(drawingOf(model, seenIn(plot)))], { type: "image/svg+xml" }), fileName(files, "svg"))),
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
@@ -151,7 +151,7 @@ export function makeChart(figure, model) {
   if (model.boxes) space.after(shadesOf(model.boxes));
   if (model.beyond.length) {
     const list = model.beyond.map(({ name, value }) => `${name} (${formatQuantity(value, model.units)})`).join(", ");
-    holder.append(element("p", { class: "beyond" }, `Too far away to be drawn: the limit of ${list}.`));
+    holder.append(element("p", { class: "beyond" }, `Outside the chart: the limit of ${list}.`));
   }
   figure.prepend(holder);
   figure.classList.add("live");
@@ -206,7 +206,7 @@ export function makeChart(figure, model) {
       const spread = model.methods[0].columns[0].values[index];
       chosenRow.classList.toggle("hidden-method", !chosen.shown);
       chosenValue.textContent = formatNumber(chosen.values[index], spread);
-      chosenError.textContent = chosen.rms ? `stated error ${unbroken(formatError(chosen.rms[index], model.units))}` : "its error is not known";
+      chosenError.textContent = chosen.rms ? `stated error ${unbroken(formatError(chosen.rms[index], model.units))}` : "its error is unknown";
     }
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));

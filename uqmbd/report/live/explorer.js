@@ -1,4 +1,4 @@
-// Other inputs: a slider for each, and what the stored surrogate says at them, for tables, charts and the player.
+// What-if: a slider for each input; the stored surrogate is evaluated there for tables, charts and the player.
 
 import { unpackArray } from "./arrays.js";
 import { button, element, oncePerPicture } from "./dom.js";
@@ -49,7 +49,7 @@ export function makeExplorer(panel, data) {
     docked,
   );
   const status = element("p", { class: "state", role: "status" });
-  // what matters most comes first
+  // the main contributor comes first
   const list = element("div", { class: "inputs-list" }, ...(data.order ?? rows.map((_, k) => k)).map((k) => rows[k].row));
   const box = element("div", { class: "chart inputs-box", role: "group", "aria-label": "Inputs" }, tools, list, status);
 
@@ -87,10 +87,10 @@ export function makeExplorer(panel, data) {
     verdicts.push({ find, cell, row: element("tr", {}, element("th", { scope: "row" }, name), element("td", { class: "text" }, meaning), cell) });
   }
   if (verdicts.length) {
-    const titles = ["Requirement", "It says", "At these inputs"].map((text) => element("th", { scope: "col" }, text));
+    const titles = ["Requirement", "Condition", "At these inputs"].map((text) => element("th", { scope: "col" }, text));
     const notes = [];
-    if (data.limits.length) notes.push("Limits of outputs are held against these, at their times.");
-    if (margins) notes.push(`${data.limits.length ? "Other requirements have" : "Requirements have"} a surrogate of the smallest margin over the whole motion, in the units of the limit.`);
+    if (data.limits.length) notes.push("Limits of outputs are compared with these outputs, at the output times.");
+    if (margins) notes.push(`${data.limits.length ? "Other requirements are" : "Requirements are"} evaluated by a surrogate of the smallest margin over the whole motion, in the units of the limit.`);
     const about = element("caption", {}, notes.join(" "));
     const all = element("table", {}, about, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
     panel.append(element("div", { class: "wide readout limits", tabindex: 0, role: "region", "aria-label": "Requirements at these inputs" }, all));
@@ -107,7 +107,7 @@ export function makeExplorer(panel, data) {
       const spread = about.std[at];
       row[0].textContent = unbroken(formatQuantity(own.values[at], units, spread));
       row[1].textContent = unbroken(`${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`);
-      row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "not known");
+      row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "unknown");
     }
   }
 
@@ -143,8 +143,8 @@ export function makeExplorer(panel, data) {
     rows.forEach((row, k) => row.show(germs, inputs[k]));
     const names = (numbers) => [...numbers].map((k) => surrogate.germs[k].name).join(", ");
     const said = [];
-    if (beyond.outside.size) said.push(`Impossible: ${names(beyond.outside)}.`);
-    if (beyond.unverified.size) said.push(`Beyond the realisations by which errors are known: ${names(beyond.unverified)}.`);
+    if (beyond.outside.size) said.push(`Outside the distribution: ${names(beyond.outside)}.`);
+    if (beyond.unverified.size) said.push(`Outside the verification realisations, so the error is unknown: ${names(beyond.unverified)}.`);
     status.textContent = said.join(" ");
     read();
     judge(outputs);

@@ -85,8 +85,8 @@ export function inputRow(surrogate, k, mean, choose) {
   density.append(flipped);
   const about = [input.description];
   if (!input.map) about.push(input.reason);
-  else if (given.length) about.push(`It depends on ${given.join(", ")}: when they move, it moves along; its place is that among realisations in which they are the same.`);
-  if (germ.values) about.push("It takes these values only.");
+  else if (given.length) about.push(`It depends on ${given.join(", ")} and changes with them. Its position is that among realisations with equal values of these.`);
+  if (germ.values) about.push("It has only these values.");
   const reset = button("↺", `Reset ${input.name} to its ${input.map ? "mean" : "median"}`, () => choose(mean));
   reset.setAttribute("aria-label", reset.title);
   const row = element(
@@ -131,7 +131,7 @@ export function inputRow(surrogate, k, mean, choose) {
     const scale = input.map ? Math.abs(spread(germs)) : 0;
     const text = input.map ? formatNumber(now, scale) : "";
     if (input.map) value.value = plainNumber(now, scale);
-    else value.textContent = "value not known";
+    else value.textContent = "value unknown";
     const told = `${formatLevel(lower)} of realisations are ${germ.values ? "this or lower" : "lower"}${given.length ? `, given ${given.join(", ")}` : ""}`;
     place.textContent = told;
     slider.setAttribute("aria-valuetext", `${text}${text ? units : ""}; ${told}`);

@@ -10,13 +10,13 @@ import { formatError, formatNumber, formatQuantity } from "./numbers.js";
  * @returns { kind, words }: kind "met", "violated", "near" (nearer to the limit than its stated error), or "unknown"
  */
 export function limitAt({ limit, end }, { values, times, rms }, units) {
-  if (values.length === 0 || values.some(Number.isNaN)) return { kind: "unknown", words: "not known at all times" };
+  if (values.length === 0 || values.some(Number.isNaN)) return { kind: "unknown", words: "unknown at some times" };
   const margins = Array.from(values, (v) => (end === "highest" ? limit - v : v - limit));
   const k = margins.reduce((least, margin, n) => (margin < margins[least] ? n : least), 0);
   const margin = margins[k];
   const when = times ? ` at ${formatNumber(times[k], (times[times.length - 1] - times[0]) / 10)} s` : "";
   const value = `${formatQuantity(values[k], units, Math.abs(margin))}${when}`;
-  if (rms && Math.abs(margin) < rms[k]) return { kind: "near", words: `too near to tell: ${value}` };
+  if (rms && Math.abs(margin) < rms[k]) return { kind: "near", words: `undecided, nearer than the stated error: ${value}` };
   return margin >= 0
     ? { kind: "met", words: `met by ${formatError(margin, units)}: ${value}` }
     : { kind: "violated", words: `violated by ${formatError(-margin, units)}: ${value}` };
@@ -29,9 +29,9 @@ export function limitAt({ limit, end }, { values, times, rms }, units) {
  * @returns as of `limitAt`
  */
 export function marginAt(margin, rms) {
-  if (!Number.isFinite(margin)) return { kind: "unknown", words: "not known" };
+  if (!Number.isFinite(margin)) return { kind: "unknown", words: "unknown" };
   const by = formatError(Math.abs(margin), "");
-  const error = rms === null ? "its error is not known" : `stated error ${formatError(rms, "")}`;
-  if (rms !== null && Math.abs(margin) < rms) return { kind: "near", words: `too near to tell: ${error}` };
+  const error = rms === null ? "error unknown" : `stated error ${formatError(rms, "")}`;
+  if (rms !== null && Math.abs(margin) < rms) return { kind: "near", words: `undecided: ${error}` };
   return margin >= 0 ? { kind: "met", words: `met by ${by}; ${error}` } : { kind: "violated", words: `violated by ${by}; ${error}` };
 }

@@ -42,7 +42,7 @@ export function makePlayer(figure, data) {
   const scrub = element("input", { type: "range", min: 0, max: times.length - 1, step: 1, "aria-label": "Time of the mechanism" });
   const told = element("output", { class: "clock" });
   const { natural, speeds } = speedsOf(end - begin);
-  const speed = element("select", { title: "Seconds of the motion in a second" });
+  const speed = element("select", { title: "Seconds of motion per second" });
   for (const x of speeds) speed.append(element("option", { value: x }, x === 1 ? "real time" : `${formatNumber(x)} ×`));
   speed.value = String(natural);
   const controls = element("div", { class: "controls" }, play, scrub, told);
@@ -59,10 +59,10 @@ export function makePlayer(figure, data) {
   if (view.spatial) {
     stage.tabIndex = 0;
     stage.classList.add("turns");
-    stage.title = "Drag to turn; keys ← → ↑ ↓ turn, 0 looks from the first side, space plays.";
-    if (!small) controls.append(button("Reset view", "Look from the first side (key 0)", () => turn(null)));
+    stage.title = "Drag to rotate. Keys: ← → ↑ ↓ rotate, 0 resets the view, space plays.";
+    if (!small) controls.append(button("Reset view", "Reset the view (key 0)", () => turn(null)));
   }
-  if (!small) controls.append(button("PNG", "Save what is shown as a picture", save));
+  if (!small) controls.append(button("PNG", "Save the view as a picture", save));
   const status = small ? figure.querySelector("figcaption") : element("p", { class: "state", role: "status" });
   const atMeans = small ? status.textContent : "At the means of the inputs.";
   const holder = element("div", { class: "chart stage-holder" }, stage, controls);
@@ -133,7 +133,7 @@ export function makePlayer(figure, data) {
   const words = () => (found ? "at the chosen inputs" : "at the means of the inputs");
 
   // what a picture is that stands still while the time runs
-  const held = mechanism.resolved ? "" : ` It moves too fast to be drawn between ${times.length} times: the nearest one is shown.`;
+  const held = mechanism.resolved ? "" : ` The motion is too fast to be interpolated between ${times.length} times; the nearest time is shown.`;
 
   function say() {
     tellInputs();
@@ -145,8 +145,8 @@ export function makePlayer(figure, data) {
     else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
     else {
       const rms = live.largestError(mechanism.reaches);
-      const error = rms === null ? "its error is not known" : `stated error of what is drawn at most ${formatError(rms, "m")}`;
-      const beyond = found.unverified.length || found.outside.length ? " These inputs lie beyond the realisations by which it is known." : "";
+      const error = rms === null ? "its error is unknown" : `stated error of the drawn points at most ${formatError(rms, "m")}`;
+      const beyond = found.unverified.length || found.outside.length ? " These inputs are outside the verification realisations." : "";
       status.textContent = `At the chosen inputs, by the surrogate: ${error}.${beyond}`;
     }
   }

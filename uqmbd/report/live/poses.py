@@ -127,7 +127,9 @@ def _run_again(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dat
     """Return surrogates of the coordinates by the method itself, by their paths, and how many realisations it took."""
     node, names = observed_bodies(study, frames, method)
     if not surrogate_parts(node):
-        raise StudyError(f"The method {method!r} makes no surrogate, hence none of poses; collocation and Galerkin do.")
+        raise StudyError(
+            f"The method {method!r} has no surrogate, so there is none of the poses. Collocation and Galerkin have one."
+        )
     found = {}
     for part, (kind, data) in surrogate_parts(node).items():
         own = data.to_dataset()
@@ -171,7 +173,7 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     ('', ['stone'])
     """
     if "motion" not in tree.children:
-        return tree, "The motion of the mechanism is not known."
+        return tree, "The motion of the mechanism is unknown."
     extended = tree.copy()
     try:
         extended["pose_surrogate"] = _affordable(tree, study)
@@ -193,7 +195,9 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
     if isinstance(known, PolynomialChaos):
         cost *= (_wanted(known.multi_index) + CHECKED) / max(float(tree.children[method].attrs["realisations"]), 1.0)
     if not cost <= allowed:
-        raise StudyError(f"Realisations for poses would take {cost:.3g} s; {allowed:.3g} s are allowed.")
+        raise StudyError(
+            f"The realisations for the poses would take {cost:.3g} s; at most {allowed:.3g} s are allowed."
+        )
     return pose_surrogate(study, method, tree.children["motion"].sizes["time"], known)
 
 
@@ -204,14 +208,17 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
     `packed_poses`. Return why there is none, or empty.
     """
     if node.attrs.get("method") != method:
-        return None, f"The poses have surrogates of {node.attrs.get('method')}, the page that of {method}."
+        return (
+            None,
+            f"The surrogates of the poses are those of {node.attrs.get('method')}; the page contains that of {method}.",
+        )
     try:
         data = packed_poses(node)
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the mechanism is drawn without it
         return None, f"{type(error).__name__}: {error}"
     size = len(json_script(data))
     if size > most:
-        return None, f"The surrogates of the poses take {size / 1e6:.1f} MB; there is room for {most / 1e6:.1f} MB."
+        return None, f"The surrogates of the poses take {size / 1e6:.1f} MB; the page has room for {most / 1e6:.1f} MB."
     return data, ""
 
 

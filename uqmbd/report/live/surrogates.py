@@ -62,7 +62,7 @@ LARGEST = 4_000_000
 """Characters of data beyond which a surrogate is not put into a page."""
 
 
-NO_SURROGATE = "There are samples and no surrogate; collocation and Galerkin make one."
+NO_SURROGATE = "The results contain samples, but no surrogate. Collocation and Galerkin compute one."
 """Why nothing can be evaluated in a page."""
 
 
@@ -110,7 +110,7 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
     size = len(json_script(data))
     if size > most:
         return {
-            "reason": f"The surrogate takes {size / 1e6:.1f} MB, and a page has room for {most / 1e6:.1f} MB: choose a "
+            "reason": f"The surrogate takes {size / 1e6:.1f} MB, but a page has room for {most / 1e6:.1f} MB: choose a "
             "lower order, fewer output times or fewer outputs."
         }
     return data
@@ -147,7 +147,7 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
             if loss <= MARGIN:
                 break
         else:
-            raise StudyError(f"By its compression the surrogate loses {loss:.3g} times what it may.")
+            raise StudyError(f"The compression error of the surrogate is {loss:.3g} times the allowed one.")
         parts.append(data if used.all() else {**data, "used": packed(used.astype(float), "int32")})
         worst = max(worst, loss)
     times = chaos.labels.times

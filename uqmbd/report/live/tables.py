@@ -45,8 +45,8 @@ GRID = 8.0
 """Standard normal up to which means of tables are summed."""
 
 UNKNOWN = (
-    "It depends on other inputs by a joint distribution that this page does not evaluate: its slider shows how "
-    "probable lower values are, given the inputs before it."
+    "It depends on other inputs by a joint distribution that this page does not evaluate. Its slider shows the "
+    "probability of lower values, given the inputs before it."
 )
 """Why an input has no values."""
 

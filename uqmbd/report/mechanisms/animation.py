@@ -177,7 +177,7 @@ def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | Non
     target = check_target(path)
     ending = target.suffix.lower()
     if seconds is not None and not 0 < seconds < 3600:
-        raise StudyError(f"The animation is to take {seconds:g} s; expected a number between 0 and an hour.")
+        raise StudyError(f"The duration of the animation is {seconds:g} s; expected a number between 0 and an hour.")
     program = shutil.which("ffmpeg")
     duration = seconds or _duration(data)
     film = Film(data, width, 100)
@@ -204,10 +204,10 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     ending = target.suffix.lower()
     if ending not in (".gif", ".mp4"):
-        raise StudyError(f"An animation is written as .gif or .mp4; {str(target)!r} ends in neither.")
+        raise StudyError(f"An animation is written as .gif or .mp4; {str(target)!r} has neither suffix.")
     if ending == ".mp4" and shutil.which("ffmpeg") is None:
         raise StudyError(
-            f"{str(target)!r} needs the program ffmpeg, which is not on the path; install it, or write a .gif instead."
+            f"{str(target)!r} needs the program ffmpeg, which is not on the PATH; install it, or write a .gif instead."
         )
     return target
 
@@ -354,4 +354,4 @@ def _mp4(film: Film, seconds: float, program: str, path: Path) -> None:
     done = subprocess.run([*command, str(path)], input=content, capture_output=True, check=False)  # noqa: S603
     if done.returncode or not path.exists():
         reason = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        raise StudyError(f"ffmpeg could not write the animation: {reason[-1] if reason else 'it gave no reason'}.")
+        raise StudyError(f"ffmpeg could not write the animation: {reason[-1] if reason else 'it reported no reason'}.")

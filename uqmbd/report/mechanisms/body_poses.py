@@ -83,7 +83,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise StudyError(f"motion of {study.name!r}: {name} is {value!r}; expected a whole number from {least} on.")
     if len(study.times) < 2:
-        raise StudyError(f"motion of {study.name!r}: the study has no output times, so that nothing moves in it.")
+        raise StudyError(f"motion of {study.name!r}: the study has no output times, so there is no motion.")
     times = np.linspace(study.times[0], study.times[-1], frames)
     means = study.mechanism.inputs.means[None, :]
     known = {"method": method or "", "seed": seed, "rtol": study.rtol, "integrator": study.integrator}
@@ -139,7 +139,9 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
         order = [i.name for i in chaos.labels.inputs]
         columns = [order.index(name) for name in study.mechanism.inputs.names]
         return inputs[:, columns], response[:, [known.index(name) for name in names], :].transpose(0, 2, 1)
-    raise StudyError(f"study {study.name!r}: {method!r} keeps neither samples nor a chaos; animate without --method.")
+    raise StudyError(
+        f"study {study.name!r}: {method!r} stores neither samples nor a polynomial chaos; animate without --method."
+    )
 
 
 def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTree, list[str]]:

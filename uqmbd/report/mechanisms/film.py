@@ -84,7 +84,7 @@ class Film:
         made = canvas_for(
             self.bounds,
             width=self.width,
-            labels=" beside the mechanism's path" if self.followed else "",
+            labels=", in the frame that follows the mechanism" if self.followed else "",
         )
         made.figure.set_dpi(self.resolution)
         size = made.figure.get_size_inches()

@@ -72,7 +72,7 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     shapes = sketch.draw(made.sheet, points)
     made.draw(shapes)
     _write(made, *placed_names(sketch.labels(made.sheet, points), shapes, made.sheet.box))
-    note = f"{mechanism.name} – as drawn: it cannot be assembled" if data.attrs["note"] else mechanism.name
+    note = f"{mechanism.name} – as defined, because it cannot be assembled" if data.attrs["note"] else mechanism.name
     _title(made, note, warning=bool(data.attrs["note"]))
     return made.figure
 
@@ -151,7 +151,7 @@ def pose_still(data: xr.Dataset) -> Drawing:
             font_weight=weight, text_anchor="middle", stroke="#ffffff", stroke_width=2, paint_order="stroke",
         )  # fmt: skip
     if data.attrs["note"]:
-        made.text(6, 12, "as drawn: it cannot be assembled", "limit", font_size=10)
+        made.text(6, 12, "as defined, because it cannot be assembled", "limit", font_size=10)
     return made
 
 

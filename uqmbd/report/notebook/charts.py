@@ -77,7 +77,7 @@ def surrogate_charts(chaos: PolynomialChaos) -> str:
     return (
         ""
         if chaos.labels.times is None
-        else noted("Its outputs over time cannot be drawn", lambda: _of_surrogate(chaos))
+        else noted("The outputs over time cannot be drawn", lambda: _of_surrogate(chaos))
     )
 
 
@@ -90,7 +90,7 @@ def _of_surrogate(chaos: PolynomialChaos) -> str:
     node = propagator_node("surrogate", statistics, propagator="surrogate", realisations=SAMPLES, wall_time=0.0)
     result = StudyResult.of(study_tree([node], study="", mechanism=""))
     count = int(statistics["quantile"].attrs.get("samples", SAMPLES))
-    said = f"<p>Bands are those of {format_integer(count)} samples of the surrogate.</p>"
+    said = f"<p>Bands are computed from {format_integer(count)} samples of the surrogate.</p>"
     return output_charts(result, most_uncertain(result)) + said
 
 
@@ -99,9 +99,7 @@ def motion_charts(study: Study) -> str:
     if len(study.times) < 2 or not study.mechanism.outputs:
         return ""
     if too_large(study):
-        return (
-            "<p>It is large: its motion at the means of the inputs is not computed for this. uqmbd.simulate does.</p>"
-        )
+        return "<p>The study is large, so its motion at the means is not computed here. Use uqmbd.simulate.</p>"
     return noted("The motion at the means of the inputs cannot be drawn", lambda: _nominal(study))
 
 

@@ -87,12 +87,14 @@ def mechanism_tables(mechanism: Mechanism) -> str:
     outputs = [(o.name, typeset_units(o.units), str(o.expression)) for o in mechanism.outputs.values()]
     return "".join(
         (
-            table("Bodies", ("name", "mass [kg]", "position as drawn [m]"), bodies),
+            table("Bodies", ("name", "mass [kg]", "drawn position [m]"), bodies),
             table("Components", ("name", "type", "between"), components),
             table("Controllers", ("name", "rate [Hz]", "measures", "commands"), controllers),
             table("Random inputs", ("name", "distribution", "units"), inputs),
             table("Outputs", ("name", "units", "expression"), outputs),
-            table("Not taken from the file, or changed", ("what", "count", "which", "why"), _omissions(mechanism)),
+            table(
+                "Omitted from the file, or changed", ("content", "count", "elements", "reason"), _omissions(mechanism)
+            ),
         )
     )
 
@@ -128,7 +130,7 @@ def picture(mechanism: Mechanism) -> str:
     try:
         source = pose_still(drawn_pose(mechanism)).source()
     except Exception as error:  # noqa: BLE001 - a mechanism may be unfinished in any way; its tables must stand
-        return f"<p>It cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
+        return f"<p>The mechanism cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
     alt = escape(f"The mechanism {mechanism.name} in its assembled pose.", quote=True)
     return f'<img src="{source}" alt="{alt}" style="max-width:100%;background:#fff">'
 
@@ -164,7 +166,7 @@ def study_html(study: Study) -> str:
     ]
     methods = [(p.node_name, type(p).__name__, options_of(p)) for p in study.propagators]
     parts = [table("", ("study", ""), facts), table("Methods", ("label", "type", "options"), methods)]
-    parts.append(noted("What is probably wrong with it is not known", lambda: _findings(study)))
+    parts.append(noted("The findings could not be computed", lambda: _findings(study)))
     inner = f"<details><summary>{escape(study.mechanism.name)}</summary>{mechanism_html(study.mechanism)}</details>"
     return alive(page(f"{study.name} – study", "".join(parts), "") + inner + motion_charts(study))
 
@@ -176,7 +178,7 @@ def _findings(study: Study) -> str:
     from uqmbd.propagation import findings
 
     if too_large(study):
-        return "<p>It is large: what is probably wrong with it is not looked for. uqmbd.findings does.</p>"
+        return "<p>The study is large, so its findings are not computed here. uqmbd.findings computes them.</p>"
     with warnings.catch_warnings():
         # a run gives them
         warnings.simplefilter("ignore")
@@ -222,7 +224,9 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
 
     result = StudyResult.of(tree)
     if not result.methods:
-        raise StudyError("The tree has the result of no method; expected what Study.run returns, or one of its nodes.")
+        raise StudyError(
+            "The tree contains no result of a method; expected the result of Study.run, or one of its nodes."
+        )
     every = [*result.histories, *result.scalar_names]
     if outputs is not None and (isinstance(outputs, str) or (unknown := [x for x in outputs if x not in every])):
         named = repr(outputs) if isinstance(outputs, str) else ", ".join(map(repr, unknown))
@@ -242,15 +246,15 @@ def result_html(tree: xr.DataTree, outputs: Sequence[str] | None = None) -> str:
     said = [*result.problems, *found.contradictions, *map(str, result.findings), *found.recommendation, *found.reasons]
     lines = [f"{one.sign} {one.word} {one.name}: {one.reason}" for one in found.reliability[:ROWS]]
     rest = len(found.reliability) - len(lines)
-    lines += [f"{rest} more, none worse"] if rest else []
+    lines += [f"{rest} more, none of them less reliable"] if rest else []
     reliability = "".join(f"<li>{escape(line)}</li>" for line in lines)
     parts = [
         *(f"<p>{escape(text)}</p>" for text in said),
-        f"<p>How reliable is this result?</p><ul>{reliability}</ul>" if reliability else "",
+        f"<p>Reliability of the results</p><ul>{reliability}</ul>" if reliability else "",
         table("Methods", ("label", "realisations", "failed", "time"), methods),
-        table("Requirements", ("requirement", "method", "violated with a probability of"), required),
-        table("Outputs without a time", ("name", "method", "mean", "standard deviation", "units"), scalars),
+        table("Requirements", ("requirement", "method", "probability of violation"), required),
+        table("Scalar outputs", ("name", "method", "mean", "standard deviation", "units"), scalars),
     ]
     left = len(result.histories) - len(drawn)
-    more = f"<p>Of {len(result.histories)} outputs over time, {len(drawn)} are drawn.</p>" if left else ""
+    more = f"<p>Of {len(result.histories)} outputs over time, {len(drawn)} are shown.</p>" if left else ""
     return alive(page(f"{result.study} – results", "".join(parts), "") + output_charts(result, drawn) + more)

@@ -1,4 +1,4 @@
-"""The first screen of the report: what was asked, what matters, how reliable it is, and what to do next time."""
+"""The first screen of the report: results, main contributors, reliability, and the recommended method."""
 
 from __future__ import annotations
 

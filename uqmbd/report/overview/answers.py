@@ -1,4 +1,4 @@
-"""The first screen: what was asked, how the mechanism moves, and an output, as a section of the report."""
+"""The first screen of the report: results, the motion of the mechanism, and a chart of one output."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certai
 
 
 def asked(result: StudyResult) -> Content:
-    """Return the table of what was asked.
+    """Return the table of results.
 
     Return ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere;
     and ``allowed``: with which probability a requirement may be violated, or empty.
@@ -182,22 +182,22 @@ def mechanism_picture(result: StudyResult) -> Content | None:
         count = data.sizes["realisation"] - 1
         others = f", and {format_count(count, 'realisation')} around it" if count else ""
         failed = int(data.attrs.get("failures", 0))
-        left_out = f" {format_count(failed, 'realisation')} failed and {'is' if failed == 1 else 'are'} left out."
+        left_out = f" {format_count(failed, 'realisation')} failed and {'is' if failed == 1 else 'are'} not shown."
         caption = (
-            f"The mechanism from {format_number(times[0])} s to {format_number(times[-1])} s, at "
-            f"{format_count(len(times), 'time')}: at the means of the inputs"
-            + ("; thin, other realisations." if count else ".")
+            f"Motion of the mechanism from {format_number(times[0])} s to {format_number(times[-1])} s, at "
+            f"{format_count(len(times), 'time')}, at the means of the inputs"
+            + ("; thin lines: other realisations." if count else ".")
             + (left_out if failed else "")
-            + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points."
+            + " Bodies are drawn through their joint points, centres of mass and observed points."
         )
         alt = (
             f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
-            f"{others}, at the time at which these are farthest apart."
+            f"{others}, at the time of the largest distance between realisations."
         )
         return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
             "player": json_script({**live.player_data(data), **_live(result), "caption": caption}),
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
-            "short": "At the means of the inputs" + ("; thin, other realisations." if count else "."),
+            "short": "At the means of the inputs" + ("; thin lines: other realisations." if count else "."),
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}
@@ -208,13 +208,13 @@ def _live(result: StudyResult) -> Content:
     tree = result.tree
     if "pose_surrogate" not in tree.children:
         said = tree["motion"].attrs.get("no_surrogate")
-        return {"live": None, "reason": str(said or "The poses of the bodies have no surrogate in these results.")}
+        return {"live": None, "reason": str(said or "These results contain no surrogate of the poses.")}
     data, reason = live.live_poses(tree.children["pose_surrogate"], live.live_method(tree))
     return {"live": data, "reason": reason}
 
 
 LINES = 5
-"""Lines on reliability, and bars of what matters, on the first screen."""
+"""Lines on reliability, and bars of main contributors, on the first screen."""
 
 
 def content(result: StudyResult) -> Content:
@@ -250,7 +250,7 @@ def _costs(result: StudyResult) -> list[Content]:
 
 
 def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:
-    """Return what matters for the most probable violation; without requirements, for the output in view."""
+    """Return the influences on the most probable violation; without requirements, on the output in view."""
     for row in shown["rows"]:
         if shown["kind"] == "requirements" and (found := of_requirement(result, str(row["name"]))):
             return found, str(row["name"])
@@ -270,12 +270,12 @@ def _untold(result: StudyResult, shown: Content) -> str:
     """State why the influence of inputs is unknown, and which method would compute it."""
     if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
                for method in result.methods.values()):  # fmt: skip
-        return "The influence of the inputs is unknown: the results contain no inputs."
+        return "The results contain no inputs, so their influence is unknown."
     if shown["kind"] == "requirements":
-        return "The influence of the inputs is unknown: collocation, Galerkin and the method reliability compute it."
+        return "The influence of the inputs is unknown. Collocation, Galerkin and the method reliability compute it."
     return (
-        "The influence of the inputs is unknown: collocation and Galerkin compute it, as do 30 samples, four for each "
-        "input."
+        "The influence of the inputs is unknown. Collocation and Galerkin compute it, as does Monte Carlo with at "
+        "least 30 samples and four for each input."
     )
 
 
@@ -316,8 +316,8 @@ def _picture(result: StudyResult, name: str) -> Content | None:
     if name:
         holders = {one.method: result.methods[one.method].node for one in result.assessment.of(name)}
         limits = result.limits_of(name)
-        said = "; dotted, what limits it" if limits else ""
-        words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
+        said = "; dotted lines: limits" if limits else ""
+        words = f"{name} by {', '.join(holders)}: mean, and bands that contain 50 % and 95 % of the realisations{said}."
         chart = figures.bands_chart(holders, name, limits=limits)
         if several(chart):
             return _charted(chart, words)
@@ -328,7 +328,7 @@ def _picture(result: StudyResult, name: str) -> Content | None:
     scalars = figures.scalars_chart(result.nodes, name) if result.scalar_names else None
     if scalars is None:
         return None
-    return _charted(scalars, "How the outputs without a time are distributed: the area under each density is 1.")
+    return _charted(scalars, "Probability densities of the scalar outputs.")
 
 
 def _violations(result: StudyResult) -> Content | None:
@@ -344,7 +344,7 @@ def _violations(result: StudyResult) -> Content | None:
         return None
     of_requirements = len(chart.curves) > 1 and chart.curves[0].name not in nodes
     by = f", by {first}" if of_requirements else ""
-    return _charted(chart, f"How probably each requirement has been violated by a time{by}; bars are 95 % intervals.")
+    return _charted(chart, f"Probability of a violation up to each time{by}. Bars are 95 % intervals.")
 
 
 def _charted(chart: Chart | Views, words: str) -> Content:

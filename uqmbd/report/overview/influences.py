@@ -1,4 +1,4 @@
-"""What matters: the share of each input in an output, or in a requirement, by what the results hold of it."""
+"""Main contributors: the share of each input in the variance of an output, or in a violation of a requirement."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Influences:
         if not self.alone or not total > 1 + COMMON:
             return ""
         return (
-            f"They add up to {format_share(total)}: what inputs cause together counts for each of them. "
-            "Solid: what each explains alone."
+            f"They add up to {format_share(total)}, because interactions count for each input involved. "
+            "Solid: the first-order index."
         )
 
     @property
@@ -75,20 +75,20 @@ def _order(result: StudyResult) -> list[str]:
 
 
 def of_history(result: StudyResult, name: str) -> Influences | None:
-    """Return what matters for an output over time; None if the results do not tell."""
+    """Return the influences on an output over time; None if the results do not contain them."""
     nodes = {label: node for label, node in result.nodes.items() if has_indices(node) and _has(node, name)}
     if nodes:
         node = node_with_indices(nodes)
         found = indices_of(node, name)
         if found.meaningful.any():
-            kind = "Total Sobol’ indices: the share of the variance, over all times, in which each takes part"
+            kind = "Total Sobol’ indices: share of the variance, over all times, to which each contributes"
             alone, total = found.weighted
             return _sorted(found.names, total, f"{kind} ({label_of(node)}).", alone=alone)
     return _of_samples(result, name, scalar=False)
 
 
 def of_scalar(result: StudyResult, name: str) -> Influences | None:
-    """Return what matters for an output without a time; None if the results do not tell."""
+    """Return the influences on a scalar output; None if the results do not contain them."""
     for label in _order(result):
         inner = result.methods[label].scalars
         if inner is not None and name in inner.names and (found := _total(inner.of(name), label)):
@@ -97,7 +97,7 @@ def of_scalar(result: StudyResult, name: str) -> Influences | None:
 
 
 def of_requirement(result: StudyResult, name: str) -> Influences | None:
-    """Return what matters for whether a requirement is violated; None if the results do not tell."""
+    """Return the influences on the violation of a requirement; None if the results do not contain them."""
     held = {label: result.methods[label].node.children.get("requirements") for label in _order(result)}
     nodes = {label: node for label, node in held.items() if node is not None}
     for label, node in nodes.items():
@@ -105,7 +105,7 @@ def of_requirement(result: StudyResult, name: str) -> Influences | None:
         if "importance" in data and name in data["requirement"].values:
             row = data.sel(requirement=name)
             if np.isfinite(row["importance"].values).all():
-                kind = "Importance for the limit: the share of each in how far the nearest violation is"
+                kind = "Importance: share of each in the squared distance of the nearest violation from the mean"
                 return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
     for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
@@ -128,7 +128,7 @@ def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None
         values = _over_time(data[f"sobol_total{end}"].values, std)
         if not np.isfinite(values).all() or not np.nanmax(std) > 0:
             continue
-        kind = f"Total Sobol’ indices: the share of the variance {of_what}in which each takes part ({label})."
+        kind = f"Total Sobol’ indices: share of the variance {of_what}to which each contributes ({label})."
         first = _over_time(data[f"sobol_first{end}"].values, std) if f"sobol_first{end}" in data else None
         return _sorted(data[dim].values, values, kind, alone=first)
     return None
@@ -160,15 +160,15 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences |
             response, when = response[:, at], f" at {float(samples['time'][at]):.4g} s"
         values = np.asarray(samples["inputs"].values, dtype=float)
         if _dependent(values) and np.ptp(response) > 0:
-            kind = f"Correlations{when} by {label}, whose inputs depend on one another: + raises, − lowers."
+            kind = f"Correlations{when} by {label}, whose inputs are dependent: + increases, − decreases the output."
             found = _standard(values).T @ _standard(response) / count
             return _sorted(samples["input"].values, found, kind, signed=True, correlations=True)
         effects, explained = _regression(values, response)
         if not np.isfinite(effects).all() or not np.ptp(response) > 0:
             return None
         kind = (
-            f"Effects{when}, in shares of the standard deviation, by a linear regression of {label} that explains "
-            f"{format_share(explained)} of the variance: + raises, − lowers."
+            f"Effects{when}, as shares of the standard deviation, by a linear regression of {label} that explains "
+            f"{format_share(explained)} of the variance: + increases, − decreases the output."
         )
         return _sorted(samples["input"].values, effects, kind, signed=True)
     return None

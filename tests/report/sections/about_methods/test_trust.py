@@ -13,7 +13,7 @@ import xarray as xr
 from uqmbd import report, results
 
 Maker = Callable[..., xr.DataTree]
-MATTER, TRUST = "Which inputs matter", "How far the surrogates can be trusted"
+MATTER, TRUST = "Sensitivity to inputs", "Accuracy of the surrogates"
 
 
 def _write(tree: xr.DataTree, path: Path) -> str:
@@ -41,8 +41,8 @@ def test_sections_only_where_there_is_a_chaos(study: xr.DataTree, source: str, t
     """Without a chaos neither headings nor entries of the contents nor figures of differences."""
     plain = re.sub("<script.*?</script>", "", _write(study, tmp_path), flags=re.DOTALL)
     # what is told in their place
-    plain = plain.replace("There are samples and no surrogate; collocation and Galerkin make one.", "")
-    for words in (MATTER, TRUST, "Sobol", "surrogate", "How far the methods agree"):
+    plain = plain.replace("The results contain samples, but no surrogate. Collocation and Galerkin compute one.", "")
+    for words in (MATTER, TRUST, "Sobol", "surrogate", "Difference of the mean of each method"):
         assert words not in plain
     for name, words in (("influence", MATTER), ("trust", TRUST)):
         assert f'<a href="#{name}">{words}</a>' in source and f'<section id="{name}">\n<h2>{words}</h2>' in source
@@ -71,8 +71,10 @@ def test_table_of_influence(source: str, orders: xr.DataTree) -> None:
         row = part[part.index(f'<th scope="row">{name}</th>') :]
         assert " ".join(row.split("</td>")[0].split()).endswith(f">{100 * total:.0f} % ({100 * first:.0f} %)")
     assert "constant 力" not in part and part.count('class="charted"') == 2
-    assert "These are Sobol' indices of collocation-5." in _text(part)
-    assert re.search(r"k_1\$ takes part in \d+ % of the variance of slider_x, <script>alert\(1\) in \d+ %", _text(part))
+    assert "The Sobol' indices were computed by collocation-5." in _text(part)
+    assert re.search(
+        r"k_1\$ contributes to \d+ % of the variance of slider_x, <script>alert\(1\) to \d+ %", _text(part)
+    )
 
 
 def test_verdicts_and_errors(source: str, orders: xr.DataTree) -> None:
@@ -90,7 +92,7 @@ def test_verdicts_and_errors(source: str, orders: xr.DataTree) -> None:
     first = float(error["time"][int(np.argmax(error.values > 0.01))])
     assert f"slider_x collocation-2 2 6 17 {100 * float(error.max()):.2g} % {first:.4g} s" in words
     assert part.count('<th scope="row">slider_x</th>') == 5
-    assert "at 8 realisations that did not enter the surrogate" in words
+    assert "at 8 realisations that were not used for the fit" in words
     assert re.search(r"From order 1 \(12 realisations\) to order 4 \(33\) of collocation, .* falls from", words)
     alts = re.findall(r'alt="([^"]*)"', part)
     assert [alt.split(" of ")[0] for alt in alts] == [
@@ -101,8 +103,8 @@ def test_verdicts_and_errors(source: str, orders: xr.DataTree) -> None:
 def test_both_methods_together(source: str) -> None:
     """Bands and differences hold Monte Carlo and the highest order; the caption says that others are left out."""
     words = _text(source)
-    assert "Of a surrogate with several orders, only the highest is drawn." in words
-    assert "How far the methods agree: the mean of each, less that of monte-carlo." in words
+    assert "Only the highest order of a surrogate is shown." in words
+    assert "Difference of the mean of each method from that of monte-carlo." in words
 
 
 @pytest.mark.thorough
@@ -110,7 +112,7 @@ def test_one_surrogate_alone(make_chaos: Maker, tmp_path: Path) -> None:
     """A single order has no convergence figure; without verification the verdict is that of the decay."""
     tree = results.study_tree([make_chaos("collocation", 2, verify=0)], study="s", mechanism="m")
     part = _section(_write(tree, tmp_path), "trust")
-    assert part.count('class="charted"') == 2 and "against the order" not in part and "Stated error" not in part
+    assert part.count('class="charted"') == 2 and "over the order" not in part and "Stated error" not in part
     assert "order 2 is not enough for slider_x" in _text(part)
 
 
@@ -119,7 +121,7 @@ def test_dependent_inputs_are_explained(make_chaos: Maker, tmp_path: Path) -> No
     """The table is one of germs, with a sentence on what these are."""
     tree = results.study_tree([make_chaos("collocation", 3, dependent=True)], study="s", mechanism="m")
     part = _section(_write(tree, tmp_path), "influence")
-    assert "no share of the variance belongs to an input alone" in _text(part) and '<th scope="col">Germ</th>' in part
+    assert "the variance cannot be attributed to single inputs" in _text(part) and '<th scope="col">Germ</th>' in part
     assert re.search(r'<th scope="row">[^<]* \| [^<]*</th>', part)
 
 
@@ -131,7 +133,7 @@ def test_a_chaos_that_cannot_be_read(make_chaos: Maker, tmp_path: Path) -> None:
     kept = chaos[["coefficients", "multi_index", "verification_error"]].drop_attrs(deep=False)
     node["chaos"] = xr.DataTree(kept.drop_vars([v for v in kept.coords if str(v).startswith("germ")]))
     source = _write(results.study_tree([node], study="s", mechanism="m"), tmp_path)
-    assert "The chaos of collocation cannot be read" in _text(source)
+    assert "The polynomial chaos of collocation cannot be read" in _text(source)
     assert MATTER in source and "Stated error of the surrogate of collocation" in source
 
 
@@ -150,8 +152,8 @@ def test_nodes_that_failed_have_their_reasons(make_chaos: Maker, tmp_path: Path)
     node["nodes"] = xr.DataTree(nodes)
     node.attrs |= {"failures": 1, "fit": "regression on the 8 of 9 nodes that did not fail"}
     words = _text(_write(results.study_tree([node], study="s", mechanism="m"), tmp_path))
-    assert "1 failed, and the surrogate was found without them: regression on the 8 of 9 nodes" in words
-    assert "The statistics are those of a surrogate that was found without them" in words
+    assert "1 failed, and the surrogate was fitted without them: regression on the 8 of 9 nodes" in words
+    assert "The statistics are those of a surrogate that was fitted without them" in words
     assert "Integration failed: 1 sample" in words and "no step at 'pin' <b>" in words and "0.9 41.5" in words
 
 

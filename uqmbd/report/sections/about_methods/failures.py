@@ -88,8 +88,8 @@ def _of_method(method: Method) -> Content:
 def _figure(method: Method, group: FailureGroup, number: int, words: list[str]) -> Content:
     return charted(
         lambda: figures.failures_chart(method.node, group),
-        f"Inputs of the failed samples among those of the others. {' '.join(words)}",
-        "Each point is a sample: pale ones succeeded, crosses failed for this reason.",
+        f"Inputs of failed and successful samples. {' '.join(words)}",
+        "Each mark is a sample. Pale points succeeded; crosses failed for this reason.",
         f"failures-{method.label}-{number}",
     )
 

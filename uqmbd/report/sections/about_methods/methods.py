@@ -1,4 +1,4 @@
-"""What was done, what each method cost, and by which software and settings."""
+"""Methods, their cost, and the provenance of the results."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def _sentences(result: StudyResult) -> list[str]:
     limits -= limits > 1  # that any is violated is no further one
     where = [format_count(count, "output")] if count else []
     where += [format_count(limits, "requirement")] if limits else []
-    what = "the uncertainty of " + format_count(len(rows), "input") if rows else "uncertain inputs"
+    what = "the uncertainty of " + format_count(len(rows), "input") if rows else "the uncertainty of the inputs"
     text = [
-        f"This study carried {what} through the mechanism {result.mechanism} "
-        f"to {' and '.join(where)} with {format_count(len(methods), 'method')}: {', '.join(methods)}."
+        f"This study propagated {what} through the mechanism {result.mechanism} "
+        f"to {' and '.join(where)}, by {format_count(len(methods), 'method')}: {', '.join(methods)}."
     ]
     compared = result.several and result.comparison is not None and "verdict" in result.comparison
     if compared and not any(method.failures for method in methods.values()):
@@ -47,8 +47,8 @@ def _sentences(result: StudyResult) -> list[str]:
     for label, method in methods.items():
         if method.lacking:
             text.append(
-                f"With {label}, {method.lacking[0]} of {format_count(method.lacking[1], 'realisation')} have not all "
-                "of the outputs without a time, and are left out of the statistics of these."
+                f"With {label}, {method.lacking[0]} of {format_count(method.lacking[1], 'realisation')} lack values "
+                "of some scalar outputs. The statistics of these outputs exclude them."
             )
     for method in methods.values():
         text += _outcome(method, compared)
@@ -64,9 +64,9 @@ def _sentences(result: StudyResult) -> list[str]:
 def _populations(result: StudyResult) -> list[str]:
     """Say which methods have inputs of other distributions than the study."""
     found = {label: method.population for label, method in result.methods.items()}
-    beside = ", so that it is not compared with the others" if len(set(found.values())) > 1 else ""
+    beside = "; it is not compared with the other methods" if len(set(found.values())) > 1 else ""
     return [
-        f"{label} has inputs of other distributions than the study, {population}{beside}."
+        f"The inputs of {label} have other distributions than those of the study, {population}{beside}."
         for label, population in found.items()
         if population
     ]
@@ -78,58 +78,58 @@ def _outcome(method: Method, compared: bool) -> list[str]:
     text = []
     outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
     if failed and method.fit:
-        outcome = f"{failed} failed, and the surrogate was found without them: {method.fit}"
+        outcome = f"{failed} failed, and the surrogate was fitted without them: {method.fit}"
     if failed or not compared:  # else the table of methods has it
         seconds = format_duration(method.wall_time)
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
     kept, counted = total if method.samples is None else method.samples.sizes["sample"], method.counted
     if counted < total:
         text.append(
-            f"Statistics of {label} are those of {format_integer(counted)} realisations that are spread like the "
-            f"inputs; the other {format_integer(total - counted)} were chosen to find violations."
+            f"The statistics of {label} use the {format_integer(counted)} realisations that were sampled from the "
+            f"distributions of the inputs. The other {format_integer(total - counted)} were chosen to find violations."
         )
     elif kept < total:
         text.append(_beyond_the_kept(method, total, kept))
     if method.ends_at is not None:
         text.append(
             f"Results of {label} end at t = {format_number(method.ends_at)} s, before the end of the "
-            "study: beyond, they could not be computed, or not be trusted."
+            "study. Later results could not be computed, or are not reliable."
         )
     return text
 
 
 def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
     """Say of which realisations statistics and figures are, where the results do not hold all."""
-    every, first = format_integer(total), f"the first {format_integer(kept)}, which the results hold"
+    every, first = format_integer(total), f"the first {format_integer(kept)}, which are stored"
     if "smallest" not in method.statistics:  # of an earlier version
         return (
-            f"Means and standard deviations of {method.label} are those of all {every}; quantiles, histograms and "
-            f"densities are those of {first}."
+            f"Means and standard deviations of {method.label} use all {every} samples. Quantiles, histograms and "
+            f"densities use {first}."
         )
-    text = f"Statistics of {method.label} are those of all {every}; histograms and densities are those of {first}."
+    text = f"Statistics of {method.label} use all {every} samples. Histograms and densities use {first}."
     if "quantile_error" in method.statistics:
         error, std = (method.statistics[name] for name in ("quantile_error", "std"))
         worst = float((error.max("probability") / std.where(std > 0)).max())
         share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
-        text += f" Quantiles were counted between edges, and are known within {share}."
+        text += f" Quantiles are interpolated from a histogram; their error is at most {share}."
     return text
 
 
 _COUNTERS = {
-    "steps": "steps of the integrator",
+    "steps": "integration steps",
     "residuals": "residual evaluations",
     "residual_evaluations": "residual evaluations",
     "jacobians": "Jacobian evaluations",
     "jacobian_evaluations": "Jacobian evaluations",
-    "factorisations": "factorisations of the Jacobian",
-    "integrations": "integrations (implicit: of a stack of realisations; explicit: of one)",
-    "accelerations": "evaluations of the equations of motion, explicit (each of up to eight realisations)",
-    "passages": "singular poses passed over",
-    "repivots": "changes to other independent equations on the way",
-    "stiff": "realisations that the explicit integrator left to IDA: stiff, or cheaper there",
-    "alone": "realisations integrated alone",
-    "by_dop853": "realisations whose motion is that of the explicit integrator (dop853)",
-    "by_ida": "realisations whose motion is that of IDA",
+    "factorisations": "Jacobian factorisations",
+    "integrations": "integrations (implicit: batch of realisations; explicit: single realisation)",
+    "accelerations": "evaluations of the explicit equations of motion (each for up to eight realisations)",
+    "passages": "singular poses that were crossed",
+    "repivots": "changes of the independent coordinates",
+    "stiff": "realisations passed from the explicit integrator to IDA (stiff, or less expensive)",
+    "alone": "realisations integrated separately",
+    "by_dop853": "realisations integrated by the explicit integrator (dop853)",
+    "by_ida": "realisations integrated by IDA",
     "seconds": "time in the integrator, summed over workers",
 }
 
@@ -166,7 +166,7 @@ def _integration(method: Method) -> list[tuple[str, str]]:
     several = len(method.names) + len(method.scalars.names if method.scalars else ()) > 1
     which = f", of {worst.output}" if several and math.isfinite(worst.share) else ""
     how = f" ({worst.reason})" if worst.reason else ""
-    return [("error of the time integration", f"{worst.words()}{which}{how}")]
+    return [("integration error", f"{worst.words()}{which}{how}")]
 
 
 def _nothing(value: str) -> bool:
@@ -191,14 +191,14 @@ def _counter(name: str, value: str) -> tuple[str, str]:
 
 _ATTRIBUTES = {
     "integrated_by": "integrated by",
-    "not_unique": "not unique, as constraints are redundant",
+    "not_unique": "not unique (redundant constraints)",
     "rtol": "relative tolerance of the integration",
-    "max_step": "longest step, s",
-    "uqmbd_version": "version of uqmbd",
-    "schema_version": "version of the schema",
+    "max_step": "largest step, s",
+    "uqmbd_version": "uqmbd version",
+    "schema_version": "schema version",
     "report_times": "times of distributions, s",
     "script_sha256": "SHA-256 of the script",
-    "allowed_probability": "probability of violations that is allowed",
+    "allowed_probability": "allowed probability of violation",
 }
 
 

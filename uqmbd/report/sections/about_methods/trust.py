@@ -1,4 +1,4 @@
-"""How far results can be trusted: stated errors of surrogates, and error against cost."""
+"""Accuracy of the surrogates: stated errors, and error against cost."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ def trust(result: StudyResult) -> Content | None:
             *(_elements(method) for method in best.values() if has_elements(method.node)),
         ],
         "outputs": [_of_output(nodes, name, several) for name in shown],
-        "note": f"Figures are those of the {len(shown)} most uncertain outputs." if len(shown) < len(names) else "",
+        "note": f"The figures show the {len(shown)} most uncertain outputs." if len(shown) < len(names) else "",
     }
 
 
-TRUST = TemplateSection("How far the surrogates can be trusted", "trust", trust, "about_methods.html.j2")
+TRUST = TemplateSection("Accuracy of the surrogates", "trust", trust, "about_methods.html.j2")
 
 
 def _verdicts(method: Method, said: Assessment) -> Content:
@@ -92,7 +92,7 @@ def _verdicts(method: Method, said: Assessment) -> Content:
         jumps = [f"{name}: {words[name]}" for name in method.names if name in words]
         return {"label": label, "what": what, "problem": "", "verdicts": found, "jumps": jumps}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
-        problem = f"The chaos of {label} cannot be read: {type(error).__name__}: {error}"
+        problem = f"The polynomial chaos of {label} cannot be read: {type(error).__name__}: {error}"
         return {"label": label, "what": what, "problem": problem, "verdicts": (), "jumps": ()}
 
 
@@ -149,8 +149,8 @@ def _verification(method: Method, said: Assessment) -> Content:
         lambda: figures.errors_chart(method.node),
         f"Stated error of the surrogate of {label} over time, for each output. "
         + "; ".join(_verdicts(method, said)["verdicts"]),
-        f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
-        "deviation. A dot marks where the limit of 1 % is passed for the first time.",
+        f"Stated error of {label}, measured at {where} that were not used for the fit, relative to the standard "
+        "deviation. A dot marks the first time at which it exceeds 1 %.",
         f"{label}-stated-error",
     )
 
@@ -159,8 +159,8 @@ def _elements(method: Method) -> Content:
     words = elements_in_words(method.node)
     return charted(
         lambda: figures.elements_chart(method.node),
-        f"The elements in the plane of the inputs that were split most, or along the only one. {words}",
-        f"{words} Small elements lie where the response has a kink or a jump.",
+        f"Elements in the plane of the two inputs that were split most often, or along the only split input. {words}",
+        f"{words} Elements are small near a kink or a jump of the response.",
         f"{method.label}-elements",
     )
 
@@ -171,10 +171,10 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
         drawn.append(
             charted(
                 lambda: figures.decay_chart(nodes, name),
-                f"Part of the standard deviation of {name} that the polynomials of each order carry.",
-                "Whether the order suffices: the part of the spread in the polynomials of each total order, and of "
-                "each degree in each input. Where it falls from order to order, what lies beyond the last one is "
-                "smaller still.",
+                f"Contribution of the polynomials of each order to the standard deviation of {name}.",
+                "Convergence with the order: contribution of the polynomials of each total order, and of each degree "
+                "in each input, to the standard deviation. If the contributions decrease, the omitted terms are "
+                "smaller than those of the highest order.",
                 f"{name}-coefficient-decay",
             )
         )
@@ -184,11 +184,11 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> Co
         drawn.append(
             charted(
                 lambda: figures.orders_chart(nodes, name),
-                f"Difference of mean and standard deviation of {name} to a reference, against the order and the number "
+                f"Difference of mean and standard deviation of {name} from a reference, over the order and the number "
                 "of realisations. " + " ".join(words),
-                "How the error falls with the order, and with what it costs: the largest difference over time to the "
-                "surrogate of the highest order. Exponential convergence is a straight line over the order; a floor "
-                "that no order lowers is the accuracy of the time integration.",
+                "Convergence with the order and the cost: largest difference over time from the surrogate of the "
+                "highest order. Exponential convergence is a straight line over the order. The error does not "
+                "decrease below that of the time integration.",
                 f"{name}-orders",
             )
         )
@@ -207,8 +207,8 @@ def _convergence_words(nodes: Mapping[str, xr.DataTree], name: str) -> list[str]
         goes = "decreases" if row.std[-1] < row.std[0] else "changes"
         first, last = (format_percent(float(row.std[k]), _UNKNOWN) for k in (0, -1))
         words.append(
-            f"{row.name}: from order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to "
-            f"order {row.orders[-1]} ({row.realisations[-1]}), the difference from the standard deviation of "
+            f"{row.name}, from order {row.orders[0]} ({format_count(int(row.realisations[0]), 'realisation')}) to "
+            f"order {row.orders[-1]} ({row.realisations[-1]}): the difference of the standard deviation from that of "
             f"{reference} {goes} from {first} to {last} of its maximum."
         )
     return words
@@ -224,7 +224,7 @@ def growth(result: StudyResult) -> Content | None:
     if data is None:
         return None
     if "std_error_l2" not in data:
-        return {"problem": str(data.attrs.get("problem", "the results hold none"))}
+        return {"problem": str(data.attrs.get("problem", "the results contain none"))}
     names = [str(name) for name in data["output"].values]
     shown = most_uncertain(result, [name for name in names if _computed(data, names.index(name))])
     left = len(names) - len(shown)
@@ -238,7 +238,7 @@ def growth(result: StudyResult) -> Content | None:
             for text, level in zip(row, levels, strict=True)
             if str(text)
         ],
-        "note": f"{left} of {len(names)} outputs are not shown: they do not vary, or are among the least uncertain."
+        "note": f"{left} of {len(names)} outputs are not shown: they do not vary, or are the least uncertain."
         if left
         else "",
     }
@@ -271,9 +271,9 @@ def _growth_of(data: xr.Dataset, o: int, name: str) -> Content:
     figure = charted(
         lambda: figures.cost_chart(data, name),
         f"Errors of mean and standard deviation of {name} against realisations and wall time. {' '.join(words)}",
-        f"Error of {name} against {reference}, over all times, for what it costs: the mean (full lines, filled points) "
-        "relative to the mean, the standard deviation (dashed, hollow points) relative to the standard deviation. A "
-        "grey line is the error of the reference itself: smaller errors cannot be measured.",
+        f"Error of {name} with respect to {reference}, over all times, against the cost. Solid lines: error of the "
+        "mean, relative to the mean. Dashed lines: error of the standard deviation, relative to the standard "
+        "deviation. The grey line is the error of the reference; smaller errors cannot be measured.",
         f"{name}-error-against-cost",
     )
     return {"name": name, "words": words, "figure": figure, "rows": rows}
@@ -288,7 +288,7 @@ def _in_words(data: xr.Dataset, m: int, o: int) -> str:
         return ""
     first, last = known[0], known[-1]
     own = float(np.nan_to_num(data["reference_std_error"].values[o]))
-    goes = "falls" if error[last] < error[first] else "goes"
+    goes = "decreases" if error[last] < error[first] else "changes"
     text = (
         f"{method}: the error of the standard deviation {goes} from {format_percent(error[first])} "
         f"({_whole(runs[first])} realisations) to {format_percent(error[last])} ({_whole(runs[last])})"
@@ -297,7 +297,7 @@ def _in_words(data: xr.Dataset, m: int, o: int) -> str:
     if math.isfinite(rate) and rate > 0.05 and str(data["option"].values[m]) == "order":
         text += f", divided by {format_factor(10**rate)} with each order"
     if error[last] < own:
-        text += "; that is less than the error of the reference itself, so it may be smaller still"
+        text += "; this is below the error of the reference, so the true error may be smaller"
     return f"{text}."
 
 

@@ -28,7 +28,7 @@ def inputs(result: StudyResult) -> Content:
     return {"rows": input_rows(result), "figure": _figure(result.methods) or _figure(result.scalars)}
 
 
-INPUTS = TemplateSection("What was uncertain", "inputs", inputs)
+INPUTS = TemplateSection("Uncertain inputs", "inputs", inputs)
 
 
 def input_rows(result: StudyResult) -> list[dict[str, str]]:
@@ -55,8 +55,8 @@ def _figure(methods: Mapping[str, Method]) -> Content | None:
     if first is None:
         return None
     space = _space(first, [*methods.values()])
-    lines = "smooth estimates of the density" if space is None else "the densities of their distributions"
-    caption = f"The inputs as {first.label} sampled them: bars are histograms, lines {lines}."
+    lines = "kernel density estimates" if space is None else "the densities of their distributions"
+    caption = f"Inputs sampled by {first.label}. Bars: histograms; lines: {lines}."
     return charted(
         lambda: figures.inputs_chart(first.node, space),
         "Histograms of the sampled inputs.",
@@ -93,24 +93,29 @@ def influence(result: StudyResult) -> Content | None:
     found = {name: indices_of(node, name) for name in result.methods[label].names}
     varying = {name: one for name, one in found.items() if one.meaningful.any()}
     if not varying:
-        return {"words": [f"No output has a spread to share: each {STILL}."], "rows": [], "figures": [], "outputs": []}
+        return {
+            "words": [f"There are no Sobol' indices: each output {STILL}."],
+            "rows": [],
+            "figures": [],
+            "outputs": [],
+        }
     first = next(iter(varying.values()))
     kind = "germ" if first.of_germs else "input"
     words = []
     if result.several:
-        words.append(f"These are Sobol' indices of {label}.")
+        words.append(f"The Sobol' indices were computed by {label}.")
     if first.of_germs:
         words.append(
-            "The inputs depend on one another, so that no share of the variance belongs to an input alone. The shares "
-            f"are those of independent germs, in the order in which the inputs were declared: {OF_GERMS}."
+            "The inputs are dependent, so the variance cannot be attributed to single inputs. The indices refer to "
+            f"the independent germs, in the order in which the inputs were declared: {OF_GERMS}."
         )
     if len(first.names) == 1:
-        words.append(f"There is one input, {first.names[0]}: all variance comes from it.")
+        words.append(f"{first.names[0]} is the only input and causes the whole variance.")
         return {"words": words, "rows": [], "figures": [], "outputs": list(varying), "kind": kind}
     shares = {name: one.weighted for name, one in varying.items()}
     minor = [n for k, n in enumerate(first.names) if all(total[k] < _MINOR for _, total in shares.values())]
     if minor:
-        words.append(f"Taking part in less than 1 % of the variance of every output: {', '.join(minor)}.")
+        words.append(f"Inputs with total indices below 1 % for every output: {', '.join(minor)}.")
     rows = [
         {
             "name": name,
@@ -131,22 +136,22 @@ def influence(result: StudyResult) -> Content | None:
         if name in shown
     ]
     if len(drawn) < len(varying):
-        words.append(f"Figures are those of the {len(drawn)} most uncertain outputs; the table is that of all.")
+        words.append(f"The figures show the {len(drawn)} most uncertain outputs; the table lists all.")
     return {"words": words, "kind": kind, "outputs": list(varying), "rows": rows, "figures": drawn}
 
 
-INFLUENCE = TemplateSection("Which inputs matter", "influence", influence)
+INFLUENCE = TemplateSection("Sensitivity to inputs", "influence", influence)
 
 
 def _in_words(name: str, one: Indices) -> str:
-    """Say which inputs take part in most of the variance."""
+    """State the largest total indices, averaged over time."""
     _, total = one.weighted
     ranked = sorted(range(len(total)), key=lambda k: -total[k])
     largest = [k for k in ranked[:3] if total[k] >= _MINOR] or ranked[:1]
     parts = [
-        f"{one.names[k]} takes part in {format_share(total[k])} of the variance of {name}"
+        f"{one.names[k]} contributes to {format_share(total[k])} of the variance of {name}"
         if not n
-        else f"{one.names[k]} in {format_share(total[k])}"
+        else f"{one.names[k]} to {format_share(total[k])}"
         for n, k in enumerate(largest)
     ]
     return f"Averaged over time, {', '.join(parts)}."
@@ -166,13 +171,13 @@ def explore(result: StudyResult) -> Content | None:
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
         found = {"reason": f"{type(error).__name__}: {error}"}
     if "reason" in found:
-        notes = [f"Inputs cannot be chosen in this page: {found['reason']}"]
+        notes = [f"This report has no sliders for the inputs: {found['reason']}"]
         return {"explorer": None, "moving": moving, "notes": notes}
-    notes = [f"Some outputs do not follow the inputs: {reason}" for reason in found["missing"]]
+    notes = [f"Some outputs are not evaluated at the chosen inputs: {reason}" for reason in found["missing"]]
     if found["still"]:
         names = ", ".join(found["still"])
         why = f"{found['method']} has no surrogate of their margins"
-        notes.append(f"These requirements do not follow the inputs: {names}; {why}.")
+        notes.append(f"These requirements are not evaluated at the chosen inputs: {names}; {why}.")
     return {"explorer": json_script(found), "moving": moving, "notes": notes}
 
 
@@ -182,4 +187,4 @@ def _sampled(result: StudyResult) -> bool:
     return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in held)
 
 
-EXPLORE = TemplateSection("Other inputs", "explore", explore)
+EXPLORE = TemplateSection("What-if", "explore", explore)

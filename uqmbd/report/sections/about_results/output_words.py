@@ -48,8 +48,8 @@ def precision(result: StudyResult, method: Method, name: str) -> str:
     largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
     if float(data["kurtosis"][largest]) > 30:
         text += (
-            " A few extreme samples make up most of the largest standard deviation, so that even this error is itself "
-            "uncertain: look at the quantiles rather than at the standard deviation."
+            " A few extreme samples cause most of the largest standard deviation, so this error is uncertain as well. "
+            "Use the quantiles instead of the standard deviation."
         )
     return text
 

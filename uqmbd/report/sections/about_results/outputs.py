@@ -48,10 +48,9 @@ def outputs(result: StudyResult) -> Content | None:
     return {
         "outputs": found,
         "statistics": statistics(result),
-        "note": f"Of {format_count(len(names), 'output')}, the {len(full)} most uncertain ones come first and "
-        "have all figures, here and in the sections below. The measure is the largest standard deviation as a share of "
-        f"the largest mean. The other {len(names) - len(full)} are folded, with their bands and numbers. The "
-        "functions of uqmbd.report draw all figures of an output.",
+        "note": f"The {len(full)} most uncertain of {format_count(len(names), 'output')} (by the largest standard "
+        f"deviation over the largest mean) are listed first and have all figures. The other {len(names) - len(full)} "
+        "are collapsed and have bands and numbers only. The functions of uqmbd.report draw all figures of any output.",
     }
 
 
@@ -106,8 +105,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             charted(
                 lambda: figures.std_chart(holders, name),
                 f"Standard deviation of {name} over time. " + in_words(first, name),
-                "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
-                "standard errors, where they are known.",
+                "Standard deviation over time. The shaded band is ± two standard errors, where these are known.",
                 f"{name}-standard-deviation",
             )
         )
@@ -164,12 +162,12 @@ def bands_chart(result: StudyResult, name: str) -> Content:
     """Return the chart of an output over time, with its words."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
-    lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
+    lower = " Only the highest order of a surrogate is shown." if len(holders) < len(every) else ""
     return charted(
         lambda: bands_of(result, name),
-        f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
+        f"Mean of {name} over time, with the bands that contain 50 % and 95 % of the realisations. "
         + in_words(result.methods[next(iter(holders))], name),
-        "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
+        "Mean, and the bands that contain 50 % and 95 % of the realisations." + lower,
         f"{name}-bands",
     )
 
@@ -183,8 +181,8 @@ def _differences(result: StudyResult, holders: Mapping[str, xr.DataTree], name: 
         charted(
             chart,
             f"Difference of the {words} of {name} between methods, over time.",
-            f"How far the methods agree: the {words} of each, less that of {reference}. A shaded band is plus and "
-            "minus two standard errors of this, where they are known.",
+            f"Difference of the {words} of each method from that of {reference}. A shaded band is ± two standard "
+            "errors of this difference, where they are known.",
             f"{name}-differences" if words == "mean" else "",
             on_paper=lambda: Views(charts, columns=1, shared=True, heights=(1.15, 1.15)),
         )
@@ -202,11 +200,10 @@ def over_chart(result: StudyResult, name: str) -> Content | None:
         return None
     functions = all(figures.is_function(node, name, over) for node in holders.values())
     caption = (
-        f"How it goes with {over}: the mean, and the bands in which 50 % and 95 % of the realisations lie, at each of "
+        f"Curve over {over}: the mean, and the bands that contain 50 % and 95 % of the realisations, at each of "
         "its values."
         if functions
-        else f"How it goes with {over}: the means of both at each time, and single realisations, which are run through "
-        "in time."
+        else f"Curve over {over}: the means of both at each time, and single realisations as curves in time."
     )
     described = f"{name} over {over}."
     return charted(
@@ -225,7 +222,7 @@ def only_density(holders: Mapping[str, xr.DataTree], name: str) -> tuple[Chart, 
         return None
     return (
         chart,
-        f"How {name} is distributed by {', '.join(holders)}, at the only time: the area under each density is 1.",
+        f"Probability density of {name} at the only time, by {', '.join(holders)}.",
     )
 
 
@@ -233,12 +230,12 @@ def _densities(result: StudyResult, labels: Sequence[str], name: str) -> Content
     dense = {label: result.methods[label].node for label in list(dict.fromkeys(labels))[:DENSITIES]}
     sampled = any(result.methods[label].sampled for label in dense)
     surrogates = bool(surrogate_nodes(dense))
-    bars = "bars are the histogram, curves a smooth estimate" if sampled else "smooth estimates"
-    of_surrogates = " (of a surrogate, from samples of it)" if surrogates else ""
+    bars = "bars are the histogram, curves a kernel density estimate" if sampled else "kernel density estimates"
+    of_surrogates = " (for a surrogate, of samples of it)" if surrogates else ""
     return charted(
         lambda: figures.densities_chart(dense, name, result.report_times),
         f"Probability densities of {name} at chosen times.",
-        f"How it is distributed at chosen times: {bars} of the density{of_surrogates}; the area under each is 1.",
+        f"Probability density at chosen times: {bars}{of_surrogates}.",
         f"{name}-densities",
     )
 
@@ -247,12 +244,12 @@ def _convergence_caption(method: Method) -> str:
     design = design_of(method.node.attrs)
     if design.independent:
         return (
-            "Convergence with the number of samples: estimates from the first samples only, and their 95 % confidence "
-            "intervals, at the time of the largest standard deviation"
+            "Convergence with the number of samples, at the time of the largest standard deviation: estimates from "
+            "the first samples, and their 95 % confidence band"
         )
     return (
-        f"Convergence with the number of independent replicates of the {design.name} design: estimates and their 95 % "
-        "confidence intervals, at the time of the largest standard deviation"
+        f"Convergence with the number of independent replicates of the {design.name} design, whose points count only "
+        "as a whole: estimates and their 95 % confidence band, at the time of the largest standard deviation"
     )
 
 

@@ -41,9 +41,8 @@ def content(result: StudyResult) -> Content | None:
         drawn = [
             charted(
                 lambda: figures.violations_chart(result.nodes),
-                "Probability of having been violated by a time.",
-                "How probably each requirement has been violated by a time; bars at the end are 95 % intervals of the "
-                "probability of the whole motion.",
+                "Probability of a violation up to each time.",
+                "Probability of a violation up to each time. Bars at the end are 95 % intervals for the whole motion.",
                 "requirements",
             )
         ]
@@ -61,17 +60,19 @@ def _words(result: StudyResult) -> list[str]:
     """Say where probabilities come from, and what widens their intervals."""
     said = []
     for label, data in _data(result).items():
-        sentence = f"{label}: {data.attrs.get('how', 'as the method says')}."
+        sentence = f"{label}: {data.attrs.get('how', 'as the method defines it')}."
         failed = float(data.attrs.get("failed", 0))
         if failed >= 1:
-            sentence += f" {format_integer(failed)} realisations failed, and may have been safe or not."
+            sentence += f" {format_integer(failed)} realisations failed; they may or may not violate the requirements."
         elif failed > 0:
-            sentence += f" {format_percent(failed)} of the realisations failed, and may have been safe or not."
+            sentence += (
+                f" {format_percent(failed)} of the realisations failed; they may or may not violate the requirements."
+            )
         if "uncertain" in data and bool((data["uncertain"] > 0).any()):
             worst = data.isel(requirement=int(np.argmax(data["uncertain"].values)))
             sentence += (
-                f" {format_percent(float(worst['uncertain']))} of the samples are so near the limit of "
-                f"{worst['requirement'].item()!r} that the error of the surrogate may move them over it."
+                f" {format_percent(float(worst['uncertain']))} of the samples are nearer to the limit of "
+                f"{worst['requirement'].item()!r} than the error of the surrogate."
             )
         said.append(sentence)
     return said

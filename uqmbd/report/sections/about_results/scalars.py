@@ -1,4 +1,4 @@
-"""Outputs without a time, and the times of events: statistics side by side, and densities."""
+"""Scalar outputs and event times: statistics of all methods, and densities."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def scalars(result: StudyResult) -> Content | None:
             charted(
                 lambda: figures.scalars_chart(result.nodes),
                 f"Probability densities of {', '.join(names[:MOST_SCALARS])}.",
-                "How they are distributed: bars are the histogram of the first method with samples, curves a smooth "
-                "estimate of the density (of a surrogate, from samples of it); the area under each is 1.",
+                "Probability densities. Bars: histogram of the first method with samples. Curves: kernel density "
+                "estimates (for a surrogate, of samples of it).",
                 "outputs-without-time",
             )
         ]
@@ -50,7 +50,7 @@ def scalars(result: StudyResult) -> Content | None:
     }
 
 
-SCALARS = TemplateSection("Outputs without a time", "scalars", scalars)
+SCALARS = TemplateSection("Scalar outputs", "scalars", scalars)
 
 
 def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
@@ -94,10 +94,10 @@ def _bounds(methods: Iterable[Method]) -> list[str]:
         certain = (shares == 0) & (bounds > 0)
         if certain.any():
             names = [name for name, here in zip(method.names, certain, strict=True) if here]
-            happen = ("happens", "it") if len(names) == 1 else ("happen", "they")
+            happen = ("occurs", "it") if len(names) == 1 else ("occur", "they")
             said.append(
-                f"With {method.label}, {', '.join(names)} {happen[0]} in all realisations; elsewhere {happen[1]} may "
-                f"not, in at most {format_share(float(bounds[certain].max()))} (with 95 % confidence)."
+                f"With {method.label}, {', '.join(names)} {happen[0]} in all computed realisations; {happen[1]} may "
+                f"be absent in at most {format_share(float(bounds[certain].max()))} of others (95 % confidence)."
             )
     return said
 
@@ -110,7 +110,7 @@ def _integration(methods: Iterable[Method]) -> list[str]:
         return []
     worst, label = max(known, key=lambda pair: pair[0].share)
     where = f"{worst.output}, with {label}" if len(known) > 1 else worst.output
-    return [f"The error of the time integration is {format_at_most(worst.share)} {worst.of_what} (of {where})."]
+    return [f"The integration error is {format_at_most(worst.share)} {worst.of_what} (of {where})."]
 
 
 def _error(data: xr.Dataset) -> str:
@@ -130,19 +130,19 @@ def _words(method: Method) -> list[str]:
             part = "some" if math.isnan(share) else format_share(float(share))
             known = name not in json.loads(method.node.attrs.get("refused", "{}"))
             words.append(
-                f"With {label}, {name} does not happen in {part} of the realisations until the last time; "
+                f"With {label}, {name} does not occur in {part} of the realisations until the last time; "
                 + (
-                    "its statistics are those of the others."
+                    "its statistics use the others."
                     if known
-                    else "it has no statistics here, for a surrogate of the others would go on beyond them."
+                    else "it has no statistics here, because a surrogate of the others would extrapolate."
                 )
             )
     if method.failures:
         first = [] if method.samples is None else failure_reasons(method.samples)
-        reason = f" The most frequent reason: {first[0].text}" if first else ""
+        reason = f" Most frequent reason: {first[0].text}" if first else ""
         words.append(
-            f"With {label}, {method.failures} of {format_count(method.realisations, 'realisation')} have no such "
-            f"values and do not enter the statistics.{reason}"
+            f"With {label}, {method.failures} of {format_count(method.realisations, 'realisation')} lack scalar "
+            f"outputs and do not enter the statistics.{reason}"
         )
     return words
 
@@ -156,12 +156,12 @@ def events(result: StudyResult) -> Content | None:
         try:
             words = events_in_words(node)
         except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the rest must stand
-            words = f"They cannot be read: {type(error).__name__}: {error}"
+            words = f"The event times cannot be read: {type(error).__name__}: {error}"
         drawn.append(
             charted(
                 functools.partial(_chart, node),
-                f"Distributions of the times of events, from samples of {label}. {words}",
-                f"When each event happens, from samples of {label}. {words}",
+                f"Distributions of event times, from samples of {label}. {words}",
+                f"Event times, from samples of {label}. {words}",
                 f"{label}-event-times",
             )
         )
@@ -172,4 +172,4 @@ def _chart(node: xr.DataTree) -> Views:
     return figures.events_chart(figures.earliest_events(node))
 
 
-EVENTS = TemplateSection("When events happen", "events", events)
+EVENTS = TemplateSection("Event times", "events", events)
