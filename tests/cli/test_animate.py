@@ -50,7 +50,7 @@ def test_animate_a_method(cli, tmp_path):
         (["--out", "x.avi"], "written as .gif or .mp4"),
         (["--method", "galerkin"], "no method 'galerkin'; its methods are: monte-carlo"),
         (["--fps", "0"], "--fps 0: expected positive numbers"),
-        (["--seconds", "900"], "18000 pictures"),
+        (["--seconds", "900"], "18000 frames"),
         (["--samples", "-1"], "--samples"),
     ],
 )
@@ -63,7 +63,7 @@ def test_film_without_ffmpeg(cli, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     (tmp_path / "fails.py").write_text("raise RuntimeError('it ran')\n")
     status, _, err = cli("animate", "fails.py", "--out", "x.mp4")
-    assert status == 2 and "ffmpeg, which is not on the path" in err
+    assert status == 2 and "ffmpeg, which is not on the PATH" in err
 
 
 @pytest.mark.thorough

@@ -172,9 +172,18 @@ def test_options_reach_the_study(cli, study, tmp_path):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--only", "galerkin"], ["--only galerkin", "no propagator", "It has: monte-carlo (FakeMonteCarlo).\n"]),
-        (["--only", "montecarlo"], ["with this label; did you mean 'monte-carlo'?\nIt has: monte-carlo (Fake"]),
-        (["--set", "montecarlo.samples=3"], ["no propagator 'montecarlo'; did you mean 'monte-carlo'?\nIt has: monte"]),
+        (
+            ["--only", "galerkin"],
+            ["--only galerkin", "no propagator", "Its propagators: monte-carlo (FakeMonteCarlo).\n"],
+        ),
+        (
+            ["--only", "montecarlo"],
+            ["with this label; did you mean 'monte-carlo'?\nIts propagators: monte-carlo (Fake"],
+        ),
+        (
+            ["--set", "montecarlo.samples=3"],
+            ["no propagator 'montecarlo'; did you mean 'monte-carlo'?\nIts propagators: monte"],
+        ),
         (["--set", "galerkin.order=3"], ["no propagator 'galerkin'", "monte-carlo (FakeMonteCarlo)"]),
         (
             ["--set", "monte-carlo.sample=3"],

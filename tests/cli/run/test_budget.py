@@ -60,9 +60,12 @@ def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script
     [
         (
             ["--accuracy", "1%", "--set", "monte-carlo.samples=9"],
-            "samples=9 contradicts --accuracy, by which samples of monte-carlo is chosen",
+            "samples=9 contradicts --accuracy, which chooses samples of monte-carlo",
         ),
-        (["--budget", "1min", "--set", "collocation.order=2"], "contradicts --budget, by which order of collocation"),
+        (
+            ["--budget", "1min", "--set", "collocation.order=2"],
+            "contradicts --budget, which chooses order of collocation",
+        ),
         (["--budget", "fast"], "--budget is 'fast'; expected a number of realisations, as 5000, or a time"),
         (["--accuracy", "150%"], "--accuracy is '150%'; expected a share of the standard deviation"),
         (

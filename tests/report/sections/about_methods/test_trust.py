@@ -93,10 +93,10 @@ def test_verdicts_and_errors(source: str, orders: xr.DataTree) -> None:
     assert f"slider_x collocation-2 2 6 17 {100 * float(error.max()):.2g} % {first:.4g} s" in words
     assert part.count('<th scope="row">slider_x</th>') == 5
     assert "at 8 realisations that were not used for the fit" in words
-    assert re.search(r"From order 1 \(12 realisations\) to order 4 \(33\) of collocation, .* falls from", words)
+    assert re.search(r"collocation, from order 1 \(12 realisations\) to order 4 \(33\): .* decreases from", words)
     alts = re.findall(r'alt="([^"]*)"', part)
     assert [alt.split(" of ")[0] for alt in alts] == [
-        "Stated error", *["Part", "Difference"] * 2
+        "Stated error", *["Contribution", "Difference"] * 2
     ]  # fmt: skip
 
 
