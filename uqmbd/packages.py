@@ -5,11 +5,13 @@ from __future__ import annotations
 import importlib
 from types import ModuleType
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 
 __all__ = ["require_package"]
 
 
+@typechecked
 def require_package(module: str, purpose: str, install: str) -> ModuleType:
     """Import a module that an extra brings.
 

@@ -108,7 +108,7 @@ def test_what_is_refused(tree, monkeypatch):
     monkeypatch.setattr(frames, "MOST", 1000)
     for call, words in (
         (lambda: uqmbd.to_frame(tree, "z"), "to_frame: there is no output 'z'"),
-        (lambda: uqmbd.to_frame(3), "int is given"),
+        (lambda: uqmbd.to_frame(3), "to_frame: results is 3; expected an xarray.DataTree"),
         (lambda: uqmbd.to_frame(tree, []), "outputs is empty"),
         (lambda: uqmbd.samples_to_frame(tree["collocation"]), "samples of one method are expected, none are given"),
         (lambda: uqmbd.samples_to_frame(tree, times=1.0), "times=1.0 means nothing without outputs="),

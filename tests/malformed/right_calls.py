@@ -57,7 +57,6 @@ EXAMPLES: dict[str, str] = {
 >>> box = uqmbd.extend.GermBox.whole(space)
 >>> edges = np.array([[0.0, 1.0, 2.0], [0.0, 0.1, 0.0]])
 >>> element = extend.AlignedElement(box, ("stop", ""), edges, np.zeros((2, 2, 1, 3)), "events")
->>> _ = element.without(np.array([False, True])), element.among(box, 3, [0, 1])
 >>> one = extend.AlignedElement.through(
 ...     extend.GermBox.whole(box.local), ("",), np.array([[0.0, 1.0]]), np.zeros((1, 1, 1, 3)), "time"
 ... )

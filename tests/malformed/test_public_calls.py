@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -14,12 +16,13 @@ from numpy.typing import ArrayLike
 
 import uqmbd
 from uqmbd import extend, report, results
-from uqmbd.arguments import fits, typechecked
+from uqmbd.arguments import fits, members, typechecked
 from uqmbd.typing import Array, Index
 from uqmbd_calibration import Bias, Series
+from uqmbd_collocation import Collocation
 
 from .hostile import HOSTILE
-from .public_calls import LEFT_OUT, unreached
+from .public_calls import LEFT_OUT, targets, unreached
 
 
 def test_every_public_name_is_called_by_an_example_or_left_out_with_a_reason():
@@ -27,6 +30,41 @@ def test_every_public_name_is_called_by_an_example_or_left_out_with_a_reason():
     assert [full for full, owner in missing.items() if owner not in LEFT_OUT] == []
     assert set(LEFT_OUT) <= set(missing.values())  # none is left out that is called
     assert all(LEFT_OUT.values())
+
+
+OWN_BOUNDS = {
+    "elements": "`ElementLimits` names the options of methods",
+    "most": "`ElementLimits` names the options of methods",
+    "exactness": "a rule for polynomials of other degrees has none",
+    "workers": "`pool` takes executors, too",
+    "count": "`Workers` names the options of commands",
+    "keyframe": "the file says how many there are",
+    "reason": "the results say which there are",
+    **dict.fromkeys(("dimension", "order", "level", "counts"), "the function names the germ in its message"),
+    "germ": "the space says how many there are",
+}
+"""Whole numbers that are bounded by the function, not by the annotation, and why."""
+
+
+def _declared(full):
+    """Return the arguments of a public call with what the gate judges them by; none where there is no gate."""
+    module, _, place = full.rpartition(".")
+    while module not in sys.modules:
+        module, _, owner = module.rpartition(".")
+        place = f"{owner}.{place}"
+    found = sys.modules[module]
+    for part in place.split("."):
+        found = inspect.getattr_static(found, part)
+    found = vars(found).get("__init__") if isinstance(found, type) else getattr(found, "__func__", found)
+    return found.__kinds__() if hasattr(found, "__kinds__") else []
+
+
+def test_all_annotations_can_be_read_and_whole_numbers_have_bounds():
+    """Counts below zero, or of 400 digits, are refused where they are given."""
+    judged = {full: _declared(full) for full in targets()}
+    assert sum(map(bool, judged.values())) > 200
+    unbounded = {f"{full}: {name}" for full, given in judged.items() for name, kind, _ in given if int in members(kind)}
+    assert {x for x in unbounded if x.rpartition(": ")[2] not in OWN_BOUNDS} == set()
 
 
 NUMBERS = {"minus one", "zero", "1e307", "half"}
@@ -86,6 +124,19 @@ def _mechanism():
     return mechanism
 
 
+def _arm():
+    mechanism = uqmbd.Mechanism("m", uqmbd.Line())
+    mechanism.body("b", mass=1)
+    return mechanism
+
+
+def _problem():
+    mechanism = _mechanism()
+    mechanism.output("x", mechanism.bodies["b"].position[0])
+    study = uqmbd.Study("s", mechanism, [0, 1], [Collocation(order=1)])
+    return study.problem(study.propagators[0])
+
+
 def _chaos():
     axes = extend.labels(["x"], ["speed"], [0.0])
     return results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], _space(), axes)
@@ -124,6 +175,63 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a bias that is too large": (lambda: Bias(1, length=10**400), "length is .*; expected a finite number above zero"),
     "a bias without times": (lambda: Bias(1).modes(None), "times"),
     "a huge record": (lambda: Series("x", HOSTILE["huge"], [1.0], "m", noise=1), "expected at most"),
+    "a problem that is none": (lambda: extend.dense(5, [[1.0]], 1.0), "dense: problem is 5; expected a"),
+    "elements of no function": (
+        lambda: extend.refine_elements(_space(), 5, extend.ElementLimits(2), label="mine"),
+        "refine_elements: compute is 5; expected a function",
+    ),
+    "a frame of no space": (lambda: extend.Frame("plane"), "Frame: space is 'plane'; expected"),
+    "a frame of one coordinate": (
+        lambda: extend.Frame(uqmbd.Planar(), [0.0]),
+        "Frame: q is .*; expected 4 coordinates",
+    ),
+    "a problem of no method": (
+        lambda: uqmbd.Study("s", _mechanism(), [0, 1]).problem(5),
+        "Study.problem: propagator is 5; expected",
+    ),
+    "a key that changes": (lambda: _mechanism().remembered([1], list), r"Mechanism.remembered: key is \[1\]; expected"),
+    "findings of no study": (lambda: uqmbd.findings(5), "findings: study is 5; expected"),
+    "a table of texts": (lambda: uqmbd.tabulated("text", [1.0]), "tabulated: normal is 'text'; expected real"),
+    "a script of a number": (lambda: uqmbd.load_study(5), "load_study: path is 5; expected a text or a path"),
+    "ends of an array": (lambda: uqmbd.spline([0, 1], [0, 1], ends=np.zeros(2)), "spline: ends is .*; expected one of"),
+    "outputs of a number": (lambda: uqmbd.to_frame(xr.DataTree(), 5), "to_frame: outputs is 5; expected a sequence"),
+    "a scheduler of an array": (lambda: uqmbd.Workers(dask=np.zeros(2)), "Workers: dask is .*; expected a text"),
+    "a check of an array": (
+        lambda: uqmbd.simulate(_mechanism(), [0, 1], check=np.zeros(2)),
+        "check is .*; expected True or False",
+    ),
+    "a pose of an array": (lambda: uqmbd.eigenfrequencies(_mechanism(), at=np.zeros(2)), "at is .*; expected 'equil"),
+    "a time in digits": (lambda: uqmbd.eigenfrequencies(_mechanism(), time="5"), "time is '5'; expected a number"),
+    "a command of an array": (
+        lambda: uqmbd.Controller(commanded=["u"], measured=["x"], function=max).command(np.zeros(2)),
+        "there is no command array",
+    ),
+    "a factor without an end": (lambda: _arm().randomise("*.mass", relative=1e307), "relative is 1e.307; expected"),
+    "a distribution of an array": (lambda: _arm().randomise("*.mass", distribution=np.zeros(2)), "distribution is"),
+    "a law of no symbol": (lambda: uqmbd.laws.law_values(1.0, [1]), "law_values: symbols is .*; expected a"),
+    "levels without an end": (
+        lambda: uqmbd.Study("s", _mechanism(), [0, 1]).converge(HOSTILE["huge"], order=[1]),
+        "converge: an array of the shape .* is no propagator",
+    ),
+    "an accuracy of NaN": (lambda: results.StatedAccuracy(float("nan"), "mean"), "value is nan; expected a number, 0"),
+    "a negative count": (lambda: extend.Estimate(-1, 0), "Estimate: realisations is -1; expected a whole number, 0"),
+    "four dimensions": (lambda: uqmbd.Parameter("m", default=0, dimensions=4), "dimensions is 4; expected a whole"),
+    "a model of a number": (lambda: uqmbd.from_urdf(5), "from_urdf: path is 5; expected a text or a path"),
+    "an inertia that is no word": (
+        lambda: uqmbd.from_urdf("robot.urdf", inertia="ignore"),
+        "from_urdf: inertia is 'ignore'; expected one of 'refuse'",
+    ),
+    "errors of another shape": (
+        lambda: extend.doubts(AXES, np.zeros(3), 0.1, np.array([True])),
+        "doubts: errors is .*; expected an error of each output",
+    ),
+    "rules of no levels": (lambda: extend.combination_coefficients(5), "levels is 5; expected whole numbers in rows"),
+    "a level without an end": (lambda: extend.clenshaw_curtis(_space(), 10**400), "level is .*; expected whole"),
+    "a germ that there is not": (lambda: _space().evaluate_derivative([[0.5]], [[1]], 7), "germ is 7; expected the"),
+    "times that do not increase": (
+        lambda: _problem().watching(np.array([0.0, 1.0, 0.5])),
+        "times is .*; expected increasing times",
+    ),
     "propagators of an array": (lambda: uqmbd.Study("s", _mechanism(), [0, 1], HOSTILE["huge"]), "expected a list"),
 }
 """One for each cause of a raw error, or of an impossible value that was accepted."""

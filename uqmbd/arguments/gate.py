@@ -109,14 +109,15 @@ def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str,
     """Return the arguments of a function whose annotations say something, with these."""
     found = []
     names: dict[str, Any] | None = None
+    known = inspect.unwrap(function).__globals__  # a context manager, for one, is defined elsewhere
     for name, parameter in signature.parameters.items():
         declared = parameter.annotation
         if isinstance(declared, str):
             try:
-                declared = eval(declared, function.__globals__)  # noqa: S307 - text of this package
+                declared = eval(declared, known)  # noqa: S307 - text of this package
             except NameError:
                 names = _for_checkers(function) if names is None else names
-                declared = eval(declared, {**names, **function.__globals__})  # noqa: S307
+                declared = eval(declared, {**names, **known})  # noqa: S307
         if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
             found.append((name, declared, parameter))
     return found

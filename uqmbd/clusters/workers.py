@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from uqmbd.arguments import typechecked
 from uqmbd.clusters.dask_cluster import STARTED_HERE, dask_executor
 from uqmbd.clusters.mpi import mpi_executor
 from uqmbd.errors import StudyError
@@ -15,6 +16,7 @@ from uqmbd.errors import StudyError
 __all__ = ["Workers"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Workers:
     """Who computes, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command say.

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from uqmbd.arguments import shown, typechecked
 from uqmbd.dynamics.assembly import Start, assemble, gradient_lengths
 from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
 from uqmbd.dynamics.control import Sampling
@@ -344,6 +345,7 @@ class Ensemble:
     def _contacts(self) -> ContactEvaluator:
         return ContactEvaluator(self.model)
 
+    @typechecked
     def energies(self, times: Array, states: Array) -> Array:
         """Kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as of `outputs`.
 
@@ -358,7 +360,18 @@ class Ensemble:
         -------
         array, shape (K, 2, T)
             J, kinetic first.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If shapes do not fit.
         """
+        shape = (len(self.block), states.shape[1] if states.ndim == 3 else 0, self.model.layout.width)
+        if states.shape != shape or times.shape not in (shape[1:2], shape[:2]):
+            raise StudyError(
+                f"Ensemble.energies: times is {shown(times)} and states is {shown(states)}; expected times (T,) and "
+                f"states of the shape ({shape[0]}, T, {shape[2]})."
+            )
         return energies(self, times, states)
 
 

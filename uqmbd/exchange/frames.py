@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 from uqmbd.results import propagator_nodes
@@ -24,6 +25,7 @@ MOST = 20_000_000
 RENAMED = {"std": "standard_deviation"}
 
 
+@typechecked
 def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str | None = None) -> pd.DataFrame:
     """Return statistics as a tidy frame of pandas: a row for each method, output and time.
 
@@ -78,6 +80,7 @@ def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str |
     return pd.concat(frames, ignore_index=True)
 
 
+@typechecked
 def samples_to_frame(
     results: xr.DataTree | xr.DataArray,
     outputs: Sequence[str] | str | None = None,

@@ -218,10 +218,10 @@ class Controller:
         return [*self.values, *flatten(list(self.limits.values())), *self.measured]
 
     def _symbol(self, name: str | None, names: list[str], first: int, what: str) -> sympy.Symbol:
-        if name not in names:
+        if not isinstance(name, str) or name not in names:
             listed = ", ".join(map(repr, names)) or "none"
             near = did_you_mean(name, names) if isinstance(name, str) else ""
-            raise StudyError(f"{self.where}: there is no {what} {name!r}{near or '.'} There are: {listed}.")
+            raise StudyError(f"{self.where}: there is no {what} {shown(name)}{near or '.'} There are: {listed}.")
         return HeldSymbol(self, first + names.index(name), f"{self.name}.{name}")
 
     def __repr__(self) -> str:

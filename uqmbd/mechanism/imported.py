@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import Any, Literal
 
 import sympy
 
@@ -16,7 +16,7 @@ from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import shown
 from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.names import checked, did_you_mean
+from uqmbd.names import did_you_mean
 from uqmbd.plugins import reader
 
 __all__ = ["ImportedJoint", "ImportedMechanism", "Omission", "Omissions", "from_mjcf", "from_urdf"]
@@ -25,6 +25,7 @@ NAMED = 4
 """As many names of a row are shown."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class ImportedJoint:
     """A joint of a model file.
@@ -228,14 +229,14 @@ class ImportedMechanism(Mechanism):
         self.not_taken = Omissions(())
 
 
-@checked
+@typechecked
 def from_urdf(
     path: str | os.PathLike[str],
     *,
     floating: bool = False,
     fuse: bool = True,
     outputs: bool = True,
-    inertia: str = "refuse",
+    inertia: Literal["refuse", "as stated", "repair"] = "refuse",
 ) -> ImportedMechanism:
     """Read a robot from a URDF file: links, inertia, joints, limits, damping, friction, mimic joints.
 
@@ -286,7 +287,7 @@ def from_urdf(
     return _read("urdf", path, floating=floating, fuse=fuse, outputs=outputs, inertia=inertia)
 
 
-@checked
+@typechecked
 def from_mjcf(
     path: str | os.PathLike[str], *, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
 ) -> ImportedMechanism:

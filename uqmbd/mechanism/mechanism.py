@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence, Sized
 from typing import Any, TypeVar
 
+from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground
@@ -379,6 +380,7 @@ class Mechanism:
         parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
         return (*map(len, (*parts, self.requirements, self.conditions)), sum(c.settled for c in self.all_components()))
 
+    @typechecked
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made when `key` was last asked for, unless the mechanism has changed since.
 

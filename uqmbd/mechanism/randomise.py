@@ -7,15 +7,16 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import sympy
 
+from uqmbd.arguments import Bounds, fits
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components import Component, known_effects, no_effect, range_text, settle, stated_in_bodies
 from uqmbd.mechanism.declared import Described
-from uqmbd.mechanism.expressions import as_symbolic, shown
+from uqmbd.mechanism.expressions import LARGEST, as_symbolic, shown
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable, adopted, distribution_about, is_distribution, strays
 
@@ -166,7 +167,8 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Variati
     """Check how numbers are to vary."""
     distribution = adopted(where, distribution)
     own = is_distribution(distribution) or callable(distribution)
-    if isinstance(distribution, type) or not (own or distribution in (None, "normal", "lognormal", "uniform")):
+    named = distribution is None or isinstance(distribution, str) and distribution in ("normal", "lognormal", "uniform")
+    if isinstance(distribution, type) or not (own or named):
         raise StudyError(
             f"{where}: distribution is {shown(distribution)}; expected 'normal', 'lognormal', 'uniform', a chaospy "
             "distribution of the factor of each number, such as chaospy.Uniform(0.9, 1.1), or a function. The function "
@@ -182,9 +184,10 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Variati
         )
     for key in stated:
         value = given[key]
-        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if not number or not 0 < float(value) < math.inf:
-            raise StudyError(f"{where}: {key} is {shown(value)}; expected a standard deviation, more than 0.")
+        if not fits(value, Annotated[float, Bounds(0, LARGEST, above=True)]):
+            raise StudyError(
+                f"{where}: {key} is {shown(value)}; expected a standard deviation, more than 0, up to {LARGEST:g}."
+            )
         given[key] = float(value)
     return VariationLaw(where, given["relative"], given["absolute"], distribution)
 

@@ -7,6 +7,7 @@ import importlib.metadata
 import os
 import warnings
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.plugins.hooks import COMMANDS_GROUP, GROUP, KINDS
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged
@@ -76,6 +77,7 @@ def component(name: str) -> type:
     return _find("components", name)
 
 
+@typechecked
 def propagator(name: str) -> type:
     """Return the propagator class that is registered by a name, for plugins that use the method of another one.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import StateSymbol, as_symbolic, random_variables, t
 from uqmbd.propagation.execution import Kind, compute_chunk
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["POINTS", "Existence", "affordable", "existence_of", "grows", "unused_inputs", "nothing_random"]
 
 
+@typechecked
 def nothing_random(inputs: JointInput, mechanism: str) -> str | None:
     """Return why a method that needs random inputs cannot do a study, in one sentence; None: it has some.
 

@@ -1,4 +1,7 @@
-"""The problem that a propagator is given: inputs, outputs and times as data, and the runner that computes them."""
+"""The problem that a propagator is given: inputs, outputs and times as data, and the runner that computes them.
+
+Length: it is one class, whose public methods have sections on arguments and results.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.arguments import Count, Size, shown, typechecked
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.progress import Progress, stage
 from uqmbd.propagation.annotations import MethodClass
@@ -140,6 +144,7 @@ class Problem(ProblemData):
         part = self.part(f"{self.label}-{kind}")
         return replace(part, kind=kind, over=self.whole_times, chosen=None, times=times, existence=existence)
 
+    @typechecked
     def part(self, label: str) -> Problem:
         """Return the problem of a part of the work, whose label and stored chunks are its own.
 
@@ -161,16 +166,26 @@ class Problem(ProblemData):
         """
         return replace(self, runner=replace(self.runner, **changes))
 
+    @typechecked
     def watching(self, times: Array | None = None) -> Problem:
-        """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
+        """Return the problem whose outputs are those of the study, then what is watched, at any times (T,).
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the times do not increase.
+        """
         # margins, and what sums a motion up, are those of the times of the study
         model = replace(self.watched or self.model, margins=None)
         if times is not None:
             model = replace(model, scalars=None)
         times = self.times if times is None else np.array(times, dtype=float)
+        if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise StudyError(f"{self.label}: times is {shown(times)}; expected increasing times (T,), s.")
         other = replace(self, model=model, watched=None, times=times)
         return other.using(observed=Observed())
 
+    @typechecked
     def realise(self, values: Array) -> Realisations:
         """Compute the response to each row of inputs, on all workers.
 
@@ -187,6 +202,7 @@ class Problem(ProblemData):
         begin, parts = self.clock(), list(self.stream(values))
         return Realisations.joined(self.checked(values), parts, self.labels.shape, self.clock() - begin)
 
+    @typechecked
     def margins(self, values: Array) -> Margins:
         """Compute the margins of the requirements for each row of inputs, on all workers.
 
@@ -213,6 +229,7 @@ class Problem(ProblemData):
             self.runner.observed.counters.update(own.runner.observed.counters)
         return Margins.of(found, own.labels.shape)
 
+    @typechecked
     def stream(self, values: Array) -> Iterator[Realisations]:
         """Compute the response to each row of inputs, a chunk of rows at a time, in their order.
 
@@ -231,8 +248,9 @@ class Problem(ProblemData):
         checked = self.checked(values)
         return self.runner.stream(self, checked) if len(checked) else iter(())
 
+    @typechecked
     def reduce(
-        self, values: Array, function: Reduction, arguments: tuple[Any, ...] = (), *, keep: int = 0
+        self, values: Array, function: Reduction, arguments: tuple[Any, ...] = (), *, keep: Size = 0
     ) -> Reductions:
         """Compute the response to each row of inputs, and have those who compute apply a function to it.
 
@@ -260,6 +278,7 @@ class Problem(ProblemData):
         """
         return Reductions(self, self.runner, self.checked(values), function, arguments, keep)
 
+    @typechecked
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
         """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
 
@@ -284,6 +303,7 @@ class Problem(ProblemData):
         """
         return self.runner.run(self, function, tasks)
 
+    @typechecked
     def timed(self, part: str) -> AbstractContextManager[None]:
         """Record what is spent within as a part of the wall time of the method.
 
@@ -311,6 +331,7 @@ class Problem(ProblemData):
         """
         return self.runner.spending.part(part, self.runner.clock)
 
+    @typechecked
     def germ_space(self, transform: str = "rosenblatt") -> GermSpace:
         """Return the germs of the inputs; see `uqmbd.extend.GermSpace.of`.
 
@@ -327,7 +348,8 @@ class Problem(ProblemData):
         except StudyError as error:
             raise StudyError(f"{self.label}: {error}") from None
 
-    def histories(self, values: Array, points: int, least: int = 1, longer: float = 1.0) -> list[History]:
+    @typechecked
+    def histories(self, values: Array, points: Count, least: Size = 1, longer: float = 1.0) -> list[History]:
         """Follow realisations from event to event, for methods that expand event times; see `event_histories`.
 
         Parameters
@@ -358,13 +380,14 @@ class Problem(ProblemData):
         ends, about = (float(self.times[0]), float(self.times[-1])), (points, least, self.integrator, longer)
         return event_histories(self.run, self.checked(values), ends, self.rtol, *about)
 
+    @typechecked
     def node(
         self,
         propagator: MethodClass,
         statistics: xr.Dataset,
         samples: xr.Dataset | None = None,
         *,
-        realisations: int,
+        realisations: Size,
         wall_time: float = 0.0,
         counters: Mapping[str, Any] | None = None,
         children: Mapping[str, xr.Dataset] | None = None,

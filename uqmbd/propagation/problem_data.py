@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from uqmbd.arguments import Size, typechecked
 from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, capabilities_of, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
@@ -63,6 +64,7 @@ class ProblemData:
         """Output times of the study, whatever the kind of outputs, shape (T,), s."""
         return self.times if self.over is None else self.over
 
+    @typechecked
     def with_inputs(self, variables: Iterable[RandomVariable]) -> Self:
         """Return the problem with other distributions of some inputs, as after a calibration.
 
@@ -101,6 +103,7 @@ class ProblemData:
         """The model, for workers."""
         return Packed.of(self.model)
 
+    @typechecked
     def ensemble(self, values: Array) -> Ensemble:
         """Make the ensemble of some realisations, for methods that solve them together.
 
@@ -116,7 +119,8 @@ class ProblemData:
         """
         return Ensemble(self.model, self.checked(values))
 
-    def chunk_of(self, count: int) -> int:
+    @typechecked
+    def chunk_of(self, count: Size) -> int:
         """Return how many of so many realisations are computed together, the same for all kinds of outputs."""
         return chunk_size(count, len(self.whole_times) * (len(self.model.outputs.names) + self.model.layout.width))
 
@@ -136,6 +140,7 @@ class ProblemData:
         if reason := nothing_random(self.inputs, self.mechanism):
             raise StudyError(f"{self.label}: {reason}.")
 
+    @typechecked
     def require(self, needed: Capability, integrator: str | None = None, remedy: str = "") -> None:
         """Raise where an integrator lacks a capability that a method needs.
 

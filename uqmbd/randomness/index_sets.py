@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Index
 
@@ -82,6 +82,8 @@ def index_set(
     if kind == "hyperbolic" and not 0 < q <= 1:
         raise StudyError(f"index_set: q is {q!r}; expected a number above 0 and at most 1.")
     power = q if kind == "hyperbolic" else 1.0
+    if degree > MOST_TERMS:
+        raise StudyError(f"index_set: order is {shown(degree)}; expected a whole number up to {MOST_TERMS}.")
     budget = float(degree) ** power
 
     rows: Index = np.zeros((1, 0), dtype=np.int64)

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.special
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness.rosenblatt import NotUnderstood, Transform, means_of, rewritten, supports_of
@@ -228,6 +229,7 @@ def random_vector(
     return JointDistribution(distribution, names, unit).members()
 
 
+@typechecked
 def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> RandomVariable:
     """Make a uniformly distributed random variable, for those that do not import chaospy.
 

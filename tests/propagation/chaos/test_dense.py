@@ -11,13 +11,13 @@ import pytest
 import uqmbd
 
 
-class _Given:
+class _Given(uqmbd.extend.Problem):
     """A problem whose output is a function of time, and counts how often it is computed."""
 
+    labels = SimpleNamespace(shape=(1, 1))
+
     def __init__(self, function):
-        self.function, self.calls = function, []
-        self.times, self.model = np.array([0.0]), SimpleNamespace(events=())
-        self.labels = SimpleNamespace(shape=(1, 1))
+        vars(self).update(function=function, calls=[], times=np.array([0.0]), model=SimpleNamespace(events=()))
 
     def watching(self, times):
         def realise(values):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.expressions import TIME
 from uqmbd.mechanism import Mechanism, t
@@ -62,6 +63,7 @@ class MechanismTerms:
     velocity_equations: tuple[str, ...] = ()
 
 
+@typechecked
 def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
     """Collect the terms of all bodies and components of a mechanism.
 

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from uqmbd.arguments import Size, typechecked
 from uqmbd.compiled import RecordedPath
 from uqmbd.typing import Array
 
 __all__ = ["Counters", "Segment", "SegmentedMotion", "Solved", "Trajectories", "stops"]
 
 
+@typechecked
 @dataclass(frozen=True)
 class Counters:
     """What an integration cost.
@@ -51,24 +53,25 @@ class Counters:
     (100, 12)
     """
 
-    residuals: int = 0
-    jacobians: int = 0
-    integrations: int = 0
-    alone: int = 0
-    accelerations: int = 0
-    steps: int = 0
-    stiff: int = 0
-    passages: int = 0
-    repivots: int = 0
-    events: int = 0
-    by_dop853: int = 0
-    by_ida: int = 0
+    residuals: Size = 0
+    jacobians: Size = 0
+    integrations: Size = 0
+    alone: Size = 0
+    accelerations: Size = 0
+    steps: Size = 0
+    stiff: Size = 0
+    passages: Size = 0
+    repivots: Size = 0
+    events: Size = 0
+    by_dop853: Size = 0
+    by_ida: Size = 0
     seconds: float = 0.0
 
     def __add__(self, other: Counters) -> Counters:
         return Counters(*(mine + its for mine, its in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
+@typechecked
 @dataclass(frozen=True)
 class Trajectories:
     """States of K realisations at the output times.
@@ -136,6 +139,7 @@ class Solved:
     path: RecordedPath | None = None  # as that of `Trajectories`
 
 
+@typechecked
 @dataclass(frozen=True)
 class Segment:
     """A motion from one event to the next.
@@ -167,6 +171,7 @@ class Segment:
     states: Callable[[Array], Array]
 
 
+@typechecked
 @dataclass(frozen=True)
 class SegmentedMotion:
     """The motion of one realisation from event to event.

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from uqmbd.arguments import typechecked
 from uqmbd.typing import Array
 
 __all__ = ["ProjectedTrajectories", "Watch"]
@@ -15,6 +16,7 @@ Watch = Callable[[Array], bool]
 """Is given the coefficients (P, T, width) so far, NaN from the present time on; true: stop."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class ProjectedTrajectories:
     """Coefficients of states at the output times.

@@ -92,7 +92,7 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     """
     check_name(name, "random_inertia, name")
     where = f"random_inertia({name!r})"
-    planar = not isinstance(mean, (str, np.ndarray)) and np.ndim(mean) == 0
+    planar = not isinstance(mean, (str, list, tuple)) and np.ndim(mean) == 0
     given = _numbers(where, "mean", mean, inertia_entries(where, Planar() if planar else Spatial(), mean))
     if planar:
         if given[0] <= 0:
@@ -111,6 +111,7 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     return _tensor(factor * factor.T)
 
 
+@typechecked
 @dataclass(frozen=True)
 class MassProperties:
     """Mass, centre of mass and inertia of a body, as `Mechanism.body` takes them.
@@ -205,7 +206,8 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     """
     check_name(name, "random_body_inertia, name")
     where = f"random_body_inertia({name!r})"
-    place = _numbers(where, "centre", centre, numbers(where, "centre", flatten(centre), np.size(centre), "m"))
+    coordinates = flatten(centre)
+    place = _numbers(where, "centre", centre, numbers(where, "centre", coordinates, len(coordinates), "m"))
     if len(place) not in (2, 3):
         raise StudyError(f"{where}: the centre is {shown(centre)}; expected two numbers in the plane, or three.")
     planar = len(place) == 2

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import (
@@ -49,6 +50,7 @@ HALF_TURN = 1e-9
 """Angle over a turn by which a joint that is drawn at half a turn may miss it by rounding: it starts at +pi."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class JointAngle:
     """An angle between bodies, of which a pair of expressions says what it is up to whole turns.
@@ -171,6 +173,7 @@ class JointAngle:
         return as_symbolic(expression).xreplace({k: as_symbolic(x) for k, x in self.constants.items()})
 
 
+@typechecked
 @dataclass(frozen=True)
 class JointDisplacement:
     """A displacement between bodies.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
 
@@ -118,7 +118,7 @@ class Parameter(Generic[Given]):
     body: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
     axes: Literal["world", "body"] = field(default="world", kw_only=True)
-    dimensions: int = field(default=1, kw_only=True)
+    dimensions: Annotated[int, Bounds(1, 3)] = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.dimensions > 1 and self.required:

@@ -7,6 +7,8 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
+
 __all__ = [
     "Auxiliary",
     "Constraint",
@@ -113,6 +115,7 @@ class VirtualWork:
     velocity: Any
 
 
+@typechecked
 @dataclass(frozen=True)
 class Constraint:
     """Holonomic equations ``phi(q, t) = 0``.
@@ -145,6 +148,7 @@ class Constraint:
     label: str = ""
 
 
+@typechecked
 @dataclass(frozen=True)
 class VelocityConstraint:
     """Equations ``a(q, t) . v + b(q, t) = 0`` between velocities: nonholonomic constraints.
@@ -226,6 +230,7 @@ class Auxiliary:
     initial: Any
 
 
+@typechecked
 @dataclass(frozen=True)
 class Upright:
     """An expression that is positive in the intended assembly and negative in its mirror image.
@@ -266,6 +271,7 @@ class Upright:
     label: str = "axis"
 
 
+@typechecked
 @dataclass(frozen=True)
 class Impact:
     """How velocities jump where bodies hit each other: Newton's law of restitution, with Coulomb friction.
@@ -306,6 +312,7 @@ class Impact:
     friction: Any = 0
 
 
+@typechecked
 @dataclass(frozen=True)
 class Event:
     """What happens where an expression falls through zero.

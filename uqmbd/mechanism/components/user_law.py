@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.expressions import Spline, as_symbolic, shown, t
@@ -19,6 +20,7 @@ NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
 """What no law has in it: its values are finite and real."""
 
 
+@typechecked
 def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
     """Return what a law of a user contains beside its symbols, for `uqmbd.Component.prepare`.
 
@@ -78,11 +80,12 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
             f"{what} is {law!r}, a table over time, with neither {' nor '.join(names)} in it; if it is one over "
             f"{symbols[0]}, call it: uqmbd.spline(...)({names[0]}).",
             StudyWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
     return {f"{what}_{k}": symbol for k, symbol in enumerate(others)}
 
 
+@typechecked
 def law_at(
     p: Local,
     law: Any,
@@ -138,6 +141,11 @@ def law_at(
         beside = law_values(law, *values, what=what)
     if by is not None and not isinstance(by, sympy.Symbol):
         raise StudyError(f"law_at: by is {shown(by)}; expected one of the symbols of the law.")
+    if missing := [str(symbol) for name, symbol in beside.items() if not hasattr(p, name)]:
+        raise StudyError(
+            f"law_at: {what} is {shown(law)}, with {missing[0]} in it, which the component did not prepare; return "
+            f"law_values(law, ..., what={what!r}) from its prepare()."
+        )
     known = {symbol: getattr(p, name) for name, symbol in beside.items()}
     expression = as_symbolic(law)
     return (expression if by is None else expression.diff(by)).xreplace(known | dict(values))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.declared.recorded import recorded
@@ -70,7 +70,7 @@ class Requirement:
     relation: str
     over_time: bool
     at_the_end: bool = False
-    open: int = 0
+    open: Size = 0
 
     @property
     def words(self) -> str:

@@ -218,7 +218,7 @@ def spline(
     for name, option, known in options:
         if option is not None and periodic:
             raise StudyError(f"spline: {name} is {shown(option)}, but a period has no ends; leave {name} out.")
-        if option is not None and option not in known:
+        if option is not None and not (isinstance(option, str) and option in known):
             raise StudyError(f"spline: {name} is {shown(option)}; expected one of {', '.join(map(repr, known))}.")
     if periodic:
         gap = np.abs(table[-1] - table[0])

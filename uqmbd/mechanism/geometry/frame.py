@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten, numbers, shown, unknown_symbol
 from uqmbd.mechanism.geometry.matrix import Matrix
@@ -33,6 +34,11 @@ class Frame:
     q, v, a : sequence of expressions, or None
         Coordinates, their rates and their second derivatives.  None: the ground, which does not move.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the number of coordinates is not that of the space.
+
     Examples
     --------
     >>> import sympy, uqmbd
@@ -42,6 +48,7 @@ class Frame:
     Matrix([[c**2 - s**2 + x, 2*c*s + y]])
     """
 
+    @typechecked
     def __init__(
         self,
         space: Space,
@@ -53,6 +60,9 @@ class Frame:
         d = space.dimension
         self.is_ground = q is None
         still = (0,) * d + (1,) + (0,) * (space.size - d - 1) if space.turns else (0,) * d
+        for name, given in (("q", q), ("v", v), ("a", a)):
+            if given is not None and len(given) != space.size:
+                raise StudyError(f"Frame: {name} is {shown(given)}; expected {space.size} coordinates of the space.")
         self.q: tuple[sympy.Expr, ...] = tuple(map(as_symbolic, still if q is None else q))
         self.v: tuple[sympy.Expr, ...] = tuple(map(as_symbolic, (0,) * space.size if v is None else v))
         self._a = tuple(map(as_symbolic, (0,) * space.size if a is None else a))

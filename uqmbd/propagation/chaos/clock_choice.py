@@ -199,6 +199,7 @@ class _Fitness:
         return common, round(self.share, 3), even, self.angle, round(self.steadiness, 1)
 
 
+@typechecked
 def require_outputs_over_time(problem: Problem, option: str) -> None:
     """Refuse an option that means nothing for outputs without a time, where a study has no others.
 
@@ -239,6 +240,7 @@ def require_outputs_over_time(problem: Problem, option: str) -> None:
         )
 
 
+@typechecked
 def require_clock(problem: Problem, wanted: str) -> Clock:
     """Return the clock of a name.
 

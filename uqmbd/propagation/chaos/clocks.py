@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 from uqmbd.propagation.chaos.dense import Dense, spline_through
 from uqmbd.propagation.chaos.swings import Swing, passing
 from uqmbd.typing import Array, Mask
@@ -68,7 +68,7 @@ class Clock:
     """
 
     name: str
-    row: int
+    row: Size
     turn: float
     start: float = 0.0
 
@@ -163,7 +163,7 @@ class Phases:
         """Phases (K,) up to which marks are passed for ever, rad: inf where the clock does not come to rest."""
         return np.array([s.last if s is not None and s.rests else np.inf for s in self._swings])
 
-    def passed(self, k: int, marks: Array) -> Array:
+    def passed(self, k: Size, marks: Array) -> Array:
         """Find the times (S,) at which one realisation passes phases, s; NaN where it does not reach one.
 
         Parameters

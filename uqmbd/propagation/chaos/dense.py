@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Count, Size, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
 
@@ -78,25 +79,47 @@ class Dense:
     values: Array
     error: float
     asked: Array | None = None
-    integrations: int = 1
+    integrations: Count = 1
 
     degree: ClassVar[int] = DEGREE
 
     def of(self, rows: Sequence[int]) -> Dense:
-        """Return some of the realisations."""
+        """Return some of the realisations.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such realisation.
+        """
+        self._require(rows)
         return replace(self, values=self.values[rows], asked=None if self.asked is None else self.asked[rows])
 
-    def spline(self, k: int) -> BSpline:
-        """Return the outputs of one realisation as a function from times (N,) to (N, O)."""
+    def spline(self, k: Size) -> BSpline:
+        """Return the outputs of one realisation as a function from times (N,) to (N, O).
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such realisation.
+        """
+        self._require([k])
         return self.through(self.values[k].T)
+
+    def _require(self, rows: Sequence[int]) -> None:
+        """Refuse numbers of realisations that there are not."""
+        count = len(self.values)
+        for k in rows:
+            if not -count <= k < count:
+                raise StudyError(f"Dense: realisation {k} is asked for; expected a number from 0 to {count - 1}.")
 
     def through(self, values: Array) -> BSpline:
         """Return the spline through values (T,) or (T, N) at the times."""
         return spline_through(self.times, values)
 
 
+@typechecked
 def dense(
-    problem: Problem, values: Array, end: float, least: int = 0, asked: Array | None = None
+    problem: Problem, values: Array, end: float, least: Size = 0, asked: Array | None = None
 ) -> tuple[Dense, Realisations]:
     """Compute realisations at so many times that splines through them are accurate.
 

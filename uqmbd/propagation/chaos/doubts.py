@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, shown, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.chaos import Surrogate, reference_spread
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
@@ -47,11 +48,11 @@ class Doubt:
     """
 
     output: str
-    row: int
+    row: Size
     limit: float
     begin: float
-    above: int
-    times: int
+    above: Size
+    times: Size
     largest: float
 
     def words(self, note: str = "") -> str:
@@ -82,6 +83,11 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     sequence of Doubt
         In the order of the outputs.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If shapes do not fit the labels.
+
     Examples
     --------
     >>> import numpy as np
@@ -93,7 +99,11 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     >>> one.output, one.begin, one.above, one.largest
     ('height', 1.0, 2, 0.04)
     """
-    assert labels.times is not None
+    if labels.times is None or errors.shape != labels.shape or loud.shape != labels.shape[:1]:
+        raise StudyError(
+            f"doubts: errors is {shown(errors)} and loud is {shown(loud)}; expected an error of each output at each "
+            f"time and a truth value of each output, for {len(labels.outputs)} outputs over time."
+        )
     found = []
     for row, (output, error) in enumerate(zip(labels.outputs, errors, strict=True)):
         if loud[row] and (above := error > limit).any():

@@ -194,6 +194,7 @@ def refine_elements(
 ) -> ElementRefinement[OverTime]: ...
 
 
+@typechecked
 def refine_elements(
     space: GermSpace,
     compute: Callable[[Sequence[GermBox]], Sequence[Any]],
@@ -309,10 +310,10 @@ def refine_elements(
             f"{label}: with {len(parts)} elements the estimated error is {error:.2g} of the largest standard "
             f"deviation; the threshold {limits.threshold:g} was not met. Reason: {reason}. Raise max_elements or the "
             "order.",
-            stacklevel=3,
+            stacklevel=4,
         )
     elif len(parts) < limits.count and not met:
-        warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=3)
+        warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=4)
     chaos = _joined(parts, label)
     return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
 

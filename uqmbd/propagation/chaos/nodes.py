@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import IntegrationError
 from uqmbd.results.chaos import project, regress_on_nodes
 from uqmbd.typing import Array, Index, Mask
@@ -48,7 +48,7 @@ class NodeFit:
     coefficients: Array
     multi_index: Index
     how: str = ""
-    failed: int = 0
+    failed: Size = 0
     warning: str = ""
 
 

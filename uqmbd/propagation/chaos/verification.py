@@ -156,7 +156,7 @@ class Verification:
     space: GermSpace
     points: VerificationPoints
     response: Array
-    asked: int
+    asked: Size
     reason: str = ""
     lost: float = 0.0
 

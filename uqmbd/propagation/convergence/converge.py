@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqmbd.arguments import shown
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
 from uqmbd.progress import Progress, told
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 __all__ = ["check_convergence", "converge"]
 
 Method = Propagator | type[Propagator]
+
+MOST_LEVELS = 1000
+"""Levels of a method, at most."""
 
 SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "stated_error")
 
@@ -123,14 +127,18 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
         raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
     for name, values in levels.items():
         for one in values.values() if isinstance(values, Mapping) else [values]:
-            if isinstance(one, (str, bytes)) or not isinstance(one, Iterable) or not len(list(one)):
-                raise StudyError(f"converge: {name} is {one!r}; expected a list of levels, as in {name}=[1, 2, 3].")
-    methods = list(given) if isinstance(given, Iterable) else [given]
+            if not _entries(one):
+                raise StudyError(
+                    f"converge: {name} is {shown(one)}; expected a list of levels, as in {name}=[1, 2, 3]."
+                )
+    methods = _entries(given) or [given]
     found: list[_OptionSeries] = []
     for method in methods:
         made = method() if isinstance(method, type) and issubclass(method, Propagator) else method
         if not isinstance(made, Propagator):
-            raise StudyError(f"converge: {method!r} is no propagator; expected as in study.converge(Collocation, ...).")
+            raise StudyError(
+                f"converge: {shown(method)} is no propagator; expected as in study.converge(Collocation, ...)."
+            )
         options = [f.name for f in fields(made) if f.name != "label"]
         own = {name: v[made.node_name] for name, v in levels.items() if isinstance(v, Mapping) and made.node_name in v}
         usable = own or {name: v for name, v in levels.items() if not isinstance(v, Mapping)}
@@ -147,6 +155,13 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
     if unknown:
         raise StudyError(f"converge: levels are given for {unknown[0]!r}; the methods are: {', '.join(known)}.")
     return found
+
+
+def _entries(given: Any) -> list[Any]:
+    """Return the entries of a sequence; none where it is no sequence, or one that no user writes."""
+    if isinstance(given, (str, bytes, type)) or not isinstance(given, Iterable) or not hasattr(given, "__len__"):
+        return []
+    return list(given) if np.shape(given) != () and len(given) <= MOST_LEVELS else []
 
 
 def _dataset(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.arguments import Size, typechecked
 from uqmbd.dynamics import Ensemble, Model, integrator_class, off_constraints, position_jumps
 from uqmbd.propagation.execution.tasks import Arrays
 from uqmbd.results.chaos import AlignedElement
@@ -24,6 +25,7 @@ LONGEST = 8.0
 """How much longer than the output times a realisation is followed for its next events."""
 
 
+@typechecked
 @dataclass(frozen=True)
 class History:
     """The motion of one realisation from event to event.
@@ -58,7 +60,7 @@ class History:
     edges: Array
     response: Array
     message: str = ""
-    inside: int = 0
+    inside: Size = 0
     final: bool = False
 
 

@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterator
 from datetime import datetime
 from pathlib import Path
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import no_link, scratch, sweep
 from uqmbd.results.storage import (
@@ -227,6 +228,7 @@ def set_aside(folder: Path, needed: Collection[str] = ("results.nc",), stores: C
 
 
 @contextlib.contextmanager
+@typechecked
 def output_folder(folder: str | os.PathLike[str], names: Collection[str]) -> Iterator[Path]:
     """Hold the folder that a command writes into, without loss of anything that the user has there.
 

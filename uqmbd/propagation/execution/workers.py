@@ -14,7 +14,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from uqmbd.arguments import shown
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
 from uqmbd.propagation.execution.parent import end_with_parent
@@ -141,6 +141,7 @@ def _gave_up(executor: Executor, error: Exception) -> bool:
 
 
 @contextmanager
+@typechecked
 def pool(workers: int | Executor) -> Iterator[Executor | None]:
     """Yield who does one piece of work: what `Study.problem` takes as its executor.
 

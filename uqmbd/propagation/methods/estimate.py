@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 
 __all__ = ["Estimate", "Sizing", "readable"]
 
@@ -39,11 +39,11 @@ class Estimate:
     'up to 5000 realisations, 3.2 GB'
     """
 
-    realisations: int
-    memory: int
+    realisations: Size
+    memory: Size
     detail: str = ""
     at_most: bool = False
-    disk: int | None = None
+    disk: Size | None = None
     together: bool = False
 
     @property
@@ -94,13 +94,13 @@ class Sizing:
 
     option: str
     at: Callable[[int], Any]
-    least: int
+    least: Size
     falls: Literal["root", "steps", "itself"] = "root"
     allowed: Callable[[int], int] | None = None
     extends: bool = False
     of: Literal["moments", "probabilities"] = "moments"
     also: tuple[str, ...] = ()
-    bound: int | None = None
+    bound: Size | None = None
 
     def largest(self, number: float) -> int:
         """Return the largest size up to a number; the least one where none is so small."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import fits, refusal
 from uqmbd.errors import (
     AssemblyError,
     IntegrationError,
@@ -124,6 +125,8 @@ def simulate(
     grid, rtol = check_times(times, where), check_rtol(rtol, where)
     check_integrator(integrator, where)
     check_start(start, where)
+    if not fits(check, bool):
+        raise StudyError(f"{where}: {refusal('check', check, bool)}")
     point = input_point(where, mechanism, values)
     longest, added = check_max_step(max_step, where), check_breaks(breaks, where)
     model = stepped(observed_model(mechanism, float(grid[0]), start), longest, added)

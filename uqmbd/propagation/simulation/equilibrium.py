@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uqmbd.arguments import fits, shown
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
 from uqmbd.propagation.observed_model import observed_model, warn_of
@@ -130,7 +131,7 @@ def eigenfrequencies(
     from uqmbd.dynamics import Ensemble, linearise, linearise_steady, steady_motions
 
     where = f"eigenfrequencies {_named(mechanism, 'eigenfrequencies')!r}"
-    if at not in ("equilibrium", "start", "steady"):
+    if not isinstance(at, str) or at not in ("equilibrium", "start", "steady"):
         raise StudyError(f"{where}: at is {at!r}; expected 'equilibrium', 'start' or 'steady'.")
     point = input_point(where, mechanism, values)
     ensemble = Ensemble(_any_model(mechanism, _moment(time, where)), np.array([list(point.values())]))
@@ -168,13 +169,9 @@ def _named(mechanism: Mechanism, function: str) -> str:
 
 
 def _moment(time: float, where: str) -> float:
-    try:
-        moment = float(time)
-    except (TypeError, ValueError):
-        moment = float("nan")
-    if not np.isfinite(moment):
-        raise StudyError(f"{where}: time is {time!r}; expected a number in s.")
-    return moment
+    if not fits(time, float) or not np.isfinite(float(time)):
+        raise StudyError(f"{where}: time is {shown(time)}; expected a number in s.")
+    return float(time)
 
 
 def _any_model(mechanism: Mechanism, time: float) -> Model:

@@ -11,10 +11,10 @@ from functools import cache
 from typing import Any
 
 from uqmbd import plugins
-from uqmbd.errors import Finding, PluginWarning, Severity, UnusedInputWarning
+from uqmbd.arguments import shown, typechecked
+from uqmbd.errors import Finding, PluginWarning, Severity, StudyError, UnusedInputWarning
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.mechanism import Mechanism
-from uqmbd.names import checked
 from uqmbd.propagation.inputs import POINTS, affordable, existence_of, unused_inputs
 from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.observed_model import warned_elsewhere
@@ -23,7 +23,7 @@ from uqmbd.propagation.studies.run_methods import planned
 __all__ = ["findings", "ranges", "warning_of"]
 
 
-@checked
+@typechecked
 def findings(study: Studied) -> list[Finding]:
     """Find what is probably wrong with a study: `uqmbd check`, a run, its results, notebook and report list the same.
 
@@ -59,6 +59,8 @@ def findings(study: Studied) -> list[Finding]:
     >>> finding.place, finding.message, finding.remedy
     ("body 'rod'", "body 'rod' is drawn at -90 rad, 14.3 turns", 'Write degrees as math.radians(-90)')
     """
+    if not hasattr(study, "mechanism") or not hasattr(study, "times"):
+        raise StudyError(f"findings: study is {shown(study)}; expected a uqmbd.Study.")
     mechanism: Any = study.mechanism
     if not isinstance(mechanism, Mechanism):
         return []  # a study of another make

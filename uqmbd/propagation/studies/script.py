@@ -8,6 +8,7 @@ import importlib
 import importlib.machinery
 import importlib.util
 import linecache
+import os
 import pkgutil
 import re
 import sys
@@ -15,6 +16,7 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import check_script
 from uqmbd.names import did_you_mean
@@ -23,7 +25,8 @@ from uqmbd.propagation.studies.study import Study
 __all__ = ["load_study"]
 
 
-def load_study(path: str | Path) -> Study:
+@typechecked
+def load_study(path: str | os.PathLike[str]) -> Study:
     """Run a study script and return its module-level ``study``.
 
     The script runs as a module named like the file, with its folder first on ``sys.path``, as if it had been started by

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import Finding, StudyError
 from uqmbd.names import check_name, checked
@@ -237,6 +238,7 @@ class Study:
         refuse_jumps(means, self.times, self.rtol, f"study {self.name!r}, at the means of its inputs")
         return model
 
+    @typechecked
     def problem(
         self,
         propagator: Propagator,

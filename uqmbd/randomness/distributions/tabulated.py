@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["tabulated"]
 
 
+@typechecked
 def tabulated(normal: ArrayLike, values: ArrayLike, correlation: ArrayLike | None = None) -> chaospy.Distribution:
     """Return the distribution of increasing functions, given as tables, of standard normal variables.
 

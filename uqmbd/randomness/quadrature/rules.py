@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import Count, Seed, typechecked
+from uqmbd.arguments import Count, Seed, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.designs import sampling_design
 from uqmbd.randomness.index_sets import whole_number
@@ -30,6 +30,10 @@ __all__ = [
 
 MOST_NODES = 20_000_000
 """Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""
+
+
+FINEST = 62
+"""Level of nested rules, at most: it doubles the nodes."""
 
 
 @typechecked
@@ -145,6 +149,8 @@ def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
         whole_number(n, f"clenshaw_curtis: the level of {germ.name!r}", 0)
         for germ, n in zip(space.germs, _each(space, level, "clenshaw_curtis: level"), strict=True)
     ]
+    if max(levels, default=0) > FINEST:
+        raise StudyError(f"clenshaw_curtis: level is {shown(level)}; expected whole numbers up to {FINEST}.")
     counts = [nested_count(germ, n) for germ, n in zip(space.germs, levels, strict=True)]
     check_size(int(np.prod(counts, dtype=object)), space, "clenshaw_curtis")
     nodes, weights = tensor_rule([nested_rule(germ, n) for germ, n in zip(space.germs, levels, strict=True)])

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.index_sets import index_set, whole_number
@@ -168,7 +168,12 @@ def combination_coefficients(levels: ArrayLike) -> Index:
     >>> combination_coefficients([[0, 0], [1, 0], [0, 1]]).tolist()
     [-1, 1, 1]
     """
-    rows = [tuple(int(v) for v in row) for row in np.asarray(levels)]
+    given = np.asarray(levels)
+    if given.ndim != 2 or given.dtype.kind not in "iu":
+        raise StudyError(
+            f"combination_coefficients: levels is {shown(levels)}; expected whole numbers in rows, shape (n, d)."
+        )
+    rows = [tuple(row) for row in given.tolist()]
     factors = dict.fromkeys(rows, 1)
     if len(factors) != len(rows):
         raise StudyError("The set of levels holds a row twice.")

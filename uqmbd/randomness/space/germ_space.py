@@ -247,11 +247,7 @@ class GermSpace:
             If a shape does not fit, or a germ has no polynomials of a degree.
         """
         points = self._checked(germs, "germs")
-        degrees = np.asarray(multi_index)
-        if degrees.ndim != 2 or degrees.shape[1] != self.dimension or (degrees.size and degrees.min() < 0):
-            raise StudyError(
-                f"The multi-index has shape {degrees.shape}; expected (terms, {self.dimension}), no degree below zero."
-            )
+        degrees = self._degrees(multi_index)
         values = np.ones((len(points), len(degrees)))
         for k, germ in enumerate(self.germs):
             terms = np.flatnonzero(degrees[:, k])
@@ -289,7 +285,11 @@ class GermSpace:
         >>> space.evaluate_derivative([[0.5, -1.0]], [[0, 0], [1, 1], [2, 0]], 0).round(6)
         array([[ 0.      , -1.      ,  0.707107]])
         """
-        points, degrees = self._checked(germs, "germs"), np.array(multi_index)
+        points, degrees = self._checked(germs, "germs"), self._degrees(multi_index).copy()
+        if not 0 <= germ < self.dimension:
+            raise StudyError(
+                f"evaluate_derivative: germ is {germ}; expected the number of a germ, from 0 to {self.dimension - 1}."
+            )
         own = degrees[:, germ].copy()
         degrees[:, germ] = 0
         values = self.evaluate(points, degrees)
@@ -389,6 +389,17 @@ class GermSpace:
         if values.ndim != 2 or values.shape[1] != self.dimension:
             raise StudyError(f"The {what} have shape {values.shape}; expected (points, {self.dimension}).")
         return values
+
+    def _degrees(self, multi_index: ArrayLike) -> Index:
+        """Return degrees of terms (P, d), none below zero."""
+        degrees = np.asarray(multi_index)
+        if degrees.ndim != 2 or degrees.shape[1] != self.dimension or (degrees.size and degrees.min() < 0):
+            raise StudyError(
+                f"The multi-index has shape {degrees.shape}; expected (terms, {self.dimension}), no degree below zero."
+            )
+        if degrees.dtype.kind not in "iu":
+            raise StudyError(f"The multi-index has numbers of the type {degrees.dtype}; expected whole numbers.")
+        return degrees
 
     def _outside(self, column: int, row: int, value: float) -> str:
         described: dict[str, Any] = {}

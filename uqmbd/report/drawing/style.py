@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.arguments import Count, typechecked
+from uqmbd.arguments import Count, Size, typechecked
 from uqmbd.report.drawing.scales import plain_formatter
 from uqmbd.wording import typeset_units
 
@@ -76,7 +76,7 @@ _RIGHT = 0.18  # inches: half a number at the end of an axis
 
 
 @typechecked
-def style(k: int) -> tuple[str, Any]:
+def style(k: Size) -> tuple[str, Any]:
     """Return the colour and the line style that figures give the k-th of several things, counted from 0.
 
     Parameters

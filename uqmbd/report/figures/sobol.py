@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Count, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, paper
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
@@ -187,7 +187,7 @@ def indices_charts(found: Indices, output: str, most: int = 5) -> Views:
 
 
 @typechecked
-def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
+def sobol_indices(results: Results, output: str, *, most: Count = 5) -> Figure:
     r"""Draw over time which input causes which share of the variance, and how large the spread is at all.
 
     Above, stacked: the first-order indices, what each input explains alone, and what is left for interactions. Then

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.arguments import Bounds, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.assessment.own_errors import own_error
 from uqmbd.results.requirements import answers
 from uqmbd.results.statistics import over_time
@@ -35,6 +36,11 @@ class StatedAccuracy:
     kind : {"mean", "std", "probability", ""}
         What that is.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the value is negative or NaN.
+
     Examples
     --------
     >>> StatedAccuracy(0.0123, "mean of x at 0.5 s").words
@@ -44,6 +50,12 @@ class StatedAccuracy:
     value: float
     quantity: str
     kind: Literal["mean", "std", "probability", ""] = ""
+
+    def __post_init__(self) -> None:
+        if not self.value >= 0:
+            raise StudyError(
+                f"StatedAccuracy: value is {self.value!r}; expected a number, 0 or more; infinite where none is stated."
+            )
 
     @property
     def words(self) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.sampling import spread_germs
 from uqmbd.results.chaos.segments import AlignedElement, Segmented
@@ -168,6 +169,11 @@ class AlignedChaos(Surrogate):
         array, shape (K, S, O, N)
             In the units of the outputs.
 
+        Raises
+        ------
+        uqmbd.StudyError
+            If the times have more than one axis.
+
         Examples
         --------
         >>> import chaospy
@@ -192,6 +198,8 @@ class AlignedChaos(Surrogate):
         germs = self.space.to_germs(np.asarray(inputs, dtype=float))
         most = max(e.segments.shape[1] for e in self.elements)
         at = np.asarray(where, dtype=float)
+        if at.ndim != 1:
+            raise StudyError(f"{type(self).__name__}.aligned: where is {shown(at)}; expected times (N,) from 0 to 1.")
         found = np.full((len(germs), most, len(self.labels.outputs), len(at)), np.nan)
         for _, s in self._sampled(germs):
             powers = s.element.segments.shape[-1]

@@ -247,6 +247,11 @@ class ComposedChaos(Surrogate):
     def from_datasets(cls, datasets: Mapping[str, tuple[str, xr.Dataset]]) -> ComposedChaos:
         """Make it from the datasets of its parts, each with the name of its kind, without the mechanism.
 
+        Raises
+        ------
+        uqmbd.StudyError
+            If there are none.
+
         Examples
         --------
         >>> import chaospy
@@ -265,6 +270,8 @@ class ComposedChaos(Surrogate):
         >>> ComposedChaos.from_datasets(parts).mean.ravel().tolist()
         [2.0, 1.0]
         """
+        if not datasets:
+            raise StudyError("ComposedChaos.from_datasets: there are no datasets; expected one of each part.")
         places = {
             str(name): int(place)
             for _, data in datasets.values()

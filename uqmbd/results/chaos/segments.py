@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Bounds, shown, typechecked
 from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
@@ -32,6 +32,9 @@ NOISE = 1e-10
 
 AT_ONCE = 64
 """Samples that are differentiated at once."""
+
+MOST_POINTS = 10_000
+"""Points of a segment, at most."""
 
 Landmarks = Literal["events", "phase", "time"]
 """What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
@@ -81,7 +84,7 @@ class AlignedElement(GermElement):
     landmarks: Landmarks = "events"
 
     @staticmethod
-    def points(count: int) -> Array:
+    def points(count: Annotated[int, Bounds(2, MOST_POINTS)]) -> Array:
         """Return Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
         found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
         return found
@@ -111,7 +114,17 @@ class AlignedElement(GermElement):
         -------
         AlignedElement
             With as many Chebyshev coefficients as points.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the values have other axes, or less than two points.
         """
+        if values.ndim != 4 or not 2 <= values.shape[-1] <= MOST_POINTS:
+            raise StudyError(
+                f"AlignedElement.through: values is {shown(values)}; expected four axes (term, segment, output, "
+                "point), and two points at least."
+            )
         count = values.shape[-1]
         vander = np.polynomial.chebyshev.chebvander(2 * cls.points(count) - 1, count - 1)
         found = values @ np.linalg.inv(vander).T

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.requirements.dataset import requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson, of_replicates
@@ -49,8 +49,8 @@ class Violations:
     """
 
     by_time: Index
-    total: int
-    failed: int
+    total: Size
+    failed: Size
 
     @classmethod
     def of(cls, running: Array, failed: Mask) -> Violations:
@@ -115,7 +115,7 @@ class Violations:
         StudyError
             If there are no counts, or not at the given times.
         """
-        if not replicates or np.shape(times) != replicates[0].by_time.shape[1:]:
+        if not len(replicates) or np.shape(times) != replicates[0].by_time.shape[1:]:
             raise StudyError(
                 f"Violations.dataset: {len(replicates)} replicates and times of the shape {np.shape(times)}; expected "
                 "1 replicate or more, and a time for each column of their counts."

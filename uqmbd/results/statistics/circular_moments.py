@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, shown, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.statistics.circular import ROUNDING
 from uqmbd.typing import Array
 
@@ -38,7 +39,7 @@ class CircularMoments:
     [[5.0]]
     """
 
-    count: int
+    count: Size
     turns: Array
     reference: Array
     sine: Array
@@ -59,7 +60,17 @@ class CircularMoments:
         -------
         CircularMoments
             Of these samples.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If shapes do not fit.
         """
+        if response.ndim < 2 or turns.shape != response.shape[1:2]:
+            raise StudyError(
+                f"CircularMoments.of: response is {shown(response)} and turns is {shown(turns)}; expected samples of "
+                "each output, shape (S, O, ...), and a turn of each output, shape (O,)."
+            )
         angular = np.flatnonzero(turns)
         angles = response[:, angular] * (2.0 * np.pi / turns[angular]).reshape(-1, *[1] * (response.ndim - 2))
         if not len(angles):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -49,7 +49,7 @@ class Moments:
     True
     """
 
-    count: int
+    count: Size
     mean: Array
     second: Array
     third: Array

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import Count, typechecked
+from uqmbd.arguments import Count, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.packages import require_package
@@ -147,8 +147,8 @@ class SampleStore:
     """
 
     folder: Path
-    count: int
-    size: int
+    count: Size
+    size: Size
     labels: Labels
 
     def __len__(self) -> int:
@@ -268,7 +268,7 @@ class SampleStore:
 
     @staticmethod
     def create(
-        folder: Path, count: int, size: int, axes: Labels, attrs: Mapping[str, str] | None = None
+        folder: Path, count: Size, size: Size, axes: Labels, attrs: Mapping[str, str] | None = None
     ) -> SampleStore:
         """Make a store without chunks, in a folder that does not exist, with attributes.
 
@@ -343,7 +343,7 @@ class SampleStore:
         """Samples of a chunk of inputs, status and messages."""
         return self.size * max(1, BLOCK // self.size)
 
-    def place(self, name: str, number: int) -> Path:
+    def place(self, name: str, number: Size) -> Path:
         """Return the file of a chunk of a variable.
 
         Parameters
@@ -355,7 +355,7 @@ class SampleStore:
         """
         return self.place_in(self.folder, name, number)
 
-    def place_in(self, folder: Path, name: str, number: int) -> Path:
+    def place_in(self, folder: Path, name: str, number: Size) -> Path:
         """Return the file of a chunk of a variable in another folder.
 
         Parameters
@@ -369,7 +369,7 @@ class SampleStore:
         """
         return folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
 
-    def put(self, name: str, first: int, values: NDArray[Any]) -> None:
+    def put(self, name: str, first: Size, values: NDArray[Any]) -> None:
         """Write a variable, from the index of a sample on at which a chunk begins; what is empty has no file.
 
         Parameters
@@ -389,7 +389,7 @@ class SampleStore:
             else:
                 self.place(name, (first + k) // chunk[0]).unlink(missing_ok=True)  # of an earlier run
 
-    def read(self, name: str, first: int, last: int) -> NDArray[Any]:
+    def read(self, name: str, first: Size, last: Size) -> NDArray[Any]:
         """Read a variable of some samples, all of one chunk.
 
         Parameters

@@ -131,6 +131,7 @@ def _read(tree: xr.DataTree, source: Path) -> xr.DataTree:
         return tree.load()
 
 
+@typechecked
 def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read the variables in the root of a netCDF file of any program, such as measurements, into memory.
 
