@@ -39,6 +39,8 @@ def findings(study: Studied) -> list[Finding]:
 
     Raises
     ------
+    uqmbd.StudyError
+        If it is no study.
     uqmbd.UqmbdError
         If the mechanism cannot be used, as where it cannot be assembled.
 
