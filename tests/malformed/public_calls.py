@@ -30,7 +30,7 @@ SPACE = "uqmbd calls it with coordinates of bodies"
 FILES = "tests of damaged files try it"
 
 LEFT_OUT = {
-    **dict.fromkeys(("Ensemble", "Projection", "PhaseMotion"), STEPS),
+    **dict.fromkeys(("Ensemble", "ProjectedEquations", "PhaseMotion"), STEPS),
     **dict.fromkeys(("Planar", "Spatial", "Space", "_Turnless"), SPACE),
     **dict.fromkeys(("NamedFrame", "Local", "JointAngle"), MADE),
     **dict.fromkeys(
