@@ -26,7 +26,7 @@ STATEMENTS = {
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 260,
     "uqmbd.compiled": 2020,
-    "uqmbd.dynamics": 13380,
+    "uqmbd.dynamics": 13395,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 140,
     "uqmbd.mechanism": 4460,

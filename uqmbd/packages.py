@@ -5,13 +5,11 @@ from __future__ import annotations
 import importlib
 from types import ModuleType
 
-from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 
 __all__ = ["require_package"]
 
 
-@typechecked
 def require_package(module: str, purpose: str, install: str) -> ModuleType:
     """Import a module that an extra brings.
 
@@ -32,7 +30,7 @@ def require_package(module: str, purpose: str, install: str) -> ModuleType:
     Raises
     ------
     uqmbd.StudyError
-        If the package is not installed.
+        If the package is not installed, or the name is not that of a module.
 
     Examples
     --------
@@ -43,6 +41,8 @@ def require_package(module: str, purpose: str, install: str) -> ModuleType:
     Traceback (most recent call last):
     uqmbd.errors.StudyError: method 'kriging' needs no_such_package, ... pip install "my-package[kriging]"
     """
+    if not isinstance(module, str) or not all(part.isidentifier() for part in module.split(".")):
+        raise StudyError(f"require_package: module is {module!r:.80}; expected the dotted name of a module.")
     try:
         return importlib.import_module(module)
     except ImportError as error:
