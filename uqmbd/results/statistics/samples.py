@@ -69,8 +69,8 @@ def sample_statistics(
     independent : bool
         Whether the samples are independent; else they are the points of a design.
     each : callable, optional
-        Who computes blocks of columns: like ``map``, which computes one after another; those of an executor of threads
-        and of :meth:`uqmbd.extend.Problem.each` compute some at once, with the same results.
+        A function like ``map``, the default, that applies a function to blocks of columns.  The ``map`` of an executor
+        of threads, and ``problem.runner.each``, process several blocks at once, with the same results.
 
     Returns
     -------
