@@ -72,14 +72,15 @@ def gather(
     streamed = None if whole else problem.reduce(values, reduced, asked, keep=handed)
     for part in _reduced_here(problem, values, asked) if streamed is None else streamed:
         last = first + len(part.status)
-        # what is not finite is a failure like any other: it must not enter a sum
-        failures += int(np.count_nonzero(~part.good)) - part.censored
-        censored += part.censored
         gathered.add(part.result)
         if watch is not None:
             watch(first, part.response, part.good)
-        if reason := part.realisations.most_frequent_reason():
-            reasons[reason] += part.realisations.failures
+        if not part.good.all():
+            # what is not finite is a failure like any other: it must not enter a sum
+            failures += int(np.count_nonzero(~part.good)) - part.censored
+            censored += part.censored
+            if reason := part.realisations.most_frequent_reason():
+                reasons[reason] += part.realisations.failures
         if first < room:
             # into its place: the responses of all samples are not held twice
             taken = min(last, room) - first

@@ -38,7 +38,7 @@ from uqmbd.propagation.execution import (
 )
 from uqmbd.propagation.inputs import nothing_random
 from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
-from uqmbd.propagation.observed_model import observed_model, stepped, warned_elsewhere
+from uqmbd.propagation.observed_model import observed_model, warned_elsewhere
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
@@ -93,7 +93,6 @@ __all__ = [
     "set_aside",
     "simulate",
     "static_equilibrium",
-    "stepped",
     "store_name",
     "timing_of",
     "varying",

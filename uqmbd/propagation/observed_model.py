@@ -27,15 +27,20 @@ __all__ = [
     "observed_model",
     "refuse_jumps",
     "step_attributes",
-    "stepped",
     "warn_of",
     "warn_once",
     "warned_elsewhere",
 ]
 
 
-def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:
-    """Build a mechanism that has something to observe; `start` as for `Study`."""
+def observed_model(
+    mechanism: Mechanism,
+    time: float,
+    start: str = "drawn",
+    max_step: float = float("inf"),
+    breaks: tuple[float, ...] = (),
+) -> Model:
+    """Build a mechanism that has something to observe; `start`, `max_step` and `breaks` as for `Study`."""
     from uqmbd.dynamics import build, referenced
 
     if not mechanism.observed():
@@ -58,6 +63,8 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
     if missing := _never_added(mechanism):
         model = replace(model, findings=(*missing, *model.findings))
+    if max_step != float("inf") or breaks:
+        model = replace(model, max_step=max_step, added_breaks=breaks)
     return model
 
 
@@ -102,12 +109,6 @@ def warned_elsewhere(mechanism: Mechanism, time: float) -> None:
 
 def _said(time: float) -> tuple[str, float]:
     return ("findings of the model are known", time)
-
-
-def stepped(model: Model, max_step: float, breaks: tuple[float, ...]) -> Model:
-    """Return a model that every integrator follows with bounded steps, and with breaks of the user's."""
-    plain = max_step == float("inf") and not breaks
-    return model if plain else replace(model, max_step=max_step, added_breaks=breaks)
 
 
 def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> None:

@@ -85,7 +85,7 @@ class ProblemData:
             raise StudyError(f"{self.label}: {error}") from None
         return replace(self, inputs=inputs, existence=self.existence.without({v.name for v in given}))
 
-    @property
+    @cached_property
     def labels(self) -> Labels:
         """Names and units of outputs, inputs and times, for `uqmbd.results`."""
         if self.kind == "requirements":

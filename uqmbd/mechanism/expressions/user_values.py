@@ -172,11 +172,11 @@ def _float(number: sympy.Expr) -> float:
 
 def _parts(value: Any) -> list[Any] | None:
     """Return what a sequence, an array or a matrix consists of; None for anything else."""
-    if isinstance(value, (str, bytes)) or is_quantity(value):
-        return None
-    if isinstance(value, (sympy.MatrixBase, sympy.Tuple)):
+    if isinstance(value, (tuple, list, sympy.MatrixBase, sympy.Tuple)):
         return list(value)
-    if hasattr(value, "tolist") and not isinstance(value, sympy.Basic):
+    if value is None or isinstance(value, (int, float, str, bytes, sympy.Basic)) or is_quantity(value):
+        return None
+    if hasattr(value, "tolist"):
         value = value.tolist()
         return value if isinstance(value, list) else None  # a NumPy scalar is a number
     return list(value) if isinstance(value, Sequence) else None

@@ -28,6 +28,7 @@ class Studied(Protocol):
     start: str
     max_step: float
     breaks: tuple[float, ...]
+    report_times: tuple[float, ...]
     propagators: tuple[Propagator, ...]
     convergence: Mapping[str, Any] | None
 

@@ -26,7 +26,6 @@ from uqmbd.propagation.observed_model import (
     observed_model,
     refuse_jumps,
     step_attributes,
-    stepped,
     warn_of,
 )
 from uqmbd.propagation.options import (
@@ -129,7 +128,7 @@ def simulate(
         raise StudyError(f"{where}: {refusal('check', check, bool)}")
     point = input_point(where, mechanism, values)
     longest, added = check_max_step(max_step, where), check_breaks(breaks, where)
-    model = stepped(observed_model(mechanism, float(grid[0]), start), longest, added)
+    model = observed_model(mechanism, float(grid[0]), start, longest, added)
     warn_of(model, stacklevel=3)
     require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))

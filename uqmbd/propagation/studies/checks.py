@@ -20,7 +20,7 @@ from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.observed_model import warned_elsewhere
 from uqmbd.propagation.studies.run_methods import planned
 
-__all__ = ["findings", "ranges", "warning_of"]
+__all__ = ["findings", "ranges", "warned_findings", "warning_of"]
 
 
 @typechecked
@@ -86,6 +86,15 @@ def findings(study: Studied) -> list[Finding]:
 def warning_of(study: Studied, finding: Finding) -> str:
     """Return the text of the Python warning of a finding: what does not name the mechanism names the study."""
     return f"{'' if finding in study.model.findings else f'study {study.name!r}: '}{finding.text}."
+
+
+def warned_findings(study: Studied, stacklevel: int) -> list[Finding]:
+    """Return the findings about a study, and issue the warnings among them."""
+    found = findings(study)
+    for finding in found:
+        if finding.warned:
+            warnings.warn(warning_of(study, finding), finding.category, stacklevel=stacklevel + 1)
+    return found
 
 
 def ranges(study: Studied) -> tuple[Finding, ...]:

@@ -10,13 +10,14 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
+from uqmbd.errors import Finding, MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
 from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import BudgetedRun, BudgetTerms, BudgetTooSmallError
 from uqmbd.propagation.execution import explained, study_digest, warn_of_changes
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
+from uqmbd.propagation.observed_model import finding_attributes, mechanism_attributes, step_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,13 +172,25 @@ def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     return StudyError(f"{label}: it cannot do this study: {found}")
 
 
-def joined(study: Studied, outcome: Outcome, attrs: Mapping[str, Any]) -> xr.DataTree:
-    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand."""
+def joined(study: Studied, outcome: Outcome, found: Sequence[Finding]) -> xr.DataTree:
+    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand.
+
+    The findings `found` about the study, and its settings, are attributes of the root.
+    """
     import xarray as xr
 
     from uqmbd.results import study_tree
     from uqmbd.results.schema import join_nodes
 
+    attrs = {
+        "rtol": study.rtol,
+        "integrator": study.integrator,
+        "start": study.start,
+        **step_attributes(study.max_step, study.breaks),
+        **({"report_times": list(study.report_times)} if study.report_times else {}),
+        **mechanism_attributes(study.mechanism),
+        **finding_attributes(found),
+    }
     about: dict[str, Any] = {
         "study": study.name,
         "mechanism": study.mechanism.name,

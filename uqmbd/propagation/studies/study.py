@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
-from uqmbd.errors import Finding, StudyError
+from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import BudgetTerms
@@ -27,12 +27,8 @@ from uqmbd.propagation.execution import opened, pool
 from uqmbd.propagation.inputs import existence_of
 from uqmbd.propagation.methods import Propagator, check_propagators, labelled, run_method
 from uqmbd.propagation.observed_model import (
-    finding_attributes,
-    mechanism_attributes,
     observed_model,
     refuse_jumps,
-    step_attributes,
-    stepped,
     warn_once,
     warned_elsewhere,
 )
@@ -47,7 +43,7 @@ from uqmbd.propagation.options import (
     check_still,
     check_times,
 )
-from uqmbd.propagation.studies.checks import findings, ranges, warning_of
+from uqmbd.propagation.studies.checks import ranges, warned_findings
 from uqmbd.propagation.studies.run_methods import joined, run_methods
 
 if TYPE_CHECKING:
@@ -223,8 +219,7 @@ class Study:
         return self._compiled[1]
 
     def _observed(self, mechanism: Mechanism) -> Model:
-        model = observed_model(mechanism, float(self.times[0]), self.start)
-        return stepped(model, self.max_step, self.breaks)
+        return observed_model(mechanism, float(self.times[0]), self.start, self.max_step, self.breaks)
 
     def _made(self) -> Model:
         from uqmbd.dynamics import Ensemble, require_for
@@ -356,7 +351,7 @@ class Study:
         warned_elsewhere(self.mechanism, float(self.times[0]))
         with pool(workers) as executor:
             found = run_method(propagator, self.problem(propagator, executor, progress))
-        self._warned((propagator,))
+        warned_findings(self.with_propagators((propagator,)), stacklevel=3)
         return found
 
     @checked
@@ -448,7 +443,9 @@ class Study:
         if finished is not None and not callable(finished):
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
-        progress, folder = told(progress), check_folder(folder, resume, f"study {self.name!r}")
+        progress = told(progress)
+        if folder is not None or resume is not False:
+            folder = check_folder(folder, resume, f"study {self.name!r}")
         bounded = budget is not None or accuracy is not None
         terms = BudgetTerms.of(f"study {self.name!r}", budget, accuracy, planned) if bounded else None
         with claimed(folder) if folder else nullcontext(), opened(workers) as executor:
@@ -457,10 +454,10 @@ class Study:
                 begin(folder, resume=resume)
             # errors of the mechanism concern no method
             self.model  # noqa: B018 - built once
-            found = self._warned(chosen)
+            found = warned_findings(self.with_propagators(chosen), stacklevel=3)
             outcome = run_methods(self, chosen, executor, progress, folder, terms, resume=resume)
             outcome.report(self.name, stacklevel=2)
-            tree = joined(self, outcome, self._attributes(found))
+            tree = joined(self, outcome, found)
             if finished is not None:
                 finished(tree)
             if only is None and self.convergence is not None:
@@ -530,26 +527,6 @@ class Study:
         text = "Study.foretold is Study.predict_warnings now; the old name is removed in version 0.2."
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.predict_warnings(propagators)
-
-    def _warned(self, propagators: Sequence[Propagator]) -> list[Finding]:
-        """Issue the warnings among the findings about a run of these methods, and return all findings."""
-        found = findings(self.with_propagators(propagators))
-        for finding in found:
-            if finding.warned:
-                warnings.warn(warning_of(self, finding), finding.category, stacklevel=4)
-        return found
-
-    def _attributes(self, found: Sequence[Finding]) -> dict[str, Any]:
-        """Return what the root of the results says of the study."""
-        return {
-            "rtol": self.rtol,
-            "integrator": self.integrator,
-            "start": self.start,
-            **step_attributes(self.max_step, self.breaks),
-            **({"report_times": list(self.report_times)} if self.report_times else {}),
-            **mechanism_attributes(self.mechanism),
-            **finding_attributes(found),
-        }
 
     @checked
     def converge(

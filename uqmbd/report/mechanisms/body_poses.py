@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
-from uqmbd.propagation import input_point, observed_model, stepped
+from uqmbd.propagation import input_point, observed_model
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -115,7 +115,7 @@ def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
     from uqmbd.dynamics import Ensemble, integrate
 
-    model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
+    model = observed_model(study.mechanism, float(study.times[0]), study.start, study.max_step, study.breaks)
     with one_thread():
         found = integrate(Ensemble(model, values), times, study.rtol, study.integrator)
     return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
