@@ -180,7 +180,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             total += self.samples // 2 * inputs
             memory += 8 * rows_at_once(self.samples // 2, inputs, self.keep) * (inputs + 2) * (values + inputs)
         disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
-        found = uqmbd.extend.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
+        found = uqmbd.extend.Estimate(total, memory, f"{kept} stored samples", disk=disk)
         if isinstance(self.control, LowFidelity):
             # its realisations are none of this study, and how many pay is known from the samples
             besides = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"

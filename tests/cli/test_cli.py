@@ -539,7 +539,7 @@ def test_the_report_is_opened_when_it_is_written_and_figures_when_asked_for(cli,
     assert status == 0 and any((tmp_path / "r" / "figures").glob("*.svg"))
     assert "no browser was found" in err and len(opened) == 2
     status, _, err = cli("report", "r")
-    assert status == 0 and "those of an earlier report; --figures" in err and len(opened) == 2
+    assert status == 0 and "belong to an earlier report; --figures" in err and len(opened) == 2
 
 
 @pytest.mark.parametrize(

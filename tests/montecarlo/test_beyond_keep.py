@@ -107,7 +107,7 @@ def test_the_report_says_of_which_samples(curved: uqmbd.Study, tmp_path: Path) -
     tree = curved.with_propagators([MonteCarlo(samples=200, seed=1, keep=100)]).run()
     text = " ".join(write_report(tree, tmp_path / "report.html").read_text().split())
     assert "Statistics of monte-carlo use all 200 samples. Histograms and densities use the first 100" in text
-    assert "Quantiles are interpolated from a histogram; their error is at most" in text
+    assert "Quantiles are computed from counts between edges; their error is at most" in text
 
 
 def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

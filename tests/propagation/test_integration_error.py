@@ -255,7 +255,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
     assert line.split(maxsplit=2)[2] == expected
     write_report(tree, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
-    assert expected in page and "The time integration is wrong by up to" in page
+    assert expected in page and "The integration error is at most" in page
 
 
 def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
@@ -264,5 +264,5 @@ def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
 
     found = uqmbd.Study("s", crank(), TIMES, [MonteCarlo(samples=5, seed=1)]).run()["monte-carlo/statistics"]
     heading, tip = integration_shares(found.to_dataset())
-    assert not heading.varies and heading.of_what == "of the size"
+    assert not heading.varies and heading.of_what == "of the mean"
     assert tip.varies and tip.of_what == "of the spread" and 0 <= tip.share < 1e-3

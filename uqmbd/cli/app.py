@@ -198,7 +198,10 @@ def animate(
         typer.Option("--seconds", metavar="S", help="Duration in s (default: that of the motion, within 3 to 8)."),
     ] = None,
 ) -> None:
-    """Animate the mechanism at the means of the inputs, with a cloud of realisations."""
+    """Animate the mechanism.
+
+    The animation shows the motion at the means of the inputs, with a cloud of realisations.
+    """
     check_script(script)
     with loading():
         from uqmbd.cli.animate import animate_study
@@ -242,7 +245,10 @@ def compare(
         Path | None, typer.Option("--out", metavar="DIR", help="Also write DIR/comparison.nc and DIR/report.html.")
     ] = None,
 ) -> None:
-    """Compare results: differences of statistics, verdicts, and differences between the studies."""
+    """Compare the results of several runs.
+
+    List differences of statistics, verdicts, and differences of inputs, options and versions.
+    """
     with loading():
         from uqmbd.cli.compare import show_comparison
 

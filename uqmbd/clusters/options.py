@@ -25,10 +25,10 @@ Dask = Annotated[
     typer.Option(
         "--dask",
         metavar="WHERE",
-        help="A Dask cluster does the work: address or file of its scheduler, or local, slurm, pbs, sge, lsf ...",
+        help="Compute on a Dask cluster: address or file of its scheduler, or local, slurm, pbs, sge, lsf ...",
     ),
 ]
-Mpi = Annotated[bool, typer.Option("--mpi", help="The processes that mpiexec has started do the work.")]
+Mpi = Annotated[bool, typer.Option("--mpi", help="Compute with the processes that mpiexec started.")]
 
 OPTIONS: dict[str, tuple[Any, Any]] = {"count": (Count, None), "dask": (Dask, None), "mpi": (Mpi, False)}
 """Annotations and defaults, by the names of the fields of `Workers`."""

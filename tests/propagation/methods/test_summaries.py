@@ -164,7 +164,7 @@ def test_what_is_wrong_without_a_time_is_told_with_the_recommendation():
     assert compared["verdict_kind"].sel({"method": "collocation"}).values == "agrees"
     lead = compared.attrs["recommendation"].split("\n")[0]
     assert "Use collocation" in lead
-    assert "Of outputs without a time, do not rely on peak of collocation: under-resolved" in lead
+    assert "Scalar outputs: do not rely on peak of collocation: under-resolved" in lead
 
 
 @pytest.mark.thorough

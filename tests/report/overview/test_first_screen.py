@@ -154,7 +154,7 @@ def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(ma
     """It is not told to be used again as it was; nor is a requirement that was never violated by few samples."""
     alone = results.assess(results.study_tree([make_chaos("c", 1)], study="s", mechanism="m"))
     (said,) = alone.recommendation
-    assert min(line.level for line in alone.reliability) < 2 and "a higher order would lower it" in said
+    assert min(line.level for line in alone.reliability) < 2 and "a higher order should reduce it" in said
     known = results.assess(results.study_tree([make_chaos("c", 7)], study="s", mechanism="m"))
     assert min(line.level for line in known.reliability) == 2 and known.recommendation == ()
     never = required(sampled(count=100), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.03, 0.03])
@@ -188,7 +188,7 @@ def test_outputs_before_and_after_a_calibration_stand_side_by_side():
     result = StudyResult.of(results.study_tree([before, after], study="s", mechanism="m"))
     assert [row["name"] for row in asked(result)["rows"]] == ["y (before)", "y (after)", "x (before)", "x (after)"]
     lines = result.assessment.reliability
-    assert len(lines) == 4 and all("compared with nothing" in line.reason for line in lines)
+    assert len(lines) == 4 and all("not compared" in line.reason for line in lines)
 
 
 def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
@@ -222,5 +222,5 @@ def test_an_output_is_told_by_the_method_that_knows_it():
         "distance": "monte-carlo",
     }
     lead = result.assessment.recommendation[0]
-    assert lead.startswith("No other method is resolved well enough to check monte-carlo, the reference, on distance (")
+    assert lead.startswith("No other method is accurate enough to verify monte-carlo, the reference, on distance (")
     assert lead.endswith("collocation agrees with it on place.")

@@ -208,7 +208,7 @@ def test_recommendation(exact: xr.DataTree) -> None:
     alone = results.recommend(results.compare([nodes[0], nodes[3]]))
     assert alone[0].startswith("No other method agrees with monte-carlo")
     unresolved = results.recommend(results.compare([nodes[0], nodes[2]]))
-    assert unresolved[0].startswith("No other method is resolved well enough to check monte-carlo")
+    assert unresolved[0].startswith("No other method is accurate enough to verify monte-carlo")
     shown = agreement(StudyResult.of(results.study_tree(nodes, study="s", mechanism="m")))
     assert shown is not None and shown["lead"] == lead and len(shown["each"]) == len(OUTPUTS) * len(nodes)
 
@@ -280,14 +280,14 @@ def test_files_of_different_runs(
     said = capsys.readouterr().out
     assert "Only 26 times are common to all: of 101 of A mc, 101 of A surrogate, 26 of B other" in said
     assert "rtol" in said and "1e-08" in said
-    assert "B other  against  A mc" in said
+    assert "B other compared with A mc" in said
     # what could go unnoticed reads like no error
-    unseen = r"agrees with A mc \(a difference of the standard deviation below \d+ % would not be seen"
+    unseen = r"agrees with A mc \(a difference of the standard deviation below \d+ % cannot be detected"
     assert re.search(unseen, " ".join(said.split()))
     both = results.load(tmp_path / "both" / "comparison.nc")
     results.validate(both)
     assert both["comparison"].attrs["reference"] == "A mc" and "what differs: rtol" in both.attrs
-    with pytest.raises(StudyError, match="there is no such method"):
+    with pytest.raises(StudyError, match="no such method; expected one of"):
         show_comparison(paths, reference="nobody")
     with pytest.raises(StudyError, match="no results.nc"):
         show_comparison([tmp_path, paths[0]])
@@ -383,7 +383,7 @@ def test_an_integration_that_is_too_coarse_leads_the_recommendation():
     for rtol, coarse in ((1e-3, True), (1e-9, False)):
         study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 20, 41), methods, rtol=rtol)
         said = study.run()["comparison"].attrs["recommendation"]
-        assert said.startswith("Lower rtol first: the error of the time integration is up to") is coarse
+        assert said.startswith("Reduce rtol first: the error of the time integration is up to") is coarse
 
 
 @pytest.mark.parametrize("name", ["mean", "std"])
@@ -402,7 +402,7 @@ def test_what_does_not_know_its_statistics_at_a_time_is_never_recommended(name):
         results.compare([node("many", 10000), node("few", 1000), node("holed", 500, **{name: hole})])
     )
     assert found[0].startswith("Use few:"), found
-    assert any(s.startswith("holed does not know its mean or standard deviation at 1 time;") for s in found[1:]), found
+    assert any(s.startswith("holed has no mean or standard deviation at 1 time;") for s in found[1:]), found
     two = results.recommend(
         results.compare([node("many", 10000), node("holed", 500, **{name: hole})], reference="many")
     )

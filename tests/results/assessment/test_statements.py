@@ -151,7 +151,7 @@ def test_where_nothing_varies_no_method_is_recommended() -> None:
         synthetic(label, np.ones((2, 4)), np.full((2, 4), 1e-15), cost=cost) for label, cost in (("a", 9), ("b", 99))
     ]
     lead = results.recommend(results.compare(nodes))
-    assert lead == ("No output varies beyond the integration error: one realisation tells as much as any method.",)
+    assert lead == ("No output varies beyond the integration error: one realisation is sufficient.",)
 
 
 @pytest.mark.thorough
@@ -180,6 +180,6 @@ def test_runs_that_are_equal_but_for_chance_are_equally_good() -> None:
 
     nodes = [node("a", cost=2500, wall_time=10.0), node("b", cost=2500, wall_time=16.0)]
     lead, *others = results.recommend(results.compare(nodes, "a"))
-    assert lead.startswith("Use a or b: they agree;") and "no more than chance" in lead and not others
+    assert lead.startswith("Use a or b: they agree;") and "do not differ significantly" in lead and not others
     lead = results.recommend(results.compare([*nodes, node("c", cost=800, wall_time=3.0)], "a"))[0]
     assert lead.startswith("Use c: it agrees with a,") and "3.3 times cheaper than a" in lead

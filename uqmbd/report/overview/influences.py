@@ -105,7 +105,7 @@ def of_requirement(result: StudyResult, name: str) -> Influences | None:
         if "importance" in data and name in data["requirement"].values:
             row = data.sel(requirement=name)
             if np.isfinite(row["importance"].values).all():
-                kind = "Importance: share of each in the squared distance of the nearest violation from the mean"
+                kind = "Importance factors: share of each in the squared reliability index"
                 return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
     for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None

@@ -125,13 +125,13 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
     # an output without any statistics (its event may not occur) has a message of its own
     rows = np.flatnonzero(own.varies & np.isfinite(own.std).any(axis=1))
     if not len(rows):
-        return StatedAccuracy(0.0, "nothing varies")
+        return StatedAccuracy(0.0, "no output varies")
     noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
     if not noisy and np.isnan(own.stated[rows]).any():
         name = names[rows[int(np.argmax(np.isnan(own.stated[rows])))]]
-        return StatedAccuracy(np.inf, f"no error is stated of {name}")
+        return StatedAccuracy(np.inf, f"{name} has no stated error")
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
-    worst = StatedAccuracy(0.0, "nothing varies")
+    worst = StatedAccuracy(0.0, "no output varies")
     kinds: tuple[tuple[Literal["mean", "std"], str], ...] = (("mean", "mean"), ("std", "standard deviation"))
     for kind, words in kinds:
         noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
@@ -142,7 +142,7 @@ def _of_moments(node: xr.DataTree, rtol: float, *, usual: bool) -> StatedAccurac
             found = _largest(widths[row], own.std[row], getattr(own, kind)[row])
             if found[0] > worst.value:
                 at = "" if times is None else f" at {times[found[1]]:g} s"
-                unknown = "" if math.isfinite(found[0]) else " is not known"
+                unknown = "" if math.isfinite(found[0]) else " is unknown"
                 worst = StatedAccuracy(found[0], f"{words} of {names[row]}{at}{unknown}", kind)
     return worst
 

@@ -25,7 +25,7 @@ from uqmbd.wording import format_at_most, format_count, format_integer, format_p
 
 __all__ = ["Assessment", "OutputReliability", "assess"]
 
-LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "nothing to know"))
+LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "constant"))
 """Signs, for those who see no colours, and words of the levels of reliability."""
 
 
@@ -176,7 +176,7 @@ def assess(tree: xr.DataTree) -> Assessment:
     >>> mechanism.output("height", stone.position[0], units="m")
     >>> (one,) = assess(uqmbd.Study("throw", mechanism, [0, 1], [Collocation(order=1)]).run()).reliability
     >>> one.word, one.reason
-    ('yes', 'stated error below 0.0001 % of the standard deviation (at 1 s); compared with nothing')
+    ('yes', 'stated error below 0.0001 % of the standard deviation (at 1 s); not compared')
     """
     nodes = propagator_nodes(tree)
     data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
@@ -297,7 +297,7 @@ def _of_output(held: Mapping[str, Judgement], order: list[str], reference: str) 
     level = 2 if shown.error <= WELL else 1 if shown.error <= COARSE or not math.isfinite(shown.error) else 0
     level = {DIFFERS: 0, UNDER_RESOLVED: 0, FEW: min(level, 1)}.get(verdict, level)
     compared = sum(bool(one.kind) for one in held.values()) > 1
-    alone = "no other method is resolved well enough to compare" if compared else "compared with nothing"
+    alone = "no other method is accurate enough for a comparison" if compared else "not compared"
     words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}.get(verdict, verdict) or alone
     error, said = shown.error if math.isfinite(shown.error) else COARSE, shown.stated if shown.varies else STILL
     return OutputReliability(shown.output, kind, shown.method, level, f"{by}{said}; {words}", error)
@@ -335,13 +335,13 @@ def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
     if not math.isfinite(one.probability) or (one.lower <= 0 and one.upper >= 1):
         level = 0
     said = (
-        f"its 95 % interval reaches {format_percent(share)} of the probability to a side"
+        f"half-width of its 95 % interval {format_percent(share)} of the probability"
         if math.isfinite(share)
-        else f"violated in none of what was computed, {one.words}"
+        else f"no violation was found, {one.words}"
     )
     others = [other.method for other in found if other.method != one.method]
     agree = f"{format_count(len(found), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
-    return level, f"{said}; {agree if others else 'compared with nothing'}", min(share, 1.0)
+    return level, f"{said}; {agree if others else 'not compared'}", min(share, 1.0)
 
 
 def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: int) -> str:
@@ -353,18 +353,18 @@ def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: i
         return ""
     one = max(stated, key=lambda one: one.error)
     if one.error <= WELL:
-        verdict = "That is enough for most purposes"
+        verdict = "This is enough for most purposes"
     elif one.error <= COARSE:
-        verdict = "That gives the size of the spread, but not its second digit"
+        verdict = "The second digit of the standard deviation is uncertain"
     else:
-        verdict = "That is a rough figure, and more samples are needed to rely on it"
+        verdict = "This is a rough estimate, and more samples are needed"
     total = int(node.attrs.get("realisations", 0))
     counted = int(node.attrs.get("statistics_samples", total))
     better = f"{_halving(counted)} the uncertainty"
     if replicates_of(node):
         better += " at the latest, since this sampling design often converges faster"
     if counted < total:
-        better = "another method is better at it"
+        better = "another method estimates it better"
     whose = f"The stated error of {label}" if methods > 1 else "The stated error"
     of_which = f"of {one.output}, " if len(stated) > 1 else ""
     return (
@@ -386,9 +386,5 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     inner = node.children.get("scalars", node)
     sampled = "samples" in node.children or "samples" in inner.children
     count = int(node.attrs.get("statistics_samples", node.attrs.get("realisations", 0)))
-    needed = (
-        f"{_halving(count)} it"
-        if sampled
-        else "a higher order would lower it; where it does not, samples tell why (Monte Carlo)"
-    )
-    return (f"With a {one.stated}, {one.output} is not known well: {needed}.",)
+    needed = f"{_halving(count)} it" if sampled else "a higher order should reduce it; if not, compare with Monte Carlo"
+    return (f"{one.output} has a {one.stated}: {needed}.",)

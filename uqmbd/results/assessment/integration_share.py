@@ -42,7 +42,7 @@ class IntegrationShare:
     @property
     def of_what(self) -> str:
         """What the share is one of."""
-        return "of the spread" if self.varies else "of the size"
+        return "of the spread" if self.varies else "of the mean"
 
     def words(self) -> str:
         """Say it shortly.
@@ -50,22 +50,22 @@ class IntegrationShare:
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
         '0.00021 % of the spread'
         >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
-        'not known'
+        'unknown'
         """
         if not np.isfinite(self.share):
-            return "not known"
+            return "unknown"
         return f"{format_percent(self.share)} {self.of_what}" if self.share else "none"
 
     def sentence(self) -> str:
         """State the error in the units of the output, and its share; or why it is not known.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
-        'The time integration is wrong by up to 2 × 10⁻⁸ m (0.00021 % of the spread).'
+        'The integration error is at most 2 × 10⁻⁸ m (0.00021 % of the spread).'
         """
         if not np.isfinite(self.error):
-            return f"The error of the time integration is not known: {self.reason}."
+            return f"The integration error is unknown: {self.reason}."
         size = f" ({self.words()})" if np.isfinite(self.share) and self.error else ""
-        return f"The time integration is wrong by up to {format_quantity(self.error, self.units)}{size}."
+        return f"The integration error is at most {format_quantity(self.error, self.units)}{size}."
 
 
 @typechecked

@@ -19,7 +19,7 @@ from uqmbd.wording import format_at_most
 __all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "method_verdicts", "worst"]
 
 _SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", NO_SPREAD: "–"}
-_SHORT = {REFERENCE: "the reference", NO_SPREAD: "nothing varies"}
+_SHORT = {REFERENCE: "the reference", NO_SPREAD: "no output varies"}
 """Verdicts in a word or two, where their names do not say them."""
 
 _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)

@@ -56,7 +56,7 @@ class _RatedMethod:
     def gaps(self) -> str:
         """At how many times it does not know its statistics."""
         plural = "" if self.unknown == 1 else "s"
-        return f"does not know its mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
+        return f"has no mean or standard deviation at {self.unknown} time{plural}" if self.unknown else ""
 
     def equals(self, other: _RatedMethod) -> bool:
         """Test whether two methods that agree have the same error and the same cost, but for chance."""
@@ -80,7 +80,7 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
         return ()
     worst, label = max(shares, key=lambda pair: pair[0].share)
     return (
-        f"Lower rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
+        f"Reduce rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
         f"deviation (of {worst.output}, with {label}). The errors stated below do not contain it.",
     )
 
@@ -140,19 +140,19 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     methods = _methods(comparison)
     base = next(m for m in methods if m.label == str(comparison.attrs["reference"]))
     if all(m.kind == NO_SPREAD for m in methods):
-        lead = "No output varies beyond the integration error: one realisation tells as much as any method."
+        lead = "No output varies beyond the integration error: one realisation is sufficient."
         return tuple(m.label for m in methods), (lead,)
     fit = [m for m in methods if m.kind in (AGREES, REFERENCE, NO_SPREAD) and not m.unknown]
     use: list[_RatedMethod] = []
     if not fit:
-        lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
+        lead = "Use none: no method has all statistics at all times and agrees with the reference."
     elif fit == [base]:
         lead = _alone(methods, base)
     elif len(fit) == len(methods) and all(m.same for m in methods):
         use = methods
         lead = (
-            f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "
-            f"for one of them{base.known}."
+            f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. None "
+            f"is preferable{base.known}."
         )
     else:
         best = _cheapest(fit)
@@ -187,13 +187,13 @@ def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
     """Say that no other method can be relied on: it differs, or it is not resolved well enough."""
     holed = any(m.unknown for m in methods)
     if any(m.kind == DIFFERS for m in methods) or holed:
-        whole = ", and knows its statistics at all times" if holed else ""
+        whole = " and has all statistics at all times" if holed else ""
         return (
-            f"No other method agrees with {base.label}, the reference{base.known}{whole}: rely on none of them before "
-            "the reasons below are understood."
+            f"No other method agrees with {base.label}, the reference{base.known}{whole}: do not rely on any of them "
+            "before you understand the reasons below."
         )
-    lead = f"No other method is resolved well enough to check {base.label}, the reference"
-    rely = "rely on it as far as its stated error allows, and not on the others"
+    lead = f"No other method is accurate enough to verify {base.label}, the reference"
+    rely = "rely on it within its stated error, and not on the others"
     agreed = {m.label: tuple(one.output for one in m.found if one.kind == AGREES) for m in methods}
     checked = {name for names in agreed.values() for name in names}
     missing = [one for one in base.found if one.varies and one.output not in checked]
@@ -242,7 +242,7 @@ def _reasons(
     if len(use) > 1:
         parts = ["they agree" if base in use else f"they agree with {base.label}"]
         parts += [f"{m.label}: {words}" for m in use if (words := largest_error(m.found))]
-        return "; ".join((*parts, "what they cost differs by no more than chance"))
+        return "; ".join((*parts, "their costs do not differ significantly"))
     others = [m for m in fit if m is not base]
     agree = f"with which {_listed(others, 'and')} {'agrees' if len(others) == 1 else 'agree'}"
     parts = [f"it agrees with {base.label}" if best is not base else f"it is the reference, {agree}"]
@@ -277,7 +277,8 @@ def _other(method: _RatedMethod, base: _RatedMethod) -> str:
     one, which = worst(method.found)
     if one.kind in (AGREES, NO_SPREAD):
         gaps = f"{method.gaps}; at the others it " if method.unknown else ""
-        return f"{method.label} {gaps}agrees with {base.label}{method.known}."
+        said = f"; {words}" if (words := largest_error(method.found)) else ""
+        return f"{method.label} {gaps}agrees with {base.label}{said}."
     where = f" ({which})" if which else ""
     said = {DIFFERS: f" from {base.label}"}.get(one.kind, "")
     head, _, tail = one.text.partition(":")

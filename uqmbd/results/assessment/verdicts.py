@@ -82,7 +82,7 @@ def _verdict(
     own: str,
 ) -> Verdict:
     if not len(times):
-        return Verdict(UNDER_RESOLVED, "nothing to compare: there is no common time", np.inf)
+        return Verdict(UNDER_RESOLVED, "not compared: there is no common time", np.inf)
     scale = float(root_mean_square(base.std[o : o + 1], times)[0]) or float(np.abs(base.std[o]).max())
     bound_mean = _bound(found, base, o, level, "mean")
     bound_std = _bound(found, base, o, level, "std")
@@ -114,7 +114,7 @@ def _verdict(
             return Verdict(FEW, f"too few samples to tell: {few}", within)
         return Verdict(DIFFERS, f"differs: {what}", within)
     if coarse:
-        order = f"order {found.order} is too low" if found.order is not None else "its surrogate is too coarse"
+        order = f"order {found.order} is too low" if found.order is not None else "its surrogate is not accurate enough"
         why = f"its stated error is {_told(found, o, times)}" if np.isfinite(stated) else (
             f"{format_percent(float(found.top_order[o]))} of the standard deviation is in terms of its highest order"
         )  # fmt: skip
@@ -122,10 +122,10 @@ def _verdict(
     if few:
         return Verdict(FEW, f"too few samples to tell: {few}", within)
     if of_base > COARSE:
-        text = f"the stated error of {names[1]}, the reference, is {format_percent(of_base)}: too large to tell"
+        text = f"the stated error of {names[1]}, the reference, is {format_percent(of_base)}: too large for a verdict"
         return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
     unseen = (
-        f" (a difference of the standard deviation below {format_percent(within)} would not be seen)" if within else ""
+        f" (a difference of the standard deviation below {format_percent(within)} cannot be detected)" if within else ""
     )
     large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else EXACT)
     inside = " within that" if large else ""
@@ -217,7 +217,7 @@ def _rare(
         missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
         if missed.any():
             times |= missed
-            said = f"{name} has {method.samples}, which may well hold none of the rare events that make the spread"
+            said = f"{name} has {method.samples}, which may contain none of the rare events that cause the variation"
     return times, said
 
 

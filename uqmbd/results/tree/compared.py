@@ -111,7 +111,7 @@ def _with_doubts(compared: xr.Dataset, whole: xr.Dataset) -> str:
         if one.kind not in (DIFFERS, UNDER_RESOLVED):
             continue
         names = which or ", ".join(map(str, whole["output"].values))
-        said = f"Of outputs without a time, do not rely on {names} of {label}: {one.text}."
+        said = f"Scalar outputs: do not rely on {names} of {label}: {one.text}."
         known = over_time.get(label)
         if not known or worst(known)[0].kind in (DIFFERS, UNDER_RESOLVED):
             others.append(said)

@@ -111,7 +111,7 @@ def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
         error, std = (method.statistics[name] for name in ("quantile_error", "std"))
         worst = float((error.max("probability") / std.where(std > 0)).max())
         share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
-        text += f" Quantiles are interpolated from a histogram; their error is at most {share}."
+        text += f" Quantiles are computed from counts between edges; their error is at most {share}."
     return text
 
 
@@ -125,7 +125,7 @@ _COUNTERS = {
     "integrations": "integrations (implicit: batch of realisations; explicit: single realisation)",
     "accelerations": "evaluations of the explicit equations of motion (each for up to eight realisations)",
     "passages": "singular poses that were crossed",
-    "repivots": "changes of the independent coordinates",
+    "repivots": "changes of the set of independent equations",
     "stiff": "realisations passed from the explicit integrator to IDA (stiff, or less expensive)",
     "alone": "realisations integrated separately",
     "by_dop853": "realisations integrated by the explicit integrator (dop853)",
