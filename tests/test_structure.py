@@ -21,17 +21,17 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 766,
+    "uqmbd": 775,
     "uqmbd.arguments": 440,
     "uqmbd.cli": 1600,
-    "uqmbd.clusters": 260,
+    "uqmbd.clusters": 267,
     "uqmbd.compiled": 2020,
     "uqmbd.dynamics": 13395,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 140,
     "uqmbd.mechanism": 4440,
     "uqmbd.new": 230,
-    "uqmbd.plugins": 360,
+    "uqmbd.plugins": 362,
     "uqmbd.progress": 390,
     "uqmbd.propagation": 6290,
     "uqmbd.randomness": 5170,

@@ -268,20 +268,28 @@ def format_share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.0995 else (f"{100 * share:.1f} %" if share >= 0.0005 else "0 %")
 
 
-def format_probability(value: float) -> str:
-    """Write a probability, with two digits, or three where it is nearly one.
+def format_probability(value: float, width: float = 0.0) -> str:
+    """Write a probability with two digits, or as many as distinguish it from one or resolve a width.
 
-    >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 1.0, float("nan"))]
-    ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '100 %', 'not known']
+    `width`: of the interval whose ends are to differ.
+
+    >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 0.999995, 1.0, float("nan"))]
+    ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '99.9995 %', '100 %', 'not known']
+    >>> format_probability(0.18, 0.0005), format_probability(3.204e-7, 1e-9)
+    ('18.00 %', '3.204 × 10⁻⁷')
     """
     if not math.isfinite(value):
         return "not known"
     if value in (0.0, 1.0):
         return f"{100 * value:.0f} %" if value else "0"
+    resolved = math.ceil(-math.log10(50 * width) - 1e-9) if width > 0 else 0  # decimals, per cent: a quarter of it
+    size = math.floor(math.log10(100 * value))
     if value < 1e-4:
-        return format_number(float(f"{value:.1e}"))
+        mantissa, exponent = f"{value:.{min(max(1, resolved + size), 12)}e}".split("e")
+        return f"{mantissa.removesuffix('.0')} × {format_power(int(exponent))}"
     digits = 2 if value < 0.9 else 3 if value < 0.999 else 4
-    return f"{100 * value:.{max(digits - 1 - math.floor(math.log10(100 * value)), 0)}f} %"
+    apart = math.ceil(-math.log10(100 * (1 - value))) if value > 0.999 else 0
+    return f"{100 * value:.{min(max(digits - 1 - size, resolved, apart, 0), 12)}f} %"
 
 
 def format_interval(value: float, lower: float, upper: float) -> str:
@@ -289,14 +297,16 @@ def format_interval(value: float, lower: float, upper: float) -> str:
 
     >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
     ('2.0 % (1.2 % to 3.1 %)', '0 (at most 0.60 %)', '10 % (may be anything)')
+    >>> format_interval(0.18, 0.1798, 0.1803)
+    '18.00 % (17.98 % to 18.03 %)'
     """
     if lower <= 0 and upper >= 1 and not math.isfinite(value):
         return "not known"
-    return f"{format_probability(value)} ({format_interval_ends(lower, upper)})"
+    return f"{format_probability(value, resolved_width(lower, upper))} ({format_interval_ends(lower, upper)})"
 
 
 def format_interval_ends(lower: float, upper: float) -> str:
-    """Write the interval that a probability lies in.
+    """Write the interval that a probability lies in, with digits that distinguish its ends.
 
     >>> format_interval_ends(0.012, 0.031), format_interval_ends(0.0, 0.00597), format_interval_ends(0.0, 1.0)
     ('1.2 % to 3.1 %', 'at most 0.60 %', 'may be anything')
@@ -307,7 +317,14 @@ def format_interval_ends(lower: float, upper: float) -> str:
         return f"at most {format_probability(upper)}"
     if upper >= 1:
         return f"at least {format_probability(lower)}"
-    return f"{format_probability(lower)} to {format_probability(upper)}"
+    width = resolved_width(lower, upper)
+    return f"{format_probability(lower, width)} to {format_probability(upper, width)}"
+
+
+def resolved_width(lower: float, upper: float) -> float:
+    """Return the width that digits are to resolve; 0 of an interval with one end, or of rounding."""
+    width = upper - lower
+    return width if lower > 0 and upper < 1 and width > 1e-12 * upper else 0.0
 
 
 def minus(text: str) -> str:

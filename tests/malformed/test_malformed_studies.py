@@ -65,7 +65,7 @@ AT_A_TERMINAL = {
     "pendulum | MonteCarlo | label | two dots": (2, "label '..'"),
     "pendulum | MonteCarlo | max_failures | a text": (2, "MonteCarlo: max_failures is '0.1'"),
     "pendulum | Study | integrator | an array": (2, "there is no integrator"),
-    "pendulum | output | expression | a derivative": (2, "the rate of an expression"),
+    "pendulum | output | expression | a derivative": (2, "The rate of an expression"),
     "slider-crank | random_vector | names | a number": (2, "names is 2"),
     "slider-crank | step | x1 | nan": (2, "step: x1 is nan"),
     "pendulum | planar body | mass | 0": (0, ""),

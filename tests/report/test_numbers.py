@@ -9,10 +9,12 @@ import chaospy
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd import extend, report, results
-from uqmbd.wording import format_cells
+from uqmbd.wording import format_cells, format_interval, format_interval_ends
 from uqmbd_montecarlo import MonteCarlo
 
 
@@ -106,3 +108,26 @@ def test_counters_that_counted_nothing_have_no_line(tree: xr.DataTree, tmp_path)
     page = report.write_report(counted, tmp_path / "report.html").read_text(encoding="utf-8")
     text = text_of(page.partition('<section id="cost">')[2].partition("</section>")[0])
     assert "integration steps" in text and "mine" in text and "events" not in text
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.floats(1e-9, 1 - 1e-9), st.floats(1e-9, 1 - 1e-9))
+def test_ends_of_an_interval_differ_in_their_digits(one, other):
+    """Each is rounded by at most a quarter of the width, is never shown as 0 or 100 %, and the value is between them."""
+    low, high = sorted((one, other))
+    assume(high - low > 1e-9 * high)
+    texts = format_interval_ends(low, high).split(" to ")
+    shown = [number_of(text) for text in texts]
+    assert len(texts) == 2 and texts[0] != texts[1] and 0 < shown[0] < shown[1] < 1
+    for text, exact in zip(shown, (low, high), strict=True):
+        assert abs(text - exact) <= max(0.2501 * (high - low), 1e-13)
+    value = number_of(format_interval((low + high) / 2, low, high).partition(" (")[0])
+    assert shown[0] < value < shown[1]
+
+
+def number_of(text):
+    """The number of a text such as 12.3 % or 1.5 × 10⁻⁷."""
+    if text.endswith(" %"):
+        return float(text.removesuffix(" %")) / 100
+    mantissa, _, power = text.partition(" × 10")
+    return float(f"{mantissa}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from uqmbd.arguments import typechecked
 from uqmbd.clusters.dask_cluster import STARTED_HERE, dask_executor
 from uqmbd.clusters.mpi import mpi_executor
 from uqmbd.errors import StudyError
@@ -16,7 +17,6 @@ from uqmbd.errors import StudyError
 __all__ = ["Workers"]
 
 
-@typechecked
 @dataclass(frozen=True)
 class Workers:
     """Who computes, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command say.
@@ -59,6 +59,8 @@ class Workers:
     executor: Executor | None = None
 
     def __post_init__(self) -> None:
+        for name, declared in typing.get_type_hints(type(self)).items():
+            _require_kind("Workers", name, getattr(self, name), declared)
         if self.mpi and self.dask:
             raise StudyError(f"--mpi with --dask {self.dask}: give one of them, not both.")
         if self.executor is not None and (self.mpi or self.dask or self.count is not None):
@@ -105,6 +107,8 @@ class Workers:
         SystemExit
             In the processes of MPI but the first, which serve it until its context ends, and end then.
         """
+        for file in files:
+            _require_kind("Workers.at_work", "files", file, str | Path)
         if self.dask:
             with dask_executor(self.dask, self.count, [Path(file).resolve() for file in files]) as executor:
                 yield executor
@@ -113,3 +117,12 @@ class Workers:
                 yield executor
         else:
             yield self.executor or self.count or 1
+
+
+def _require_kind(where: str, name: str, value: Any, declared: Any) -> None:
+    """Refuse a value that does not fit an annotation."""
+    # imported here, since commands name `Workers` in their parameters, and `uqmbd --help` would wait for NumPy
+    from uqmbd.arguments import fits, refusal
+
+    if not fits(value, declared):
+        raise StudyError(f"{where}: {refusal(name, value, declared)}")

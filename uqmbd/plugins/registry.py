@@ -7,7 +7,6 @@ import importlib.metadata
 import os
 import warnings
 
-from uqmbd.arguments import typechecked
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.plugins.hooks import COMMANDS_GROUP, GROUP, KINDS
 from uqmbd.plugins.loading import PluginInfo, Registry, load, merged
@@ -77,7 +76,6 @@ def component(name: str) -> type:
     return _find("components", name)
 
 
-@typechecked
 def propagator(name: str) -> type:
     """Return the propagator class that is registered by a name, for plugins that use the method of another one.
 
@@ -101,6 +99,11 @@ def propagator(name: str) -> type:
     >>> propagator("collocation").__name__
     'Collocation'
     """
+    given: object = name
+    if not isinstance(given, str):
+        from uqmbd.arguments import refusal  # here: it imports NumPy, and `uqmbd --help` imports this module
+
+        raise StudyError(f"propagator: {refusal('name', name, str)}")
     return _find("propagators", name)
 
 

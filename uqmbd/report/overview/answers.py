@@ -27,6 +27,7 @@ from uqmbd.wording import (
     format_interval_ends,
     format_number,
     format_probability,
+    resolved_width,
 )
 
 __all__ = ["ANSWERS", "answer_of", "asked", "in_view", "mechanism_picture"]
@@ -90,7 +91,7 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "name": name,
         "meaning": one.meaning,
         "probability": one.probability if math.isfinite(one.probability) else 1.0,
-        "value": format_probability(one.probability),
+        "value": format_probability(one.probability, resolved_width(one.lower, one.upper)),
         "interval": format_interval_ends(one.lower, one.upper),
         "sign": sign,
         "verdict": verdict,
