@@ -19,6 +19,7 @@ from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.monomials import as_numpoly
+from uqmbd.randomness.numpy_reductions import install as install_in_numpy
 from uqmbd.randomness.quadrature import (
     Quadrature,
     TailMixture,
@@ -83,3 +84,5 @@ __all__ = [
     "truncated",
     "uniform_variable",
 ]
+
+install_in_numpy()

@@ -33,7 +33,8 @@ from uqmbd.results.requirements import (
     requirements_of,
     unmet,
 )
-from uqmbd.results.schema import STATUS_MEANINGS, failed_methods, propagator_node, propagator_nodes, validate
+from uqmbd.results.schema import STATUS_MEANINGS, failed_methods, methods, propagator_node, validate
+from uqmbd.results.schema import propagator_nodes as propagator_nodes  # earlier name of `methods`
 from uqmbd.results.selection import by_output, output
 from uqmbd.results.statistics import (
     circular_mean,
@@ -76,10 +77,10 @@ __all__ = [
     "load",
     "mean_direction",
     "mean_rotation",
+    "methods",
     "open",
     "output",
     "propagator_node",
-    "propagator_nodes",
     "recommend",
     "relative_errors",
     "requirement_names",

@@ -143,3 +143,42 @@ def test_a_turning_axis_is_optional_to_checkers_and_needed_in_space():
         mechanism.add(Vane("vane", mechanism.ground, wheel, **given))
     with pytest.raises(uqmbd.StudyError, match="Vane 'other': 'axis_i' is missing"):
         mechanism.add(Vane("other", mechanism.ground, wheel))
+
+
+BASES = {"plain": uqmbd.Component, "typed": uqmbd.extend.TypedComponent}
+ANNOTATIONS = {
+    "object": uqmbd.extend.NamedFrame,
+    "name": "NamedFrame",
+    "dotted": "uqmbd.extend.NamedFrame",
+    "quoted": "'NamedFrame'",
+}
+
+
+@pytest.mark.parametrize("base", BASES.values(), ids=BASES)
+@pytest.mark.parametrize("kind", ANNOTATIONS.values(), ids=ANNOTATIONS)
+def test_an_annotated_body_without_bodies_names_the_remedy(base, kind):
+    """The message states the line to write; with that line the class is made."""
+    cases = [
+        ({"body": kind}, None, "bodies = ('body',)"),
+        ({"wheel": kind, "road": kind}, None, "bodies = ('wheel', 'road')"),
+        ({"body_i": kind, "body": kind}, None, "bodies = ('body_i', 'body')"),
+        ({"hub": kind, "rim": kind}, ("hub",), "bodies = ('hub', 'rim')"),
+    ]
+    for kinds, bodies, written in cases:
+        stated = {} if bodies is None else {"bodies": bodies}
+        body = {"__annotations__": kinds, "__doc__": "A part.", "__module__": __name__}
+        with pytest.raises(uqmbd.StudyError) as caught:
+            type(base)("Part", (base,), {**body, **stated})
+        assert written in str(caught.value)
+        made = type(base)("Part", (base,), {**body, "bodies": eval(written.partition(" = ")[2])})
+        assert made.signature() == f"(name, {', '.join(kinds)})"
+
+
+def test_an_annotated_body_extends_inherited_bodies():
+    class One(uqmbd.Component):
+        bodies = ("hub",)
+
+    with pytest.raises(uqmbd.StudyError, match=r"Write bodies = \('hub', 'rim'\)"):
+
+        class Two(One):
+            rim: uqmbd.extend.NamedFrame

@@ -51,6 +51,7 @@ def declare(component: type[Declared]) -> None:
             f"{name}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
             "is something else; take another name."
         )
+    _require_listed(component)
     points = tuple(key for key, other in parameters.items() if other.kind == "point")
     for key, parameter in parameters.items():
         for word, stated, there in (("body", parameter.body, bodies), ("about", parameter.about, points)):
@@ -60,6 +61,28 @@ def declare(component: type[Declared]) -> None:
     component.__signature__ = _signature(component)
     if "__doc__" in vars(component) and component.__doc__:
         component.__doc__ = _described(component, inspect.cleandoc(component.__doc__))
+
+
+def _require_listed(component: type[Declared]) -> None:
+    """Raise `uqmbd.StudyError` where a class annotates a body that its `bodies` do not list."""
+    bodies = component.bodies
+    annotated = [key for key, kind in _annotations(component).items() if _is_frame(kind)]
+    unlisted = [key for key in annotated if key not in bodies]
+    if unlisted:
+        # the base of all components states bodies as well: its names are a default
+        stated = any("bodies" in vars(base) for base in component.__mro__[:-2])
+        wanted = [*(bodies if stated else ()), *(key for key in annotated if not stated or key in unlisted)]
+        raise StudyError(
+            f"{component.__name__}: {unlisted[0]!r} is annotated as a body, but bodies is {bodies!r}"
+            f"{'' if stated else ', the default'}. Write bodies = {tuple(dict.fromkeys(wanted))!r}; annotate "
+            "an attribute that is no argument by ClassVar."
+        )
+
+
+def _is_frame(kind: Any) -> bool:
+    """Whether an annotation is that of a body, `NamedFrame`, as an object or as text."""
+    text = kind if isinstance(kind, str) else getattr(kind, "__name__", "")
+    return text.strip("'\" ").rpartition(".")[2] == NamedFrame.__name__
 
 
 def require_annotated(component: type[Declared]) -> None:

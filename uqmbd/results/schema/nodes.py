@@ -21,7 +21,7 @@ from uqmbd.results.schema.units import with_units
 from uqmbd.results.schema.values import with_default_reasons
 from uqmbd.status import Status
 
-__all__ = ["comparable", "failed_methods", "join_nodes", "node_parts", "propagator_node", "propagator_nodes"]
+__all__ = ["comparable", "failed_methods", "join_nodes", "methods", "node_parts", "propagator_node", "propagator_nodes"]
 
 BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
 """Children of a study's results that belong to no propagator."""
@@ -157,13 +157,16 @@ def join_nodes(
 
 
 @typechecked
-def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
+def methods(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the nodes of the methods of a result by label.
+
+    Other children, such as ``comparison``, ``convergence``, the drawing ``motion`` and ``pose_surrogate`` of a report,
+    are no methods. Sections of a report and other readers of results list the methods by this function.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        The result of a study, or the node of one propagator, which is then the only entry.
+        The result of a study, or the node of one method, which is then the only entry.
 
     Returns
     -------
@@ -172,13 +175,17 @@ def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     Examples
     --------
     >>> import xarray
-    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None})
-    >>> list(propagator_nodes(tree))
+    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None, "pose_surrogate": None})
+    >>> list(methods(tree))
     ['monte-carlo']
     """
     if "statistics" in tree.children:
         return {str(tree.attrs.get("label", tree.name)): tree}
     return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
+
+
+propagator_nodes = methods
+"""Earlier name of `methods`, which the core reads."""
 
 
 @typechecked

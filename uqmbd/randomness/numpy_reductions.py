@@ -1,0 +1,118 @@
+"""NumPy functions of symbolic quantities: a reduction of one expression is refused, and the message names the remedy.
+
+NumPy turns an expression into an array of one object, whose maximum, mean or percentile is the expression itself. NumPy
+asks the type of an argument for two methods before it computes. Sums and products of quantities are SymPy's own types,
+so that the methods are put on `sympy.Expr`. Expressions without quantities of uqmbd are computed as before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.symbolic import Symbolic
+
+__all__ = ["install"]
+
+_MEAN = "uqmbd.integral({x}) / T, with the duration T"
+_SAMPLES = (
+    "Uncertainty methods propagate no summary of this kind. Declare the expression as an output over time, and compute "
+    "numpy.{name} of tree['monte-carlo/samples']['response'] along its time after the run"
+)
+_REMEDIES = (
+    (("max", "amax", "nanmax", "maximum", "fmax"), "Write uqmbd.maximum({x})"),
+    (("min", "amin", "nanmin", "minimum", "fmin"), "Write uqmbd.minimum({x})"),
+    (("ptp",), "Write uqmbd.maximum({x}) - uqmbd.minimum({x})"),
+    (("argmax", "nanargmax"), "Write uqmbd.time_of_maximum({x})"),
+    (("argmin", "nanargmin"), "Write uqmbd.time_of_minimum({x})"),
+    (("mean", "nanmean", "average"), f"Write {_MEAN}"),
+    (("sum", "nansum", "trapezoid", "trapz", "add"), "Write uqmbd.integral({x})"),
+    (("norm",), "Write uqmbd.root_mean_square({x})"),
+    (("std", "nanstd"), f"Write sympy.sqrt(uqmbd.root_mean_square({{x}})**2 - m**2), where m is {_MEAN}"),
+    (("var", "nanvar"), f"Write uqmbd.root_mean_square({{x}})**2 - m**2, where m is {_MEAN}"),
+    (("clip",), "Write sympy.Min(sympy.Max({x}, low), high)"),
+    (("percentile", "nanpercentile", "quantile", "nanquantile", "median", "nanmedian"), _SAMPLES),
+)
+"""Names of functions of NumPy, and what to write for the motion of one realisation."""
+
+_ADVICE = {name: text for names, text in _REMEDIES for name in names}
+
+_OTHER = (
+    "Write functions of SymPy, or a summary of the motion: uqmbd.maximum, uqmbd.minimum, uqmbd.integral, "
+    "uqmbd.root_mean_square or uqmbd.final"
+)
+
+_ARRANGING = frozenset(
+    """
+    append array2string array_repr array_str asarray atleast_1d atleast_2d atleast_3d block broadcast_arrays
+    broadcast_to column_stack concatenate copy copyto cross dot dstack einsum expand_dims full_like hstack inner insert
+    iscomplexobj isrealobj kron matmul matvec moveaxis multi_dot ndim ones_like outer place put ravel real repeat
+    reshape result_type select shape size squeeze stack swapaxes tensordot tile transpose vdot vecdot vecmat vstack
+    where zeros_like
+    """.split()
+)
+"""Functions of NumPy that arrange or multiply expressions, without a decision and without a statistic."""
+
+
+def _quantities(values: Iterable[Any]) -> tuple[sympy.Expr, list[Symbolic]] | None:
+    """Return the first expression with quantities of uqmbd, and these quantities."""
+    for value in values:
+        if isinstance(value, sympy.Expr):
+            found = [symbol for symbol in value.free_symbols if isinstance(symbol, Symbolic)]
+            if found:
+                return value, found
+    return None
+
+
+def _refused(name: str, expression: sympy.Expr, quantities: list[Symbolic]) -> StudyError:
+    text = str(expression)
+    x = text if len(text) <= 40 else "x"
+    short = text if len(text) <= 80 else text[:77] + "..."
+    if all(hasattr(quantity, "distribution") for quantity in quantities):
+        return StudyError(
+            f"numpy.{name} was given {short}, which is random and is no array of numbers. Statistics over realisations "
+            "are results of a study: declare the expression as an output, and read them from the results. "
+            "uqmbd.extend.nominal returns the value at the means of the inputs."
+        )
+    return StudyError(
+        f"numpy.{name} was given {short}, which is one expression and no array of values over time. "
+        f"{_ADVICE.get(name, _OTHER).format(x=x, name=name)}."
+    )
+
+
+def _of_function(self: Any, function: Callable[..., Any], types: Any, args: Any, kwargs: Any) -> Any:
+    """Refuse a function of NumPy of one expression with quantities; compute others as NumPy does without the method."""
+    name = function.__name__
+    if name not in _ARRANGING and (found := _quantities([*args, *kwargs.values()])):
+        raise _refused(name, *found)
+    # without types that override it, an array's method runs NumPy's own implementation
+    return np.ndarray.__array_function__(np.empty(0), function, (), args, kwargs)
+
+
+def _of_ufunc(self: Any, function: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+    """Refuse a reduction of one expression with quantities; compute others as for an array of one object."""
+    name = function.__name__
+    if (method != "__call__" or hasattr(Symbolic, name)) and (found := _quantities(inputs)):
+        if method != "__call__":
+            raise _refused(name, *found)
+        getattr(Symbolic, name)(found[0])  # raises with the function of SymPy
+    return getattr(function, method)(*(_object(x) if isinstance(x, sympy.Expr) else x for x in inputs), **kwargs)
+
+
+def _object(value: sympy.Expr) -> Any:
+    """Return an expression as NumPy's array of one object."""
+    if hasattr(value, "__array__"):
+        return np.asarray(value)
+    found = np.empty((), object)
+    found[()] = value
+    return found
+
+
+def install() -> None:
+    """Put both methods on `sympy.Expr`; a second call changes nothing."""
+    sympy.Expr.__array_function__ = _of_function
+    sympy.Expr.__array_ufunc__ = _of_ufunc
