@@ -23,6 +23,7 @@ from sympy.core.singleton import Singleton
 from uqmbd.dynamics.code_digest import Content, NoDigest, code_of, is_library, unpatched
 from uqmbd.mechanism import (
     AngleSymbol,
+    AuxiliarySymbol,
     Component,
     EventTime,
     Mechanism,
@@ -225,6 +226,8 @@ class Digests:
             return (*about, self.owner(value.owner)), (value.angle,)
         if isinstance(value, EventTime):
             return (*about, self.owner(value.component), value.label), ()
+        if isinstance(value, AuxiliarySymbol):
+            return (*about, self.owner(value.component), value.state), ()
         if isinstance(value, ScalarSymbol):
             return (*about, value.quantity, value.number, value.at), ()
         raise NoDigest

@@ -15,6 +15,7 @@ from uqmbd.mechanism.bodies import (
 from uqmbd.mechanism.components import (
     AngleSymbol,
     Auxiliary,
+    AuxiliarySymbol,
     Component,
     Constraint,
     Event,
@@ -124,6 +125,7 @@ __all__ = [
     "AtEquilibrium",
     "AtSteady",
     "Auxiliary",
+    "AuxiliarySymbol",
     "Body",
     "BodyTerms",
     "Component",

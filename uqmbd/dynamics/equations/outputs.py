@@ -21,6 +21,7 @@ from uqmbd.logs import logged
 from uqmbd.mechanism import (
     AngleSymbol,
     Auxiliary,
+    AuxiliarySymbol,
     Body,
     Component,
     HeldStates,
@@ -167,6 +168,8 @@ def output_map(
             symbols[symbol] = sympy.Symbol(holder, real=True)
         elif isinstance(symbol, HeldSymbol):
             symbols[symbol] = sympy.Symbol(column("s", _held(symbol, instances, places)), real=True)
+        elif isinstance(symbol, AuxiliarySymbol):
+            symbols[symbol] = sympy.Symbol(column("s", _auxiliary(symbol, instances, places)), real=True)
         elif isinstance(symbol, AngleSymbol):
             symbols[symbol] = _angle(symbol, instances, places, order, column).xreplace(symbols)
         elif isinstance(symbol, StateSymbol):
@@ -271,6 +274,14 @@ def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]
         if isinstance(instance.component, HeldStates) and instance.component.controller is symbol.owner:
             return int(place.letters["s"][symbol.index])
     raise StudyError(f"{symbol}: the controller {symbol.owner.name!r} was not added; call mechanism.add(...) first.")
+
+
+def _auxiliary(symbol: AuxiliarySymbol, instances: list[Instance], places: list[Placement]) -> int:
+    """Return the number of an auxiliary state of a component among all."""
+    for instance, place in zip(instances, places, strict=True):
+        if instance.component is symbol.component and symbol.state in instance.type.states:
+            return int(place.letters["s"][instance.type.states.index(symbol.state)])
+    raise StudyError(f"{symbol}: {symbol.component!r} has no state {symbol.state!r} any more.")
 
 
 def _uses(instance: Instance, holders: dict[str, tuple[str, Any]]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.mechanism.components.auxiliary_state import AuxiliarySymbol
 from uqmbd.mechanism.components.component import (
     Auxiliary,
     Component,
@@ -38,6 +39,7 @@ from uqmbd.mechanism.components.user_law import law_at, law_values
 __all__ = [
     "AngleSymbol",
     "Auxiliary",
+    "AuxiliarySymbol",
     "Component",
     "Constraint",
     "Event",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.auxiliary_state import auxiliary_state
 from uqmbd.mechanism.components.declaration import declare
 from uqmbd.mechanism.components.joint_motion import (
     JointAngle,
@@ -313,6 +314,45 @@ class Component:
         if self._space().dimension == 2:
             return PlaneReaction(self, "reaction_moment", 0)
         return sympy.Matrix([ReactionSymbol(self, "reaction_moment", k) for k in range(3)])
+
+    def state(self, name: str) -> sympy.Symbol:
+        """Return the symbol of an auxiliary differential state, as a pressure or a temperature, for outputs.
+
+        It may stand in outputs, requirements, summaries such as `uqmbd.maximum`, and in what a controller measures.
+
+        Parameters
+        ----------
+        name : str
+            As in ``p.state(name, units)`` in the terms of the component; its units are those stated there.
+
+        Returns
+        -------
+        symbol
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the component is in no mechanism, or has no state of that name.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> class Leak(uqmbd.Component):
+        ...     bodies, spaces = ("body",), (uqmbd.Line,)
+        ...     time_constant = uqmbd.Parameter("s", "time constant of the leak")
+        ...     area = uqmbd.Parameter("m^2", "area of the piston")
+        ...     def terms(self, p):
+        ...         pressure = p.state("pressure", "Pa")
+        ...         yield uqmbd.Auxiliary(pressure, -pressure / p.time_constant, initial=100)
+        ...         yield uqmbd.VirtualWork(p.area * pressure, p.body.velocity[0])
+        >>> mechanism = uqmbd.Mechanism("cylinder", uqmbd.Line())
+        >>> piston = mechanism.body("piston", mass=1)
+        >>> leak = mechanism.add(Leak("leak", piston, time_constant=1, area=0.01))
+        >>> mechanism.output("pressure", leak.state("pressure"), units="Pa")
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1])["pressure"][-1]), 3)  # 100 exp(-1)
+        36.788
+        """
+        return auxiliary_state(self, name, self._space())
 
     @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:

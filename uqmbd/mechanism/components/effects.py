@@ -9,10 +9,11 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.auxiliary_state import frames_of
 from uqmbd.mechanism.components.component import Component, Parameter, VirtualWork
 from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.expressions import as_symbolic, flatten, shown, t
-from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.mechanism.geometry import Space
 
 __all__ = ["effective_parameters", "known_effects", "no_effect", "require_effects"]
 
@@ -58,7 +59,7 @@ def effective_parameters(
     found = points | {component.radius_of(name) for name in points} | {component.prescribed_angle}
     found |= {name for name, parameter in declared.items() if parameter.about}
     values, symbols_of = _symbolic(component, options or {})
-    local = _Watched(space, _frames(component, space), values, t)
+    local = _Watched(space, frames_of(component), values, t)
     read, component.read = component.read, set()
     try:
         terms, point = component.stated(local)
@@ -127,13 +128,6 @@ def _key(component: Component) -> Hashable | None:
         else:
             return None
     return tuple(parts)
-
-
-def _frames(component: Component, space: Space) -> dict[str, Frame]:
-    return {
-        role: Frame(space) if body.is_ground else Frame(space, body.q, body.v)
-        for role, body in component.attached.items()
-    }
 
 
 def _symbolic(component: Component, options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, set[sympy.Dummy]]]:

@@ -10,11 +10,11 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import Frame, Space
-from uqmbd.names import did_you_mean
+from uqmbd.names import check_units, did_you_mean
 
 __all__ = ["RESERVED", "Local", "QuantitySymbol"]
 
-RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "time", "quantities"})
+RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "time", "quantities", "units"})
 """Names of `Local` that parameters would hide."""
 
 
@@ -79,6 +79,7 @@ class Local:
         self.time = time
         self._names = {**frames, **values}
         self.states: dict[str, sympy.Symbol] = {}
+        self.units: dict[str, str] = {}
         self.quantities: dict[QuantitySymbol, tuple[str, sympy.Expr]] = {}
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a frame, an expression, a vector or an option
@@ -90,21 +91,28 @@ class Local:
             there = ", ".join([*names, "time", "space", "let", "rate_of", "state"])
             raise AttributeError(f"nothing named {name!r} here{near} There are {there}") from None
 
-    def state(self, name: str) -> sympy.Symbol:
+    def state(self, name: str, units: str = "") -> sympy.Symbol:
         """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well.
+
+        Studies record it as ``component.state(name)``.
 
         Parameters
         ----------
         name : str
             Of the state, within the component.
+        units : str
+            Of the state, as ``"Pa"``; outputs and `uqmbd.testing.check_component` compare them with its uses. Empty:
+            unknown.
 
         Raises
         ------
         uqmbd.StudyError
-            If the name is not a text.
+            If the name is not a text, or the units have no meaning.
         """
         if not isinstance(name, str):
             raise StudyError(f"state: name is {name!r:.80}; expected a text.")
+        if units or name not in self.units:
+            self.units[name] = check_units(units, f"state({name!r})")
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
 
     def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:

@@ -9,7 +9,14 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import Body, Ground, StateSymbol
-from uqmbd.mechanism.components import AngleSymbol, Component, ReactingComponent, ReactionSymbol, unseen_in
+from uqmbd.mechanism.components import (
+    AngleSymbol,
+    AuxiliarySymbol,
+    Component,
+    ReactingComponent,
+    ReactionSymbol,
+    unseen_in,
+)
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
@@ -72,7 +79,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         elif isinstance(symbol, AngleSymbol):
             members = mechanism.bodies if isinstance(symbol.owner, Body) else mechanism.components
             _require_member(members, symbol.owner, mechanism, f"{where}: it contains {symbol}")
-        elif isinstance(symbol, ReactionSymbol):
+        elif isinstance(symbol, (ReactionSymbol, AuxiliarySymbol)):
             _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
         elif isinstance(symbol, HeldSymbol):
             # it may be added later
@@ -119,6 +126,14 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
             f"{where}: it contains {symbol}, which changes while the mechanism moves; "
             "only numbers and random variables can stand here."
         )
+    if scope in ("law", "start") and isinstance(symbol, AuxiliarySymbol):
+        owner = f"{type(symbol.component).__name__} {symbol.component.name!r}"
+        remedy = (
+            f"a force that depends on it is a term of {owner}"
+            if scope == "law"
+            else f"it starts at the initial value of its Auxiliary term, so give {owner} a parameter for that"
+        )
+        raise StudyError(f"{where}: it contains {symbol}, an auxiliary state; {remedy}.")
     late = isinstance(symbol, ReactionSymbol) or (
         isinstance(symbol, StateSymbol) and symbol.quantity not in LAW_QUANTITIES
     )

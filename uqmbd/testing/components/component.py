@@ -45,7 +45,8 @@ def check_component(
     """Check a component in mechanisms with random poses and values, in every space it declares.
 
     - Its parameters have units and descriptions, each has an effect, and all may be random.
-    - Units of parameters fit the terms: energies are in J, force times velocity in W, terms of sums alike.
+    - Units of parameters and auxiliary states fit the terms: energies are in J, force times velocity in W, the rate of
+      a state in its units over seconds, terms of sums alike.
     - The exact Jacobian agrees with central differences of the residual.
     - Realisations are computed side by side as each would be alone.
     - Between two bodies: what it exerts on them cancels (action and reaction), and does not depend on where the bodies

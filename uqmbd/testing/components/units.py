@@ -8,6 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism import (
+    Auxiliary,
     Body,
     Component,
     Constraint,
@@ -39,7 +40,7 @@ def check_units(title: str, component: Component, space: Space) -> None:
 
     Raise AssertionError if a dimension is wrong. Left out are terms in which no parameter has other units than m (a
     stiffness of one is not written), powers whose exponent is a parameter (the units of their factor depend on it), and
-    components with a law of the user.
+    components with a law of the user. A state without stated units is in the units of its rate, times seconds.
     """
     declared = component.parameters()
     options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]
@@ -52,7 +53,24 @@ def check_units(title: str, component: Component, space: Space) -> None:
     }
     local = Local(space, frames, values, t)
     terms, _ = component.stated(local)
-    named: dict[sympy.Basic, sympy.Basic] = {}
+    states = {symbol: _stated(name, local.units[name]) for name, symbol in local.states.items()}
+    named = _named(title, local, states)
+    for term in terms:  # a state without stated units has those of its rate times seconds
+        if isinstance(term, Auxiliary) and not states[term.state].units:
+            units = units_of(as_symbolic(term.rate).xreplace(named) * _SECOND)
+            states[term.state] = _stated(states[term.state].name, units)
+    named = _named(title, local, states)
+    for term in terms:
+        for what, expression, units in _claims(term, states):
+            inserted = expression.xreplace(named)
+            symbols = expression.free_symbols | _within(expression, local)
+            if _tells(symbols | {states[s] for s in symbols & set(states)}, [*values.values(), *states.values()]):
+                _require(title, what, inserted, units)
+
+
+def _named(title: str, local: Local, states: dict[sympy.Symbol, _Stated]) -> dict[sympy.Basic, sympy.Basic]:
+    """Return symbols with units for auxiliary states and named quantities."""
+    named: dict[sympy.Basic, sympy.Basic] = dict(states)
     for symbol, (kind, expression) in local.quantities.items():
         expression = expression.xreplace(named)
         _require(title, f"what is named {symbol.name!r}", expression, "")
@@ -60,16 +78,19 @@ def check_units(title: str, component: Component, space: Space) -> None:
         if units and kind == "rate":
             units = "1/s" if units == "1" else f"({units})/s" if "/" in units else f"{units}/s"
         named[symbol] = _stated(str(symbol.name), units)
-    for term in terms:
-        for what, expression, units in _claims(term):
-            inserted = expression.xreplace(named)
-            if _tells(expression.free_symbols | _within(expression, local), values.values()):
-                _require(title, what, inserted, units)
+    return named
 
 
-def _claims(term: object) -> Iterator[tuple[str, sympy.Expr, str]]:
+def _claims(term: object, states: dict[sympy.Symbol, _Stated]) -> Iterator[tuple[str, sympy.Expr, str]]:
     """Yield what a term holds, what it is, and in what it has to be."""
     match term:
+        case Auxiliary(state, rate, initial):
+            yield (
+                f"the rate of the state {states[state].name!r}, times seconds,",
+                as_symbolic(rate) * _SECOND,
+                (states[state].units),
+            )
+            yield f"the initial value of the state {states[state].name!r}", as_symbolic(initial), states[state].units
         case Potential(energy):
             yield "the energy of a Potential", as_symbolic(energy), "J"
         case Kinetic(energy):
@@ -125,3 +146,7 @@ def _stated(name: str, units: str) -> _Stated:
     symbol = _Stated(name, real=True)
     symbol.units = units
     return symbol
+
+
+_SECOND = _stated("s", "s")
+"""One second, by which rates are multiplied."""

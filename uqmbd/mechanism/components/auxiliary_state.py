@@ -1,0 +1,76 @@
+"""Auxiliary states of components in outputs, requirements and summaries, with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.local import Local
+from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.names import did_you_mean
+from uqmbd.randomness import Symbol, Symbolic
+
+__all__ = ["AuxiliarySymbol", "auxiliary_state", "frames_of"]
+
+
+class HasStates(Protocol):
+    """A component, as far as its auxiliary states are concerned."""
+
+    name: str
+    settled: int
+    values: dict[str, Any]
+    read: set[str]
+
+    @property
+    def attached(self) -> Mapping[str, Any]: ...
+
+    def stated(self, p: Local) -> Any: ...
+
+
+class AuxiliarySymbol(Symbolic, Symbol):
+    """An auxiliary differential state of a component, in expressions of outputs."""
+
+    component: HasStates
+    state: str
+
+    def __new__(cls, component: HasStates, state: str, units: str) -> AuxiliarySymbol:
+        """Name it, and store its component and its name there."""
+        self: AuxiliarySymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{state}", real=True)
+        self.component, self.state, self.units = component, state, units
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.component))
+
+
+def auxiliary_state(component: HasStates, name: object, space: Space) -> AuxiliarySymbol:
+    """Return the symbol of a state that the terms of an added component make by `Local.state`."""
+    where = f"{type(component).__name__} {component.name!r}: state({name!r:.80})"
+    if not component.settled:
+        raise StudyError(f"{where}: the component is in no mechanism yet; call mechanism.add(...) first.")
+    local = Local(space, frames_of(component), component.values, t)
+    read, component.read = component.read, set()
+    try:
+        component.stated(local)
+    finally:
+        component.read = read
+    if not isinstance(name, str) or name not in local.states:
+        near = did_you_mean(name, list(local.states)) if isinstance(name, str) else ""
+        listed = ", ".join(map(repr, local.states)) or "none"
+        raise StudyError(f"{where}: there is no such auxiliary state{near or '.'} There are: {listed}.")
+    return AuxiliarySymbol(component, name, local.units[name])
+
+
+def frames_of(component: HasStates) -> dict[str, Frame]:
+    """Return the frames of the bodies of a component by argument, in the symbols of the bodies."""
+    return {
+        role: Frame(body.space) if body.is_ground else Frame(body.space, body.q, body.v)
+        for role, body in component.attached.items()
+    }
