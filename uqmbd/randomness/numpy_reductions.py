@@ -47,14 +47,17 @@ _OTHER = (
 )
 
 _ARRANGING = frozenset(
-    """
-    append array2string array_repr array_str asarray atleast_1d atleast_2d atleast_3d block broadcast_arrays
-    broadcast_to column_stack concatenate copy copyto cross dot dstack einsum expand_dims full_like hstack inner insert
-    iscomplexobj isrealobj kron matmul matvec moveaxis multi_dot ndim ones_like outer place put ravel real repeat
-    reshape result_type select shape size squeeze stack swapaxes tensordot tile transpose vdot vecdot vecmat vstack
-    where zeros_like
-    """.split()
-)
+    {
+        "append", "array2string", "array_repr", "array_str", "asarray", "atleast_1d", "atleast_2d",
+        "atleast_3d", "block", "broadcast_arrays", "broadcast_to", "column_stack", "concatenate", "copy",
+        "copyto", "cross", "dot", "dstack", "einsum", "expand_dims", "full_like",
+        "hstack", "inner", "insert", "iscomplexobj", "isrealobj", "kron", "matmul",
+        "matvec", "moveaxis", "multi_dot", "ndim", "ones_like", "outer", "place",
+        "put", "ravel", "real", "repeat", "reshape", "result_type", "select",
+        "shape", "size", "squeeze", "stack", "swapaxes", "tensordot", "tile",
+        "transpose", "vdot", "vecdot", "vecmat", "vstack", "where", "zeros_like",
+    }
+)  # fmt: skip
 """Functions of NumPy that arrange or multiply expressions, without a decision and without a statistic."""
 
 
