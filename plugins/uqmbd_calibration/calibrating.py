@@ -176,7 +176,7 @@ def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least[name]:
             raise uqmbd.StudyError(f"calibrate: {name} is {value!r}; expected a whole number, {least[name]} or more.")
         if name != "seed" and value > MANY:
-            raise uqmbd.StudyError(f"calibrate: {name} is more than {MANY}; expected a whole number up to that.")
+            raise uqmbd.StudyError(f"calibrate: {name} is more than {MANY}; expected a whole number up to {MANY}.")
     if bias is None:
         return
     outputs = [*study.mechanism.outputs, *study.mechanism.scalars]

@@ -56,9 +56,9 @@ class QuadratureProjection:
         wrong = 0.0 if self.exact else uqmbd.extend.gram_error(space, self.rule, self.multi_index)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
-                f"{self.label}: the rule ({self.rule.name}) cannot tell the {len(self.multi_index)} terms of the basis "
-                f"apart (their products are wrong by {wrong:.2g}); use more nodes, a lower order, Gauss nodes, or "
-                "method='regression'."
+                f"{self.label}: the rule ({self.rule.name}) does not resolve the {len(self.multi_index)} terms of the "
+                f"basis: it integrates their products with an error of {wrong:.2g}; use more nodes, a lower "
+                "order, Gauss nodes, or method='regression'."
             )
         if wrong > COARSE:
             warnings.warn(

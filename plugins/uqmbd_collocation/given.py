@@ -176,7 +176,7 @@ class GivenProjection:
         return self.complete.multi_index
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Raise if the rule cannot tell the terms apart, and warn if it can only roughly."""
+        """Raise if the rule does not resolve the terms; warn if it resolves them with a considerable error."""
         self.complete.check(space)
 
     def fit(self, runs: CollocationRuns) -> Fit:

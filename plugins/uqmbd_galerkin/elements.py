@@ -154,8 +154,9 @@ def galerkin_elements(
     if without:
         reason = next(work.messages[k] for k in kept if work.failed[k])
         warnings.warn(
-            f"{problem.label}: {without} of {sum(work.nodes[k] for k in kept)} nodes failed, so that the quadrature of "
-            f"their elements does not hold; there the others are fitted by regression. Reason of the failure: {reason}",
+            f"{problem.label}: {without} of {sum(work.nodes[k] for k in kept)} nodes failed. The quadrature of their "
+            "elements cannot be used; these elements are fitted to their other nodes by regression. "
+            f"Reason of the failure: {reason}",
             stacklevel=3,
         )
     remedy = "allow more elements, raise the order, use collocation with elements, or study a shorter time"

@@ -20,7 +20,7 @@ MOST_WORK = 2e10
 STREAM = 0x6A1E12
 """Of the verification points."""
 ALIASED = 0.5
-"""Error of a rule for products of the basis beyond which it cannot tell the terms apart."""
+"""Error of a rule for products of the basis beyond which it does not resolve the terms."""
 
 
 @dataclass(frozen=True)
@@ -81,14 +81,14 @@ class Discretisation:
             rule = uqmbd.extend.monte_carlo_rule(space, int(self.samples or 1), self.seed, self.rule)
         if not (rule.weights > 0).all():
             raise uqmbd.StudyError(
-                f"{self.label}: the rule ({rule.name}) has negative weights, with which averaged masses can be "
-                "negative; use rule='gauss' or samples."
+                f"{self.label}: the rule ({rule.name}) has negative weights, so averaged masses can be negative; "
+                "use rule='gauss', or a rule with samples."
             )
         wrong = uqmbd.extend.gram_error(space, rule, terms)
         if wrong > ALIASED:
             raise uqmbd.StudyError(
-                f"{self.label}: the rule ({rule.name}) cannot tell the {len(terms)} terms of the basis apart (their "
-                f"products are wrong by {wrong:.2g}); use more nodes, or a lower order."
+                f"{self.label}: the rule ({rule.name}) does not resolve the {len(terms)} terms of the basis: it "
+                f"integrates their products with an error of {wrong:.2g}; use more nodes, or a lower order."
             )
         return rule
 

@@ -90,7 +90,7 @@ class LowFidelity:
         if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1:
             raise uqmbd.StudyError(f"LowFidelity: samples is {samples!r}; expected a whole number, 1 or more, or None.")
         if int(samples) > MOST:
-            raise uqmbd.StudyError("LowFidelity: samples is more than 1e9; expected a whole number up to that.")
+            raise uqmbd.StudyError("LowFidelity: samples is more than 1e9; expected a whole number up to 1e9.")
         object.__setattr__(self, "samples", int(samples))
 
     def __repr__(self) -> str:

@@ -280,8 +280,8 @@ class Reliability(uqmbd.extend.Propagator):
             most -= predicted.realisations
             if most < LEAST:
                 raise uqmbd.IntegrationError(
-                    f"{self.node_name}: its surrogate took {predicted.realisations} realisations of the "
-                    f"{self.max_realisations} that are allowed, and {LEAST} more are needed; increase max_realisations."
+                    f"{self.node_name}: the surrogate used {predicted.realisations} of at most {self.max_realisations} "
+                    f"realisations, and the analysis needs {LEAST} more; increase max_realisations."
                 )
             learned = learn(runs, predicted, dimension, target=target, most=most, generator=generator)
             if learned is not None:

@@ -195,7 +195,7 @@ def other_version(tmp_path: Path) -> str:
 def test_a_worker_of_another_version_is_refused_by_name(cluster: Any, other_version: str) -> None:
     cluster.hire(PYTHONPATH=other_version)
     with connected(cluster, workers=1) as client:
-        with pytest.raises(uqmbd.UqmbdError, match=r"No worker has the versions .*uqmbd 0\.0\.1"):
+        with pytest.raises(uqmbd.UqmbdError, match=r"No worker has the same versions .*uqmbd 0\.0\.1"):
             monte_carlo().run(client.get_executor())
         # what it refuses is done by one that has the version
         cluster.hire()

@@ -106,7 +106,7 @@ def test_what_does_not_belong_to_the_inputs_is_told_or_refused(study):
     )
     assert "outside the support" in swapped.obstacle(study)
     coarse, by = chaospy.generate_quadrature(1, joint, rule="gaussian")
-    assert "cannot tell the 10 terms" in Collocation(
+    assert "does not resolve the 10 terms" in Collocation(
         expansion=chaospy.generate_expansion(3, joint), nodes=coarse, weights=by
     ).obstacle(study)
     one, by = chaospy.generate_quadrature(3, chaospy.Normal(1.0, 0.02), rule="gaussian")

@@ -90,7 +90,7 @@ NORMAL, CAUCHY = chaospy.Normal(0, 1), chaospy.Cauchy()
         ([NORMAL] * 2, {"method": "regression", "samples": 7}, ["10 terms", "the 7 samples", "at least 20"]),
         ([NORMAL] * 2, {"method": "omp", "samples": 2}, ["2 samples are too few"]),
         ([CAUCHY], {}, ["'x0'", "moments"]),
-        ([NORMAL] * 2, {"nodes": 3}, ["cannot tell the 10 terms", "more nodes"]),
+        ([NORMAL] * 2, {"nodes": 3}, ["does not resolve the 10 terms", "more nodes"]),
         ([NORMAL] * 2, {"nodes": (4, 4, 4)}, ["nodes has 3 entries", "x0, x1"]),
         ([NORMAL] * 2, {"weights": (1,)}, ["weights", "2 positive numbers"]),
         (

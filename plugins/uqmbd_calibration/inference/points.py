@@ -59,7 +59,7 @@ class _NamedPropagator(uqmbd.extend.Propagator):
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
         """Refuse: it is no method."""
-        raise uqmbd.StudyError(f"{problem.label}: calibrate() is called by itself, not by a study.")
+        raise uqmbd.StudyError(f"{problem.label} is not a method of a study; call calibrate(study, record) instead.")
 
 
 class OperatingPoint:

@@ -370,4 +370,4 @@ def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any
         if not whole or int(value) < least:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a whole number of at least {least}.")
         if name == "verify" and int(value) > 10**9:
-            raise uqmbd.StudyError(f"{where}: verify is more than 1e9; expected a whole number up to that.")
+            raise uqmbd.StudyError(f"{where}: verify is more than 1e9; expected a whole number up to 1e9.")

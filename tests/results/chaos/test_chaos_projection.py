@@ -100,7 +100,7 @@ def test_bad_input() -> None:
         extend.least_squares(np.ones((4, 1)), psi)
     with pytest.raises(StudyError, match=r"\(K, \.\.\.\) and \(K, P\); \(5, 1\) and \(4, 6\)"):
         extend.least_squares(np.ones((5, 1)), psi)
-    with pytest.raises(StudyError, match="cannot tell the 2 terms apart"):
+    with pytest.raises(StudyError, match="do not determine the 2 terms"):
         extend.least_squares(np.ones((4, 1)), np.ones((4, 2)))
     with pytest.raises(StudyError, match="'response' holds a number that is not finite in row 2"):
         extend.project([[1.0], [1.0], [np.nan], [1.0]], psi, np.ones(4))

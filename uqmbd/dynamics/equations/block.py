@@ -295,9 +295,9 @@ def _block(
     for what, parts in (("its constraint", at_rest), ("its kinetic energy", [kinetic]), ("its event", guards)):
         if any(e.free_symbols & commands for e in parts):
             raise StudyError(
-                f"{where}: {what} contains a command of a controller, which jumps at every sample, and positions and "
-                "masses cannot jump. A command can be a force, a torque, a stiffness or a damping, or the speed of a "
-                "driver of speed."
+                f"{where}: {what} contains a command of a controller. A command jumps at every sample, but "
+                "positions and masses cannot jump. Use a command as a force, a torque, a stiffness or a damping, or as "
+                "the speed of a speed driver."
             )
     changing = {*velocities, *coordinates}
     require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)

@@ -209,7 +209,9 @@ def random_body_inertia(mass: Any, centre: Any, inertia: Any, dispersion: float,
     coordinates = flatten(centre)
     place = _numbers(where, "centre", centre, numbers(where, "centre", coordinates, len(coordinates), "m"))
     if len(place) not in (2, 3):
-        raise StudyError(f"{where}: the centre is {shown(centre)}; expected two numbers in the plane, or three.")
+        raise StudyError(
+            f"{where}: the centre is {shown(centre)}; expected two numbers in the plane, or three in space."
+        )
     planar = len(place) == 2
     heavy = _numbers(where, "mass", mass, [mass_number(where, mass)])[0]
     if heavy <= 0:

@@ -83,7 +83,7 @@ class ElementLimits:
         whole = _whole(self.elements)
         for name, count in (("elements", whole), ("max_elements", _whole(self.most))):
             if count is not None and count > MANY:
-                raise StudyError(f"{name} is more than {MANY}; expected a whole number up to that.")
+                raise StudyError(f"{name} is more than {MANY}; expected a whole number up to {MANY}.")
         if self.elements not in ("adaptive", None) and (whole is None or whole < 1):
             raise StudyError(f"elements is {self.elements!r}; expected a number, 1 or more, or 'adaptive'.")
         if (_whole(self.most) or 0) < 1:

@@ -125,7 +125,7 @@ def fit_nodes(
     kept = found.multi_index
     fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
     warning = (
-        f"{label}: {failed} of {count} nodes failed, so that the quadrature does not hold; the chaos was fitted to the "
+        f"{label}: {failed} of {count} nodes failed, so the quadrature cannot be used; the chaos was fitted to the "
         f"{left} others by regression instead{fewer}, and is an extrapolation where the mechanism fails. "
         f"Reason of the failure: {reason}"
     )

@@ -90,8 +90,8 @@ def converge(
                     problems[m, k] = work.reason
     if not nodes:
         raise StudyError(
-            f"study {study.name!r}: no level of any method succeeded; the first failed by "
-            f"{next(iter(problems.values()), 'nothing')}"
+            f"study {study.name!r}: no level of any method succeeded. Reason of the first failure: "
+            f"{next(iter(problems.values()), 'none')}"
         )
     own = None
     if base is None:

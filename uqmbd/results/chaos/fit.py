@@ -151,7 +151,7 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
         condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
         if not condition < _WORST_CONDITION:
             raise StudyError(
-                f"The {count} samples cannot tell the {terms} terms apart: the condition number is {condition:.1e}, "
+                f"The {count} samples do not determine the {terms} terms: the condition number is {condition:.1e}, "
                 f"expected below {_WORST_CONDITION:.0e}. Draw more or other samples, or lower the order."
             )
         flat = values.reshape(count, -1)

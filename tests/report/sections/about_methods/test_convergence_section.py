@@ -132,12 +132,12 @@ def test_failure_keeps_the_other_results(tmp_path: Path) -> None:
     """A warning, a note in the report, and all else as ever."""
     one = study(convergence={"propagators": Breaking(), "order": [1, 2]})
     with pytest.warns(
-        UserWarning, match="no curves of error against cost: .* the first failed by RuntimeError: out of paper"
+        UserWarning, match="no curves of error against cost: .* Reason of the first failure: RuntimeError: out of paper"
     ):
         tree = one.run()
     validate(tree)
     text = report.write_report(tree, tmp_path / "r.html").read_text(encoding="utf-8")
-    assert "the first failed by RuntimeError: out of paper" in text and "monte-carlo" in text
+    assert "Reason of the first failure: RuntimeError: out of paper" in text and "monte-carlo" in text
 
 
 class Told:

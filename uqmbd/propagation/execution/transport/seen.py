@@ -89,6 +89,6 @@ class WorkerRegistry:
             reasons.setdefault(reason, []).append(f"{host} (process {process})")
         words = "; ".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
         raise IntegrationError(
-            f"No worker has the versions of this process, on which results depend to the bit. {words}. Expected the "
-            "same environment everywhere: install these versions there, and start the workers again."
+            "No worker has the same versions as this process; bit-identical results require the same versions. "
+            f"{words}. Install the versions of this process on the workers, and restart the workers."
         )

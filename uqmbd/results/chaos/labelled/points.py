@@ -98,8 +98,8 @@ def _check_names(given: Iterable[str], names: Sequence[str]) -> None:
             )
     if missing := [name for name in names if name not in set(given)]:
         raise StudyError(
-            f"Values of {', '.join(missing)} are missing; expected one for each input: {', '.join(names)}. An input "
-            "that is left out is at no value: to hold it, give it that value, such as its mean."
+            f"Values of {', '.join(missing)} are missing; expected one for each input: {', '.join(names)}. Inputs "
+            "have no default: to fix an input, give its value, such as its mean."
         )
 
 
