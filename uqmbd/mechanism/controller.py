@@ -220,8 +220,8 @@ class Controller:
     def _symbol(self, name: str | None, names: list[str], first: int, what: str) -> sympy.Symbol:
         if not isinstance(name, str) or name not in names:
             listed = ", ".join(map(repr, names)) or "none"
-            near = did_you_mean(name, names) if isinstance(name, str) else ""
-            raise StudyError(f"{self.where}: there is no {what} {shown(name)}{near or '.'} There are: {listed}.")
+            given, near = (repr(name), did_you_mean(name, names)) if isinstance(name, str) else (shown(name), "")
+            raise StudyError(f"{self.where}: there is no {what} {given}{near or '.'} There are: {listed}.")
         return HeldSymbol(self, first + names.index(name), f"{self.name}.{name}")
 
     def __repr__(self) -> str:
