@@ -175,12 +175,9 @@ def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, st
     return {
         name: f"{_written(value)} {typeset_units(declared[name].units)}".strip()
         for name, value in component.values.items()
-        if name in declared and declared[name].kind != "option" and name not in left_out and _stated(value)
+        if name in declared and declared[name].kind != "option" and name not in left_out
+        if value is not None and not (isinstance(value, (tuple, list)) and not value)
     }
-
-
-def _stated(value: Any) -> bool:
-    return value is not None and not (isinstance(value, (tuple, list)) and not value)
 
 
 def _written(value: Any) -> str:

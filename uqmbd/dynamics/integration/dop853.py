@@ -19,7 +19,6 @@ import numpy as np
 
 from uqmbd.compiled import PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
@@ -114,6 +113,7 @@ class Integration:
         self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool, recording: bool = False
     ) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
+        self.dynamics: Dynamics = batch.model.system.programs.dynamics
         start, layout = batch.start, self.model.layout
         self.jumping = bool(layout.rank) and self.model.rheonomic
         self.sampling = batch.sampling(times)
@@ -126,7 +126,7 @@ class Integration:
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         self.layouts = legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping)
         self.main = IntegrationState(
-            _dynamics(self.model),
+            self.dynamics,
             method,
             start.state,
             batch.block,
@@ -269,7 +269,7 @@ class Integration:
         now, size = float(pool.now[k]), float(pool.tried[k])
         if self.comparing:
             if self.comparison is None:
-                self.comparison = Comparison(self.batch, self.times, self.rtol, _dynamics(self.model))
+                self.comparison = Comparison(self.batch, self.times, self.rtol, self.dynamics)
             if self._compared(self.comparison, member, status):
                 return
         if status == ExplicitStatus.STIFF:
@@ -336,7 +336,7 @@ class Integration:
             if course.others:
                 if member in self.others:
                     self.retired.append(pool)
-                self.others[member] = pool.moved(k, _dynamics(watcher.model))
+                self.others[member] = pool.moved(k, watcher.model.system.programs.dynamics)
                 self._settle(member)
             elif course.back and pool.known[k] > 1:
                 pool.step_back(k)
@@ -390,7 +390,8 @@ class Integration:
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
                 legs, floor = [self._legs_between(member, *grid.tolist())], self.main.floor[one]
-                run = IntegrationState(_dynamics(model), method, before, self.batch.block[one], grid, legs, floor)
+                dynamics: Dynamics = model.system.programs.dynamics
+                run = IntegrationState(dynamics, method, before, self.batch.block[one], grid, legs, floor)
                 while run.status[0] in (ExplicitStatus.RUNNING, ExplicitStatus.JUMP):
                     if run.status[0] == ExplicitStatus.JUMP:
                         change, _ = speed_jumps(self.model, run.z, run.now[0], self.batch.block[one], self.rtol)
@@ -406,8 +407,3 @@ class Integration:
         legs = self.layouts[member if len(self.layouts) > 1 else 0]
         last = next(leg for leg in legs if leg.end >= end)
         return [*(leg for leg in legs if begin < leg.end < end), Leg(end, last.longest, jumps=False)]
-
-
-def _dynamics(model: Model) -> Dynamics:
-    found: Dynamics = model.system.programs.dynamics
-    return found

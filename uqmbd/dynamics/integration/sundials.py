@@ -17,7 +17,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from types import FrameType, ModuleType
 from typing import Any
 
@@ -26,7 +25,7 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["LARGEST", "SundialsSolution", "solve", "sundials", "sundials_is_installed"]
+__all__ = ["LARGEST", "SundialsSolution", "solve", "sundials"]
 
 
 LARGEST = 1e100
@@ -35,14 +34,6 @@ LARGEST = 1e100
 
 TOO_MUCH_WORK = -1
 """IDA_TOO_MUCH_WORK, a status of IDA."""
-
-
-def sundials_is_installed() -> bool:
-    """Test whether scikit-sundae can be imported: it has no wheel for Linux on aarch64."""
-    try:
-        return find_spec("sksundae") is not None
-    except ValueError:
-        return False
 
 
 def sundials() -> ModuleType:

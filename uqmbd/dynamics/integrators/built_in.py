@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ from uqmbd.dynamics.integration import (
     Trajectories,
     integrate_by_dop853,
     integrate_by_ida,
-    sundials_is_installed,
 )
 from uqmbd.dynamics.integrators.protocol import Capabilities
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
@@ -177,7 +177,7 @@ class Auto:
     def _solve(
         self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool
     ) -> IntegratedRealisations:
-        if not sundials_is_installed():  # the explicit method integrates stiff realisations too, with more steps
+        if not _sundials_is_installed():  # the explicit method integrates stiff realisations too, with more steps
             return IntegratedRealisations.of(
                 integrate_by_dop853(ensemble, members, times, rtol, patient=True, recording=recording), Dop853.name
             )
@@ -235,7 +235,7 @@ class Auto:
         if not projected.coupled.compiled:
             return Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
         first = Dop853().integrate_projected(projected, times, rtol, watch)
-        if not first.message or not sundials_is_installed():
+        if not first.message or not _sundials_is_installed():
             return first
         second = Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
         spent = first.counters["seconds"] + second.counters["seconds"]
@@ -309,3 +309,11 @@ def _still(projected: ProjectedEquations, times: Array) -> ProjectedTrajectories
 def _reached(found: ProjectedTrajectories) -> int:
     """Count the times that were computed."""
     return int(np.isfinite(found.coefficients).all(axis=(0, 2)).sum())
+
+
+def _sundials_is_installed() -> bool:
+    """Test whether scikit-sundae can be imported: it has no wheel for Linux on aarch64."""
+    try:
+        return find_spec("sksundae") is not None
+    except ValueError:
+        return False

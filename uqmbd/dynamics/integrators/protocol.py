@@ -180,7 +180,6 @@ class Integrator(Protocol):
         ...
 
 
-@cache
 def capabilities_of(cls: type) -> Capabilities:
     """Return what an integrator class declares.
 
@@ -208,6 +207,7 @@ def _stated_before(cls: type) -> list[str]:
     return former + (["linear_solvers"] if getattr(cls, "linear_solvers", ()) else [])
 
 
+@cache
 def _declared_before(cls: type) -> Capabilities:
     """Read the class attributes of before 0.1."""
     own = {FORMER[old]: True for old in _stated_before(cls) if old in FORMER}

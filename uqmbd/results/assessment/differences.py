@@ -181,7 +181,7 @@ def compare(
     errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
     chosen = _most_reliable(nodes, errors) if reference is None else reference
     base = nodes[chosen].children["statistics"].to_dataset()
-    times = _times(base)
+    times, timed = _times(base), "time" in base["mean"].dims
     units = [str(u) for u in base["output_units"].values]
     own = {label: own_statements(node, errors[label]) for label, node in nodes.items()}
     columns: dict[str, list[Any]] = {}
@@ -205,7 +205,7 @@ def compare(
         columns.setdefault("quantile_difference_max", []).append(_quantile_differences(statistics, base))
         mine, other = (errors[name].isel(common) for name in (label, chosen))
         columns.setdefault("own_error", []).append(mine.relative(times[common]))
-        largest, at = errors[label].largest(times if "time" in base["mean"].dims else None)
+        largest, at = errors[label].largest(times if timed else None)
         columns.setdefault("stated_error_max", []).append(largest)
         columns.setdefault("stated_error_time", []).append(at)
         floor = np.maximum(
@@ -241,7 +241,7 @@ def compare(
         {
             **variables,
             "reference_std_max": ("output", _largest(_finite(base["std"].values))),
-            **_until(until, "time" in base["mean"].dims),
+            **({"compared_until": ("method", np.array(until, dtype=float), _LAST)} if timed else {}),
             "unknown_times": ("method", np.array(unknown, dtype=np.int64)),
             "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
             "realisations": ("method", np.array([int(a.get("realisations", 0)) for a in attributes], dtype=np.int64)),
@@ -263,6 +263,8 @@ def compare(
         recommended=json.dumps(use, ensure_ascii=False),
     )
 
+
+_LAST = {"units": "s", "long_name": "last time of the comparison"}
 
 _COMMENTS = {
     "difference_max": "largest absolute difference over time",
@@ -306,11 +308,6 @@ def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[
 def _times(statistics: xr.Dataset) -> Array:
     timed = "time" in statistics["mean"].dims
     return np.asarray(statistics["time"].values, dtype=float) if timed else np.zeros(1)
-
-
-def _until(until: list[float], timed: bool) -> dict[str, tuple[str, NDArray[np.float64], dict[str, str]]]:
-    about = {"units": "s", "long_name": "last time of the comparison"}
-    return {"compared_until": ("method", np.array(until, dtype=float), about)} if timed else {}
 
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
