@@ -5,6 +5,7 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+import scipy.sparse
 import sympy
 
 import uqmbd
@@ -182,3 +183,25 @@ def test_sample_with_a_singular_system_is_reported_and_the_others_stand():
     assert np.array_equal(samples["status"].values != 0, massless)
     assert all("singular" in m for m in samples["message"].values[massless])
     assert np.allclose(node["statistics"]["mean"].values[0], [0, -9.81 / 2, -9.81 * 2], atol=1e-4)
+
+
+@pytest.mark.thorough
+def test_the_jacobian_on_its_pattern_is_the_derivative_of_the_residual():
+    """``dr/dy + c dr/dyp`` from the entries, the pattern and no other attribute agrees with central differences."""
+    length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.3, 0.4), units="m")
+    study = uqmbd.Study("study", driven_slider_crank(length), [0.0, 0.1], [MonteCarlo(samples=2, seed=1)])
+    ensemble = study.problem(study.propagators[0]).ensemble(np.array([[0.32], [0.37]]))
+    rows, pointers = ensemble.pattern
+    n = len(pointers) - 1
+    rng = np.random.default_rng(5)
+    for c in (0.0, 1.0, -3.0):
+        y, yp = rng.normal(size=(2, 2, n))
+        values = ensemble.jacobian(0.05, y, yp, c)
+        assert values.shape == (2, len(rows)) and pointers[-1] == len(rows)
+        for k in range(2):
+            found = scipy.sparse.csc_array((values[k], rows, pointers), shape=(n, n)).toarray()
+            h, exact = 1e-6, np.zeros((n, n))
+            for j, step in enumerate(np.eye(n) * h):
+                ends = [ensemble.residual(0.05, y + s * step, yp + s * c * step)[k] for s in (1, -1)]
+                exact[:, j] = (ends[0] - ends[1]) / (2 * h)
+            np.testing.assert_allclose(found, exact, rtol=1e-5, atol=1e-5 * max(1.0, abs(exact).max()))

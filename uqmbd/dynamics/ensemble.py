@@ -186,8 +186,16 @@ class Ensemble:
         arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen)
         return self.model.evaluators["residual"](arguments, self.block)
 
+    @property
+    def pattern(self) -> tuple[Index, Index]:
+        """Row of each entry of the Jacobian, shape (nnz,), and first entry of each column, shape (n + 1,).
+
+        The entries are sorted by columns: ``scipy.sparse.csc_array((values, rows, pointers), shape=(n, n))``.
+        """
+        return self.model.pattern
+
     def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
-        """Values of ``dr/dy + c dr/dy'`` on the structural pattern ``model.pattern``, shape (K, nnz).
+        """Values of ``dr/dy + c dr/dy'`` on the structural pattern `pattern`, shape (K, nnz).
 
         Parameters
         ----------
