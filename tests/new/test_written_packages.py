@@ -65,3 +65,101 @@ def test_pyright_finds_nothing_in_them(python, written):
     run = python("-m", "pyright", "--stats", "--pythonpath", executable)
     assert run.returncode == 0, run.stdout + run.stderr
     assert f"Found {3 * len(PLUGIN_KINDS)} source files" in run.stdout
+
+
+STUDIES = {
+    "forces": """
+import chaospy
+import numpy as np
+import uqmbd
+from sample_component import SampleComponent
+from sample_law import SampleLaw
+from sample_propagator import SamplePropagator
+from uqmbd.laws import length
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_reliability import Reliability
+
+strength = uqmbd.RandomVariable("strength", chaospy.Uniform(0.05, 0.15))
+mechanism = uqmbd.Mechanism("two bodies", uqmbd.Planar(gravity=(0, 0)))
+one = mechanism.body("one", mass=1, inertia=0.1, position=(0, 0))
+other = mechanism.body("other", mass=1, inertia=0.1, position=(1, 0))
+mechanism.add(SampleComponent("pull", one, other, point_i=(0, 0), point_j=(0, 0), strength=strength))
+mechanism.add(SampleLaw("law", one, other, law=0.1 / (1 + length)))
+mechanism.output("distance", other.position[0] - one.position[0], units="m")
+mechanism.require("apart", other.position[0] - one.position[0] >= 0.7)
+methods = [
+    MonteCarlo(samples=16, seed=1),
+    MonteCarlo(samples=64, seed=1, sampling="sample-design", label="design"),
+    Collocation(order=2),
+    Galerkin(order=2),
+    SamplePropagator(),
+    Reliability(max_realisations=500),
+]
+study = uqmbd.Study("forces", mechanism, np.linspace(0, 1, 6), methods)
+""",
+    "contact": """
+import chaospy
+import numpy as np
+import uqmbd
+from sample_contact_law import sample_contact_law
+from sample_propagator import SamplePropagator
+from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneContact
+from uqmbd_montecarlo import MonteCarlo
+
+height = uqmbd.RandomVariable("height", chaospy.Uniform(0.19, 0.21), units="m")
+mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+ball = mechanism.body("ball", mass=1, position=(0, height))
+law = sample_contact_law(restitution=0.9, impact_speed=2)
+mechanism.add(PlaneContact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law=law, stiffness=1e4))
+mechanism.output("height", ball.position[1], units="m")
+methods = [MonteCarlo(samples=16, seed=1), Collocation(order=2), SamplePropagator()]
+study = uqmbd.Study("contact", mechanism, np.linspace(0, 0.15, 6), methods)
+""",
+    "integrator": """
+import chaospy
+import numpy as np
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
+
+speed = uqmbd.RandomVariable("speed", chaospy.Uniform(2, 4), units="m/s")
+mechanism = uqmbd.Mechanism("stone", uqmbd.Translational(gravity=(0, -9.81)))
+stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+mechanism.output("height", stone.position[1], units="m")
+methods = [MonteCarlo(samples=16, seed=1), Collocation(order=2)]
+study = uqmbd.Study("integrator", mechanism, np.linspace(0, 1, 6), methods, integrator="sample-integrator")
+""",
+    "reader": """
+from pathlib import Path
+
+import numpy as np
+import uqmbd
+from sample_reader import SampleReader
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
+
+Path("chain.csv").write_text("name, mass, x, stiffness\\nfirst, 2, 1, 200\\nsecond, 2, 2, 200\\n")
+mechanism = SampleReader().read("chain.csv")
+mechanism.randomise("*.mass", relative=0.02)
+methods = [MonteCarlo(samples=16, seed=1), Collocation(order=2)]
+study = uqmbd.Study("reader", mechanism, np.linspace(0, 0.2, 6), methods)
+""",
+}
+"""Study scripts that use what the written packages offer, with every method that can propagate it."""
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_they_work_in_a_run_with_all_methods(python, tmp_path, name):
+    """The report of `uqmbd run` has the section, and no method, section or warning reports a failure."""
+    (tmp_path / "study.py").write_text(STUDIES[name], encoding="utf-8")
+    run = python("-W", "error", "-m", "uqmbd", "run", "study.py", "--out", "out", cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Rates of change</h2>" in page
+    after = page.partition("<h2>Rates of change</h2>")[2]
+    assert "rate of" in after and "left out" not in run.stdout + run.stderr
+    listed = python("-m", "uqmbd", "sample-command", "study.py", cwd=tmp_path)
+    assert listed.returncode == 0 and listed.stdout.strip(), listed.stderr
