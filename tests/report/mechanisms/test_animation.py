@@ -224,7 +224,7 @@ def test_report_moves_from_the_stored_file_alone(study, tmp_path):
         page, flags=re.DOTALL,
     )  # fmt: skip
     assert still.count("<path") > 20 and "image/gif" not in page
-    assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "farthest apart" in text
+    assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "largest distance between realisations" in text
     assert json.loads(data)["realisations"] == 21 and json.loads(data)["mechanism"] == "wheel <b>"
     assert "This report has no sliders for the inputs" in page  # samples alone have no surrogate
     with Image.open(tmp_path / "figures" / "motion.gif") as film:

@@ -95,7 +95,7 @@ def test_the_report_shows_it(tree: xr.DataTree, tmp_path: Path) -> None:
     section = text[text.index('<section id="growth">') :]
     section = " ".join(section[: section.index("</section>")].split())
     for expected in (
-        "against closed form",
+        "compared with closed form",
         "order 5",
         "elements 4",
         "samples 80",
