@@ -15,7 +15,7 @@ import uqmbd
 from .right_calls import EXAMPLES
 from .test_text_is_not_run import CORE, PLUGINS, kind, public_names
 
-__all__ = ["LEFT_OUT", "METHODS", "MODULES", "called", "examples_of", "targets", "unreached"]
+__all__ = ["LEFT_OUT", "METHODS", "MODULES", "NOT_TRIED", "called", "examples_of", "targets", "unreached"]
 
 METHODS = (types.FunctionType, classmethod, staticmethod)
 
@@ -44,6 +44,14 @@ LEFT_OUT = {
 }
 """Classes whose constructor, or whose methods that no example calls, are not tried, and why."""
 
+IPYTHON = "IPython calls it with its own shell"
+
+NOT_TRIED = {
+    **dict.fromkeys(("Ensemble.rates", "Ensemble.outputs", "PhaseMotion.at", "PhaseMotion.rates"), STEPS),
+    **dict.fromkeys(("load_ipython_extension", "unload_ipython_extension"), IPYTHON),
+}
+"""Functions and methods that are not tried although examples call them, and why."""
+
 
 def examples_of(thing: Any) -> Iterator[tuple[Any, str]]:
     """Yield a public object and its public methods and properties that have examples, with these."""
@@ -63,7 +71,7 @@ def targets() -> dict[str, tuple[str, str]]:
     found = {}
     for module in MODULES:
         for name, thing in public_names(module).items():
-            if kind(thing) == "function":
+            if kind(thing) == "function" and name not in NOT_TRIED:
                 found[f"{thing.__module__}.{thing.__qualname__}"] = ("", name)
             if kind(thing) != "class" or getattr(thing, "_is_protocol", False):
                 continue
@@ -73,6 +81,7 @@ def targets() -> dict[str, tuple[str, str]]:
             for base in thing.__mro__:
                 if base.__module__.startswith("uqmbd"):
                     own = [k for k, x in vars(base).items() if not k.startswith("_") and _takes(x)]
+                    own = [k for k in own if f"{base.__name__}.{k}" not in NOT_TRIED]
                     found |= {f"{base.__module__}.{base.__qualname__}.{k}": (base.__name__, k) for k in own}
     return found
 

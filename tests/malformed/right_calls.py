@@ -108,6 +108,21 @@ EXAMPLES: dict[str, str] = {
 >>> _ = Galerkin(order=1)
 >>> _ = Reliability(max_realisations=500)
 """,
+    "models": """
+>>> from pathlib import Path
+>>> import uqmbd
+>>> from uqmbd_models import MJCF, URDF
+>>> inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+>>> arm = f'<link name="arm"><inertial><mass value="1"/>{inertia}</inertial></link>'
+>>> hinge = '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>'
+>>> _ = Path("robot.urdf").write_text(f'<robot name="robot"><link name="base"/>{arm}{hinge}</robot>')
+>>> robot = uqmbd.from_urdf("robot.urdf")
+>>> _ = URDF().read("robot.urdf")
+>>> ball = '<body name="arm"><joint name="hinge" axis="0 0 1"/><geom type="sphere" size="0.1" mass="1"/></body>'
+>>> _ = Path("model.xml").write_text(f'<mujoco model="model"><worldbody>{ball}</worldbody></mujoco>')
+>>> _ = uqmbd.from_mjcf("model.xml")
+>>> _ = MJCF().read("model.xml")
+""",
     "records": """
 >>> import chaospy, uqmbd
 >>> from uqmbd_calibration import Bias, Calibrated, Record, Series, calibrate

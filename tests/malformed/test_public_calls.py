@@ -82,7 +82,7 @@ KINDS: dict[str, tuple[Any, set[str]]] = {
     "path": (str | os.PathLike[str], TEXTS - {"null"}),
     "none": (str | None, TEXTS | {"None"}),
     "mapping": (Mapping[str, xr.DataTree], {"empty dict"}),
-    "row": (Sequence[float], ROWS | {"huge"}),
+    "row": (Sequence[float], ROWS),
     "texts": (Sequence[str], {"empty list", "empty array", "texts"}),
     "class": (xr.DataTree, set()),
     "function": (Callable[[], Any], {"class", "function", "raising"}),
@@ -232,6 +232,19 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: _problem().watching(np.array([0.0, 1.0, 0.5])),
         "times is .*; expected increasing times",
     ),
+    "a sequence without an end": (
+        lambda: report.histograms(xr.DataTree(), "x", HOSTILE["huge"]),
+        "times is an array of the shape .*; expected a sequence of numbers",
+    ),
+    "axes of no figure": (lambda: report.axes_grid(1, 1e300), "height is 1e.300; expected a number"),
+    "a chunk of a number": (lambda: extend.quantiles_of_chunks([5]), "a chunk is 5; expected consecutive samples"),
+    "nodes without terms": (
+        lambda: extend.regress_on_nodes(np.zeros((3, 1)), np.ones((3, 1)), [0.5]),
+        "regress_on_nodes: multi_index is .*; expected whole degrees",
+    ),
+    "no replicates": (lambda: extend.replicate_errors([]), "there are no replicates"),
+    "a sample without axes": (lambda: extend.Moments.of(5.0), "Moments.of: samples is 5.0; expected samples"),
+    "angles of a number": (lambda: extend.watched_angles(5), "watched_angles: mechanism is 5; expected"),
     "propagators of an array": (lambda: uqmbd.Study("s", _mechanism(), [0, 1], HOSTILE["huge"]), "expected a list"),
 }
 """One for each cause of a raw error, or of an impossible value that was accepted."""

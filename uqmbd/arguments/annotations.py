@@ -17,6 +17,7 @@ from uqmbd.errors import StudyError
 
 __all__ = [
     "LARGE",
+    "LONGEST",
     "MANY",
     "Axis",
     "Bounds",
@@ -36,6 +37,9 @@ __all__ = [
 
 MANY = 10_000
 """Entries of a sequence that are looked at one by one: all of what people write, some of what programs make."""
+
+LONGEST = 10**7
+"""Entries of a sequence, at most: more are an array that is large by mistake."""
 
 LARGE = 1000
 """An upper bound from here on is named to those alone who pass it."""

@@ -17,7 +17,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.arguments.annotations import MANY, Numbers, OrNaN, beyond, bounded, each, is_array_type, members, several
+from uqmbd.arguments.annotations import (
+    LONGEST,
+    MANY,
+    Numbers,
+    OrNaN,
+    beyond,
+    bounded,
+    each,
+    is_array_type,
+    members,
+    several,
+)
 
 __all__ = ["fits", "is_one"]
 
@@ -125,6 +136,8 @@ def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: boo
     # a matrix of SymPy has a length and places, and is no Collection
     sized = isinstance(value, Collection) or (hasattr(value, "__len__") and hasattr(value, "__getitem__"))
     if isinstance(value, (str, bytes, type)) or not (sized or hasattr(value, "__iter__")):
+        return False
+    if isinstance(value, np.ndarray) and value.size > LONGEST:
         return False
     if isinstance(value, np.ndarray):
         if value.ndim == 0 or value.ndim > 1 and (not arguments or members(arguments[0])[0] in (int, float, str)):

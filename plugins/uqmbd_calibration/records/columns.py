@@ -38,7 +38,8 @@ def series_of(
     units = check_mapping(units, found, "units", "{'angle': 'rad'}", where)
     noise = check_mapping(noise, found, "noise", "{'angle': 0.01}", where)
     if outputs is not None:
-        if isinstance(outputs, str) or not isinstance(outputs, Collection):
+        row = isinstance(outputs, Collection) and not isinstance(outputs, str) and getattr(outputs, "ndim", 1) == 1
+        if not row or not all(isinstance(name, str) for name in outputs):
             raise uqmbd.StudyError(f"{where}: outputs is {outputs!r}; expected a list of names such as ['angle'].")
         for name in outputs:
             if name not in found:

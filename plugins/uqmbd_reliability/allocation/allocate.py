@@ -346,7 +346,7 @@ def _chosen(where: str, problem: uqmbd.extend.Problem, requirement: str | None) 
         )
     if requirement is None:
         return list(range(len(known))), tuple(known)
-    if requirement not in known:
+    if not isinstance(requirement, str) or requirement not in known:
         raise uqmbd.StudyError(
             f"{where}: the requirement is {requirement!r}; there are {', '.join(known)} (None: that any is violated)."
         )

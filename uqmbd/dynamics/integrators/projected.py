@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.arguments import typechecked
 from uqmbd.dynamics.integration import position_jumps
 from uqmbd.dynamics.integrators.integrate import integrator_class, require, require_for
 from uqmbd.dynamics.integrators.protocol import capabilities_of
@@ -69,6 +70,7 @@ class ProjectedEnsemble(ProjectedEquations):
     [6.5, 0.2887]
     """
 
+    @typechecked
     def integrate(
         self,
         times: Array,
@@ -145,6 +147,7 @@ class ProjectedEnsemble(ProjectedEquations):
         """
         require_phase(self)
 
+    @typechecked
     def in_phase(
         self,
         rates: PhaseRates,

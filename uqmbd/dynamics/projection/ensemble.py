@@ -19,13 +19,14 @@ from functools import cached_property
 
 import numpy as np
 
+from uqmbd.arguments import shown, typechecked
 from uqmbd.compiled import CoupledSystems, Dynamics
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration import instant, speed_jumps
 from uqmbd.dynamics.linear import nodal_systems
 from uqmbd.dynamics.projection.singular_values import smallest_singular_values
-from uqmbd.errors import AssemblyError
+from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.typing import Array
 
 __all__ = ["ProjectedSystem", "ProjectedStart", "ProjectedEquations"]
@@ -110,12 +111,24 @@ class ProjectedStart:
 
 
 class ProjectedEquations:
-    """Equations of a `ProjectedEnsemble`, which is integrated by any integrator."""
+    """Equations of a `ProjectedEnsemble`, which is integrated by any integrator.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If shapes do not fit the nodes.
+    """
+
+    @typechecked
     def __init__(self, ensemble: Ensemble, psi: Array, weights: Array) -> None:
         self.ensemble, self.model = ensemble, ensemble.model
         self.psi = np.ascontiguousarray(psi, dtype=float)
         self.weights = np.asarray(weights, dtype=float)
+        if self.psi.ndim != 2 or len(self.psi) != len(ensemble) or self.weights.shape != (len(ensemble),):
+            raise StudyError(
+                f"ProjectedEnsemble: psi is {shown(psi)} and weights is {shown(weights)}; expected values of the basis "
+                f"(K, P) and weights (K,) at the {len(ensemble)} nodes of the ensemble."
+            )
         self.adjoint = np.ascontiguousarray((self.psi * self.weights[:, None]).T)
         """``Psi^T W``, shape (P, K): values at the nodes -> coefficients.  For a rule in which the basis is not
         orthonormal (samples) the least squares of the rule: ``(Psi^T W Psi)^-1 Psi^T W``."""

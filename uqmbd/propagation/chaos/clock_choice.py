@@ -11,6 +11,7 @@ import sympy
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
+from uqmbd.mechanism import Mechanism
 from uqmbd.propagation.chaos.clocks import TURN, Clock
 from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.problem import Problem
@@ -28,7 +29,8 @@ EVEN = 0.3
 """Least rate of a clock, over its mean one, from which it is no worse than steadier ones."""
 
 
-def watched_angles(mechanism: Any) -> Mapping[str, Any]:
+@typechecked
+def watched_angles(mechanism: Mechanism) -> Mapping[str, Any]:
     """Return the angles of all bodies and joints that have one, by the names of these, as expressions.
 
     Parameters
@@ -45,7 +47,8 @@ def watched_angles(mechanism: Any) -> Mapping[str, Any]:
     {'angle_of_wheel': wheel.angle}
     """
     found: dict[str, Any] = {}
-    for part in (*mechanism.bodies.values(), *mechanism.components.values()):
+    parts: tuple[Any, ...] = (*mechanism.bodies.values(), *mechanism.components.values())
+    for part in parts:
         angle = getattr(part, "angle", None)
         if isinstance(angle, sympy.Expr) and angle.free_symbols:
             found[WATCHED + part.name] = angle

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uqmbd.arguments import Size, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.propagation.chaos.dense import Dense, spline_through
 from uqmbd.propagation.chaos.swings import Swing, passing
 from uqmbd.typing import Array, Mask
@@ -177,7 +178,16 @@ class Phases:
         -------
         array, shape (S,)
             s.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such realisation.
         """
+        if k >= len(self.values):
+            raise StudyError(
+                f"Phases.passed: k is {k}; expected the number of a realisation, from 0 to {len(self.values) - 1}."
+            )
         if self.swings:
             swing = self.swings[k]
             return np.full(len(marks), np.nan) if swing is None else swing.passed(marks)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.arguments import Seed, Share, Size, typechecked
+from uqmbd.arguments import Seed, Share, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermBox, GermSpace, TailMixture
@@ -251,7 +251,16 @@ class Verification:
         -------
         PolynomialChaos
             With its stated errors.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the coefficients have other axes.
         """
+        if coefficients.ndim != 3:
+            raise StudyError(
+                f"Verification.chaos: coefficients is {shown(coefficients)}; expected the axes (term, output, time)."
+            )
         count = coefficients.shape[2]
         if labels.times is not None and count < len(labels.times):
             labels = replace(labels, times=labels.times[:count])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -159,9 +159,9 @@ def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[st
 
 def _entries(given: Any) -> list[Any]:
     """Return the entries of a sequence; none where it is no sequence, or one that no user writes."""
-    if isinstance(given, (str, bytes, type)) or not isinstance(given, Iterable) or not hasattr(given, "__len__"):
+    if isinstance(given, (str, bytes, type)) or not isinstance(given, Collection) or getattr(given, "ndim", 1) == 0:
         return []
-    return list(given) if np.shape(given) != () and len(given) <= MOST_LEVELS else []
+    return list(given) if len(given) <= MOST_LEVELS else []
 
 
 def _dataset(

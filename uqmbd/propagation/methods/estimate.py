@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from uqmbd.arguments import Size, typechecked
+from uqmbd.arguments import Bounds, Size, typechecked
 
 __all__ = ["Estimate", "Sizing", "readable"]
 
@@ -102,7 +102,7 @@ class Sizing:
     also: tuple[str, ...] = ()
     bound: Size | None = None
 
-    def largest(self, number: float) -> int:
+    def largest(self, number: Annotated[float, Bounds(0)]) -> int:
         """Return the largest size up to a number; the least one where none is so small."""
         found = int(number) if self.allowed is None else self.allowed(int(number))
         return max(found, self.least)

@@ -223,6 +223,11 @@ def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike)
     float
         Largest entry of ``abs(Psi.T @ W @ Psi - identity)``: below 1e-10 the rule suits the basis, above 0.1 hardly.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the basis has other axes.
+
     Examples
     --------
     >>> import chaospy, uqmbd
@@ -234,6 +239,8 @@ def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike)
     1.0
     """
     index = np.asarray(multi_index)
+    if index.ndim != 2:
+        raise StudyError(f"gram_error: multi_index is {shown(index)}; expected degrees of terms, shape (P, d).")
     gram = np.zeros((len(index), len(index)))
     block = max(1, 4_000_000 // max(1, len(index)))
     for first in range(0, len(quadrature), block):

@@ -16,6 +16,11 @@ from uqmbd.wording import typeset_units
 __all__ = ["checked", "checked_chart"]
 
 
+def _encodable(text: str) -> bool:
+    """Tell whether a page can hold a text: halves of characters have no code in UTF-8."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in text)
+
+
 def checked(
     name: str, times: ArrayLike, given: Sequence[Curve], axis: str = "", *, categories: bool = False
 ) -> tuple[Array, list[Curve]]:
@@ -28,6 +33,8 @@ def checked(
     where = f"chart {name!r}"
     if not isinstance(name, str):
         raise StudyError(f"{where}: its name is a {type(name).__name__}; expected a text.")
+    if not _encodable(name):
+        raise StudyError(f"chart {name!r}: its name contains half a character, which no page can hold.")
     moments = _numbers(f"{where}: times", times)
     numbers = moments.ndim == 1 and bool(np.isfinite(moments).all())
     if axis and not (numbers and len(moments) > 0 and np.all(np.diff(moments) >= 0)):
@@ -36,7 +43,7 @@ def checked(
         )
     if not axis and not (numbers and len(moments) > 1 and np.all(np.diff(moments) > 0)):
         raise StudyError(f"{where}: times of shape {moments.shape}; expected two or more, finite and increasing, in s.")
-    if isinstance(given, Curve) or not given or not all(isinstance(curve, Curve) for curve in given):
+    if isinstance(given, Curve) or not len(given) or not all(isinstance(curve, Curve) for curve in given):
         raise StudyError(f"{where}: curves is {given!r:.80}; expected a sequence of one or more uqmbd.report.Curve.")
 
     def fitting(what: str, values: ArrayLike) -> Array:
@@ -111,8 +118,8 @@ def checked_chart(chart: Chart) -> Chart:
     """
     where = f"chart {chart.name!r}"
     texts = {key: getattr(chart, key) for key in ("title", "units", "across", "across_units")}
-    if wrong := [f"{key} is {value!r}" for key, value in texts.items() if not isinstance(value, str)]:
-        raise StudyError(f"{where}: {', '.join(wrong)}; expected a text.")
+    if wrong := [f"{key} is {x!r}" for key, x in texts.items() if not isinstance(x, str) or not _encodable(x)]:
+        raise StudyError(f"{where}: {', '.join(wrong)}; expected a text that a page can hold.")
     names = _categories(chart)
     places = np.arange(1.0, len(names) + 1) if names else chart.places
     axis = chart.across or ("category" if names else "")

@@ -8,12 +8,13 @@ from __future__ import annotations
 import functools
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.arguments import Count, Size, typechecked
+from uqmbd.arguments import Bounds, Count, Size, shown, typechecked
+from uqmbd.errors import StudyError
 from uqmbd.report.drawing.scales import plain_formatter
 from uqmbd.wording import typeset_units
 
@@ -68,6 +69,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
 ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
 FAILED = "#B00020"
+TALLEST = 1000.0
+"""Height of a row of axes, at most, inches."""
+
 WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
 MOST_LINES = 4
 """Lines of a label: more would cover the figure."""
@@ -115,7 +119,9 @@ def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mappin
 
 
 @typechecked
-def axes_grid(count: Count, height: float, columns: Count = 2) -> tuple[Figure, list[Axes]]:
+def axes_grid(
+    count: Count, height: Annotated[float, Bounds(0, TALLEST)], columns: Count = 2
+) -> tuple[Figure, list[Axes]]:
     """Return a figure of the width of the report with axes in rows; `arrange` places them at the end.
 
     Parameters
@@ -196,6 +202,11 @@ def arrange(
         Heights of the rows of axes themselves, inches: the figure becomes as high as these, their labels and the legend
         need together. Rows whose times are not labelled move together. Default: equal shares of the figure.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If there are no axes, or not a height for each row.
+
     Examples
     --------
     >>> figure, axes = single_axes(3.0)
@@ -209,6 +220,11 @@ def arrange(
 
     top = 0.08 + (_legend_above(figure, legend) if legend else 0.0)
     rows = -(-len(grid) // columns)
+    if not rows or (heights is not None and len(heights) != rows):
+        raise StudyError(
+            f"arrange: there are {len(grid)} axes in {rows} rows, and heights is {shown(heights)}; expected at least "
+            "one pair of axes, and a height for each row."
+        )
     cells = GridSpec(rows, min(columns, len(grid)), figure=figure, height_ratios=heights)
     for k, axes in enumerate(grid):
         axes.set_subplotspec(cells[k // columns, k % columns])

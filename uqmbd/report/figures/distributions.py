@@ -190,6 +190,8 @@ def _chosen(response: xr.DataArray, times: Sequence[float] | None) -> list[int]:
     there = response["time"].values
     if times is None:
         return automatic_times(there, response.values.std(axis=0))
+    if not len(times):
+        raise StudyError("histograms: times is empty; expected at least one time, s.")
     return sorted({int(np.abs(there - t).argmin()) for t in times})
 
 

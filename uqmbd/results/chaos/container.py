@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import (
     BOUNDS,
@@ -66,6 +66,10 @@ class SurrogateContainer:
     def __post_init__(self) -> None:
         """Check elements that share their terms, weights and times, and set what follows from them."""
         object.__setattr__(self, "elements", tuple(self.elements))
+        if np.ndim(self.multi_index) != 2:
+            raise StudyError(
+                f"{type(self).__name__}: multi_index is {shown(self.multi_index)}; expected an array (P, d)."
+            )
         check_filled(self._boxes)
         object.__setattr__(self, "space", self._boxes[0].space)
         weights = checked_weights(self.verification_weights, self.verification_germs, self._boxes)

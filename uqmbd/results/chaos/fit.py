@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -219,6 +219,11 @@ def regress_on_nodes(
     NodeRegression or None
         None: the nodes do not determine the basis, nor one of a lower degree (but for the mean alone).
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If shapes do not fit.
+
     References
     ----------
     .. [1] A. Cohen and G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203.
@@ -235,8 +240,13 @@ def regress_on_nodes(
     ([1.0, 2.0], [[0], [1]])
     """
     values, basis = _checked(response, psi)
-    index = np.asarray(multi_index, dtype=np.int64)
-    rule = None if weights is None else np.asarray(weights, dtype=float)
+    index, rule = np.asarray(multi_index), None if weights is None else np.asarray(weights, dtype=float)
+    whole = index.dtype.kind in "iu" and index.ndim == 2 and 0 < len(index) == basis.shape[1]
+    if not whole or (rule is not None and rule.shape != (len(basis),)):
+        raise StudyError(
+            f"regress_on_nodes: multi_index is {shown(index)} and weights is {shown(rule)}; expected whole degrees of "
+            f"{basis.shape[1]} terms, shape (P, d), and a weight for each of {len(basis)} nodes, or None."
+        )
     degrees = index.sum(axis=1)
     top = int(degrees.max())
     # a mean alone is no chaos, unless nothing else was asked for

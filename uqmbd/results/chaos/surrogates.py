@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Bounds, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 from uqmbd.results.chaos.stated_error import weighted_std
@@ -101,6 +101,11 @@ def surrogate(
         own = [str(x) for x in data["output"].values]
         names += own
         if times is not None and "time" in data.sizes:
+            count = data.sizes["time"]
+            if not len(times) or not all(fits(k, Annotated[int, Bounds(0, count - 1)]) for k in times):
+                raise StudyError(
+                    f"surrogate: times is {shown(times)}; expected numbers of times, from 0 to {count - 1}."
+                )
             data = data.isel(time=list(times))
         if output is None:
             found[name] = (kind, data)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import Size, typechecked
+from uqmbd.arguments import Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -57,8 +57,16 @@ class Moments:
 
     @classmethod
     def of(cls, samples: ArrayLike) -> Moments:
-        """Gather samples, shape (S, ...); S may be zero."""
+        """Gather samples, shape (S, ...); S may be zero.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the samples are one number.
+        """
         x = np.asarray(samples, dtype=float)
+        if not x.ndim:
+            raise StudyError(f"Moments.of: samples is {shown(samples)}; expected samples of the shape (S, ...).")
         if not len(x):
             zero = np.zeros(x.shape[1:])
             return cls(0, zero, zero, zero, zero)

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.brackets import Brackets, Counts, row_blocks
@@ -237,6 +237,8 @@ def _first_samples(chunks: Iterable[ConsecutiveSamples]) -> tuple[Array, tuple[i
     """Return the first samples that succeeded, at least one row, and the shape of a sample."""
     found, shape, count = list[Array](), None, 0
     for chunk in chunks:
+        if not hasattr(chunk, "response") or not hasattr(chunk, "good"):
+            raise StudyError(f"quantiles_of_chunks: a chunk is {shown(chunk)}; expected consecutive samples.")
         shape = chunk.response.shape[1:]
         rows = chunk.response[chunk.good].reshape(np.count_nonzero(chunk.good), prod(shape))
         most = first_rows(rows.shape[1])

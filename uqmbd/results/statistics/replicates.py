@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 
 from uqmbd.arguments import typechecked
+from uqmbd.errors import StudyError
 from uqmbd.results.statistics.moments import NORMAL, Moments
 from uqmbd.results.statistics.spread import divisor
 from uqmbd.typing import Array
@@ -32,6 +33,11 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     std_error_mean, std_error_std : array, shape (...)
         So that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two replicates, that of
         the standard deviation also where one of them has all samples but one.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there are none.
 
     Notes
     -----
@@ -59,6 +65,8 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     >>> bool(np.isclose(error[0, 0], 3.182 / 1.960 * np.std([0.5, 2.5, 4.5, 6.5], ddof=1) / 2, rtol=1e-3))
     True
     """
+    if not len(replicates):
+        raise StudyError("replicate_errors: there are no replicates; expected at least one.")
     used = [r for r in replicates if r.count]
     if len(used) < 2:
         unknown = np.full(replicates[0].mean.shape, np.nan)

@@ -252,10 +252,14 @@ class SampleStore:
 
         Raises
         ------
+        uqmbd.StudyError
+            If the path names no folder.
         OSError
             If it cannot be written.
         """
         target = Path(path)
+        if not target.name:
+            raise StudyError(f"SampleStore.write: path is {str(path)!r}; expected the name of a folder that is made.")
         names, units = samples["input"].values, samples["input_units"].values
         inputs = [(str(n), str(u)) for n, u in zip(names, units, strict=True)]
         axes = labels(output_infos(samples), inputs, samples["time"].values if "time" in samples.coords else None)
