@@ -289,8 +289,8 @@ def test_a_derivative_is_refused_and_what_to_write_instead_is_told(write):
     """To SymPy positions do not depend on time: what it makes of their derivatives is zero."""
     mechanism, ball = body_on_ground()
     expression = write(ball)
-    with pytest.raises(uqmbd.StudyError, match="output 'rate': .* contains Derivative.*written as body.velocity"):
+    with pytest.raises(uqmbd.StudyError, match="output 'rate': .* contains Derivative.*Write rates as body.velocity"):
         mechanism.output("rate", expression)
-    with pytest.raises(uqmbd.StudyError, match="'drag': force .* contains Derivative.*written as body.velocity"):
+    with pytest.raises(uqmbd.StudyError, match="'drag': force .* contains Derivative.*Write rates as body.velocity"):
         mechanism.add(PointForce("drag", ball, (0, 0), (expression, 0)))
     mechanism.output("rate", ball.velocity[1])
