@@ -73,6 +73,16 @@ def test_an_old_name_is_the_new_one_with_a_warning(module, name, now):
     assert told[0].filename == __file__
 
 
+@pytest.mark.parametrize(
+    ("old", "now"), [("Doubt", "Exceedance"), ("doubts", "find_exceedances"), ("Landmarks", "Markers")]
+)
+def test_a_renamed_name_is_found_with_a_warning(old, now):
+    for module in (uqmbd, extend) if old != "Landmarks" else (extend, results):
+        with pytest.warns(DeprecationWarning, match=rf"uqmbd\.extend\.{now} now") as told:
+            assert getattr(module, old) is getattr(extend, now)
+        assert [one.filename for one in told] == [__file__]
+
+
 @pytest.mark.parametrize("module", OLD)
 def test_every_old_name_is_found(module):
     for name in OLD[module].split():

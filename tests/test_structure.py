@@ -318,6 +318,16 @@ def test_no_module_is_long_without_a_reason():
     assert not wrong
 
 
+def test_no_function_is_named_like_its_module():
+    """``from package import name`` would mean one or the other, depending on what was imported before."""
+    assert [
+        f"{name}:{node.lineno}"
+        for name, tree in _trees().items()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and node.name.strip("_") == name.rpartition(".")[2].strip("_")
+    ] == []
+
+
 def test_each_class_has_a_name_of_its_own():
     """A leading underscore makes no difference: readers search for the word."""
     found = {}

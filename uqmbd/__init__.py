@@ -16,10 +16,11 @@ def __getattr__(name: str) -> Any:
     """Load a public name; one that has moved to `uqmbd.extend` or `uqmbd.laws` is found with a warning, until 0.2."""
     if name not in __all__ and not name.startswith("_"):
         home = _public("laws" if name in ("law_at", "law_values") else "extend")
-        if name in home.__all__:
+        now = getattr(home, "_RENAMED", {}).get(name, name)
+        if now in home.__all__:
             import warnings
 
-            text = f"uqmbd.{name} is {home.__name__}.{name} now; the old name is removed in version 0.2."
+            text = f"uqmbd.{name} is {home.__name__}.{now} now; the old name is removed in version 0.2."
             warnings.warn(text, DeprecationWarning, stacklevel=2)
-            return getattr(home, name)
+            return getattr(home, now)
     return _public(name)

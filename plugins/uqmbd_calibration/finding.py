@@ -26,7 +26,7 @@ from uqmbd_calibration.inference import (
     directions,
     expected_covariance,
     infer,
-    prior_surrogate,
+    read_prior_surrogates,
     search,
     spread_over_prior,
 )
@@ -112,7 +112,7 @@ def find(
 
     def build(cases: tuple[MachineRecords, ...], *, doubted: bool = True) -> Posterior:
         """Make the posterior by the surrogates over the prior; what these state of their errors adds to the noise."""
-        predictors = tuple(prior_surrogate(nodes[id(case.point)], case.point, case.blocks) for case in cases)
+        predictors = tuple(read_prior_surrogates(nodes[id(case.point)], case.point, case.blocks) for case in cases)
         if doubted:
             cases = tuple(
                 replace(

@@ -8,14 +8,14 @@ import xarray as xr
 import uqmbd
 from uqmbd.typing import Array, Index
 
-__all__ = ["diagnostics"]
+__all__ = ["motion_invariants"]
 
 
 SINGULAR_VALUES = 9
 """Times at which singular values are computed."""
 
 
-def diagnostics(
+def motion_invariants(
     projected: uqmbd.extend.ProjectedEnsemble, times: Array, coefficients: Array, terms: Index
 ) -> xr.Dataset:
     """Return invariants of the projected motion over time, from the coefficients (P, T, width) of its states.

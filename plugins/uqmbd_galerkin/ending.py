@@ -54,7 +54,9 @@ def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
     """
     if chaos.verification_response is None:
         return {}
-    found = uqmbd.extend.doubts(chaos.labels, chaos.verification_error(), limit, uqmbd.extend.varying(chaos, rtol))
+    found = uqmbd.extend.find_exceedances(
+        chaos.labels, chaos.verification_error(), limit, uqmbd.extend.varying(chaos, rtol)
+    )
     return {one.output: one.begin for one in found}
 
 

@@ -15,7 +15,7 @@ from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array, Index
 from uqmbd_galerkin.aligned import galerkin_in_phase
 from uqmbd_galerkin.clock_rates import PILOTS, watched_rates
-from uqmbd_galerkin.diagnostics import diagnostics
+from uqmbd_galerkin.diagnostics import motion_invariants
 from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, horizons, no_motion, padded, warn
 from uqmbd_galerkin.rules import STREAM, Discretisation, Terms
@@ -324,7 +324,7 @@ class Galerkin(uqmbd.extend.Propagator):
         warn(problem, chaos, found.message, stopped, self.order, self.stop_at)
         children = {
             "chaos": chaos.to_dataset(),
-            "diagnostics": diagnostics(projected, problem.times[:count], found.coefficients[:, :count], terms),
+            "diagnostics": motion_invariants(projected, problem.times[:count], found.coefficients[:, :count], terms),
         }
         return problem.node(
             self,

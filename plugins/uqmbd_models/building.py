@@ -14,7 +14,7 @@ from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Fixed, Prismatic, Revolute, Spherical
 from uqmbd_models.forces import add_forces
 from uqmbd_models.fusing import Fused, fuse
-from uqmbd_models.gaps import gaps
+from uqmbd_models.gaps import list_gaps
 from uqmbd_models.inertia import Settled, excess, settle
 from uqmbd_models.motion import PlacedJoint, place
 from uqmbd_models.names import Names
@@ -99,7 +99,7 @@ def _built(
     for coupling in tree.couplings:
         _couple(built, placed.joints, coupling)
     _add_frames(built, fused)
-    rows = [*tree.omissions, *settled.rows, *gaps(tree, placed.poses), *_merged(fused, fuse_all)]
+    rows = [*tree.omissions, *settled.rows, *list_gaps(tree, placed.poses), *_merged(fused, fuse_all)]
     mechanism.not_taken = uqmbd.extend.Omissions([*rows, *_renamed(built, tree, labels, placed.joints)])
     if outputs:
         _record(built)

@@ -11,25 +11,27 @@ from uqmbd_models.motion import FramePose
 from uqmbd_models.rotations import inverse, product
 from uqmbd_models.tree import Tree
 
-__all__ = ["gaps"]
+__all__ = ["list_gaps"]
 
 NONE = 1e-6
 """Gaps that are rounding: rad, or relative to the size of the model."""
 
 
-def gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:
+def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:
     """Tell the loops and couplings that do not hold at the start of the file, and by how much.
 
     `tree`: a model; `poses`: of its links at the start.
     """
     places = [link.position for link in tree.links] + [x for loop in tree.loops for x in (loop.point_i, loop.point_j)]
     size = {"rad": 1.0, "m": max(float(np.linalg.norm(x)) for x in places) or 1.0}
-    found = tuple(f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > NONE * size[units])
+    found = tuple(
+        f"{name} by {gap:.3g} {units}" for name, gap, units in _open_joints(tree, poses) if gap > NONE * size[units]
+    )
     why = "joints are moved until they hold: the mechanism starts elsewhere than the file says"
     return [uqmbd.extend.Omission("constraints that do not hold at the start", found, why)] if found else []
 
 
-def _gaps(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
+def _open_joints(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
     """Yield name, size and units of what is open."""
     for loop in tree.loops:
         i, j = poses[loop.link_i], poses[loop.link_j]

@@ -24,7 +24,7 @@ from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
 from uqmbd_reliability.learning import FIRST, gaussian_processes, learn
 from uqmbd_reliability.space import StandardSpace
-from uqmbd_reliability.subset import MISSING, available, subset
+from uqmbd_reliability.subset import MISSING, available, subset_probability
 
 __all__ = ["Reliability"]
 
@@ -274,7 +274,7 @@ class Reliability(uqmbd.extend.Propagator):
 
     def _analyse(self, runs: MarginRuns, dimension: int, predicted: Predictor | None) -> Analysis:
         if self.method == "subset":
-            return subset(runs, dimension, most=self.max_realisations, seed=self.seed)
+            return subset_probability(runs, dimension, most=self.max_realisations, seed=self.seed)
         generator, target, most = np.random.default_rng(self.seed), self.target_cov, self.max_realisations
         if predicted is not None:
             most -= predicted.realisations

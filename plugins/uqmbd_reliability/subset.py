@@ -15,7 +15,7 @@ from uqmbd_reliability.estimating import ProbabilityEstimate, failing
 from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import BudgetExhausted, LimitState, LimitStateLedger
 
-__all__ = ["MISSING", "available", "subset"]
+__all__ = ["MISSING", "available", "subset_probability"]
 
 
 MISSING = (
@@ -39,7 +39,7 @@ def available() -> bool:
     return bool(openturns.__version__)
 
 
-def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analysis:
+def subset_probability(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analysis:
     """Estimate the probability that a single margin is below zero by OpenTURNS's subset sampling.
 
     Raise IntegrationError if `most` realisations do not suffice.

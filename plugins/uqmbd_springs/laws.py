@@ -11,7 +11,7 @@ import uqmbd
 from uqmbd.extend import NamedFrame
 from uqmbd.laws import law_at, law_values, length, rate
 from uqmbd.typing import Quantity, Vector
-from uqmbd_springs.turning import turning
+from uqmbd_springs.turning import rotation_rate
 
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
 
@@ -95,7 +95,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.VirtualWork]:
         """Yield the counted angle and the virtual work."""
-        speed, start = turning(p)
+        speed, start = rotation_rate(p)
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, speed, start)
         yield uqmbd.VirtualWork(-law_at(p, p.law, {length: angle, rate: speed}), speed)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import uqmbd
 from uqmbd.extend import NamedFrame
 from uqmbd.typing import Quantity, Vector
-from uqmbd_springs.turning import turning
+from uqmbd_springs.turning import rotation_rate
 
 __all__ = ["TorsionSpringDamper"]
 
@@ -50,7 +50,7 @@ class TorsionSpringDamper(uqmbd.Component):
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield the counted angle, energy and dissipation."""
-        rate, start = turning(p)
+        rate, start = rotation_rate(p)
         if p.stiffness != 0:
             angle = p.state("angle")
             yield uqmbd.Auxiliary(angle, rate, start)

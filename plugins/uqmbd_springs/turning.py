@@ -6,10 +6,10 @@ import sympy
 
 import uqmbd
 
-__all__ = ["turning"]
+__all__ = ["rotation_rate"]
 
 
-def turning(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
+def rotation_rate(p: uqmbd.extend.Local) -> tuple[sympy.Expr, sympy.Expr]:
     """Rate of the angle of body j relative to body i about a common axis, and the angle at the start.
 
     In the plane the drawn angle ``p.drawn`` selects the turn; in space the angle starts within half a turn of

@@ -25,7 +25,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
 
 from uqmbd_reliability.analysis import analyse
-from uqmbd_reliability.subset import subset
+from uqmbd_reliability.subset import subset_probability
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def main():
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 if options.method == "subset":
-                    found = subset(case, case.dimension, most=10_000, seed=seed)
+                    found = subset_probability(case, case.dimension, most=10_000, seed=seed)
                 else:
                     generator = np.random.default_rng(seed)
                     found = analyse(case, case.dimension, method=options.method, generator=generator)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from uqmbd_calibration.inference import Bias
-from uqmbd_calibration.result.discrepancy import DOUBT, discrepancy, residuals
+from uqmbd_calibration.result.discrepancy import DOUBT, find_discrepancy, residuals
 
 from .inference import forward
 
@@ -14,7 +14,7 @@ TIMES = np.linspace(0.0, 9.95, 200)
 def said(values, *, noise=0.1, sigma=0.1, **about):
     """Return what residuals of values about zero say."""
     block = forward.block(values, noise, times=TIMES, **about)
-    return discrepancy(residuals(block, np.zeros(200), np.zeros(1), sigma), 0.0)
+    return find_discrepancy(residuals(block, np.zeros(200), np.zeros(1), sigma), 0.0)
 
 
 @pytest.mark.parametrize("kind", ["known", "unknown", "bias", "robust"])

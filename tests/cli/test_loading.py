@@ -7,7 +7,7 @@ import pytest
 
 CODE = """
 import sys
-from uqmbd.cli.loading import loading
+from uqmbd.cli.garbage_collection import loading
 
 with loading():
     import numpy, xarray

@@ -21,7 +21,7 @@ from uqmbd.compiled import (
     ProgramWriter,
     compile_kernel,
 )
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 
 NOTHING = ProgramPart((), 0)
 
@@ -242,7 +242,7 @@ def test_lanes_without_a_term_are_numbers_where_lapack_solves():
     state, rate = aligned((systems.systems.width + 1) * systems.blocks), aligned(size * systems.blocks)
     for _ in range(2):
         rate[:] = np.nan
-        driver().coupled_rate(ctypes.addressof(systems.structure), address(state), address(rate))
+        load_driver().coupled_rate(ctypes.addressof(systems.structure), address(state), address(rate))
     assert systems.counts[2]
     assert np.isfinite(rate).all()
     np.testing.assert_allclose(rate[:, :7].T, saddle.solved(saddle.right), rtol=1e-9)

@@ -10,7 +10,7 @@ from tests.mechanisms import pendulum
 from uqmbd.compiled import PLACES, FittedPolynomials, Need, PartTable, StepHistory, recording
 from uqmbd.dynamics import Ensemble, integrate
 from uqmbd.dynamics.linear import excess
-from uqmbd.propagation.observed_model import observed_model
+from uqmbd.propagation.observed_model import build_observed_model
 
 NODES = 2 * PLACES - 1
 LARGEST, SMALLEST, SO_FAR, INTEGRAL, REACHED = range(5)
@@ -131,7 +131,7 @@ def test_company_changes_no_bit():
 
 def test_room_for_steps_changes_no_bit(monkeypatch):
     """A log that is full after eight steps, and one for all."""
-    model, times = observed_model(pendulum(loaded=True), 0.0), np.linspace(0, 2, 5)
+    model, times = build_observed_model(pendulum(loaded=True), 0.0), np.linspace(0, 2, 5)
     values = np.stack([np.linspace(0.9, 1.1, 11), np.linspace(0.8, 1.2, 11)], axis=1)
 
     def run():
@@ -156,7 +156,7 @@ def test_room_for_steps_changes_no_bit(monkeypatch):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
 def test_states_between_the_places_are_on_the_constraints(method, rtol):
     """To less than the tolerance of the integration: the places are on them, and polynomials follow."""
-    ensemble = Ensemble(observed_model(pendulum(loaded=True), 0.0), np.array([[1.0, 1.0]]))
+    ensemble = Ensemble(build_observed_model(pendulum(loaded=True), 0.0), np.array([[1.0, 1.0]]))
     path = integrate(ensemble, np.array([0.0, 2.0]), rtol, method, between=True).path
     count = len(path.owner)
     course = StepHistory(

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.compiled import compilations
 from uqmbd.dynamics import build
-from uqmbd.dynamics.model_key import Digests, model_key
+from uqmbd.dynamics.model_key import Digests, compute_model_key
 from uqmbd.laws import length
 from uqmbd_contact import ContactLaw, PlaneContact, depth
 from uqmbd_drivers import RotationDriver
@@ -121,7 +121,7 @@ def machine(spec: Mapping[str, Any], *, otherwise: bool = False) -> uqmbd.Mechan
 
 def facts(spec: Mapping[str, Any], **options: Any) -> str | None:
     s = {**USUAL, **spec}
-    return model_key(machine(spec, **options), s["time"], s["fuse"])
+    return compute_model_key(machine(spec, **options), s["time"], s["fuse"])
 
 
 def seen(spec: Mapping[str, Any]) -> dict[str, Any]:
@@ -211,11 +211,11 @@ def third_party(factor: float = 1.0, default: float = 0.0) -> type[uqmbd.Compone
 
 def test_components_of_third_parties_have_keys_that_follow_their_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same code with the same values has one key; each part of it that the equations may depend on another."""
-    usual = model_key(cart(third_party()))
-    assert usual is not None and usual == model_key(cart(third_party()))
-    assert usual != model_key(cart(SpringDamper))
-    found = [usual, model_key(cart(third_party(factor=1.5))), model_key(cart(third_party(default=1.0)))]
-    found.append(model_key(cart(third_party(), gain=3)))
+    usual = compute_model_key(cart(third_party()))
+    assert usual is not None and usual == compute_model_key(cart(third_party()))
+    assert usual != compute_model_key(cart(SpringDamper))
+    found = [usual, compute_model_key(cart(third_party(factor=1.5))), compute_model_key(cart(third_party(default=1.0)))]
+    found.append(compute_model_key(cart(third_party(), gain=3)))
     here = sys.modules[__name__]
     changes: list[tuple[Any, str, Any]] = [
         (here, "GAIN", 2.5),
@@ -227,13 +227,13 @@ def test_components_of_third_parties_have_keys_that_follow_their_code(monkeypatc
     for target, name, value in changes:
         with monkeypatch.context() as patch:
             patch.setattr(target, name, value, raising=False)
-            found.append(model_key(cart(third_party())))
+            found.append(compute_model_key(cart(third_party())))
     assert len(set(found)) == len(found) and None not in found
     with monkeypatch.context() as patch:
         kind = third_party()
         patch.setattr(kind, "share", 0.6)
-        assert model_key(cart(kind)) not in (None, *found)
-    assert model_key(cart(third_party())) == usual
+        assert compute_model_key(cart(kind)) not in (None, *found)
+    assert compute_model_key(cart(third_party())) == usual
 
 
 def test_what_is_not_known_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,11 +246,11 @@ def test_what_is_not_known_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
         for unknown in (source, iter([1]), sys.modules["chaospy"], *code, *contents, *reading):
             with monkeypatch.context() as patch:
                 patch.setattr(here, "SHAPE", unknown)
-                assert model_key(cart(third_party())) is None, unknown
+                assert compute_model_key(cart(third_party())) is None, unknown
     controlled = cart(SpringDamper)
     body = controlled.bodies["cart"]
     controlled.add(uqmbd.Controller("c", [body.position[0]], ["u"], 10.0, lambda time, measured: measured))
-    assert model_key(controlled) is None
+    assert compute_model_key(controlled) is None
 
 
 def importing() -> Any:
@@ -268,10 +268,10 @@ def test_patches_change_the_key_or_leave_none(monkeypatch: pytest.MonkeyPatch) -
             return []
 
     plain = cart(SpringDamper)
-    known = model_key(plain)
+    known = compute_model_key(plain)
     assert known is not None
     posing = type("SpringDamper", (SpringDamper,), {"__module__": SpringDamper.__module__})
-    assert model_key(cart(posing)) != known
+    assert compute_model_key(cart(posing)) != known
     original, own = SpringDamper.terms, SpringDamper.prepare
 
     @functools.wraps(original)
@@ -287,18 +287,18 @@ def test_patches_change_the_key_or_leave_none(monkeypatch: pytest.MonkeyPatch) -
             for kind in (SpringDamper, uqmbd.Component):
                 with monkeypatch.context() as patch:
                     patch.setattr(kind, name, value)
-                    assert model_key(plain) != known, (kind, name, value)
-    assert model_key(plain) == known
+                    assert compute_model_key(plain) != known, (kind, name, value)
+    assert compute_model_key(plain) == known
     with monkeypatch.context() as patch:
         patch.setattr("uqmbd_springs.spring.law_at", lambda *_: 0, raising=False)
-        assert model_key(cart(SpringDamper)) != known or "law_at" not in SpringDamper.terms.__code__.co_names
+        assert compute_model_key(cart(SpringDamper)) != known or "law_at" not in SpringDamper.terms.__code__.co_names
     with monkeypatch.context() as patch:
         patch.setattr("uqmbd.dynamics.equations.block.settled_expression", lambda *_: 0, raising=False)
-        assert model_key(plain) is None
+        assert compute_model_key(plain) is None
     with monkeypatch.context() as patch:
         patch.setattr(SpringDamper, "symbol", "coil" if SpringDamper.symbol != "coil" else "damper")
-        assert model_key(plain) not in (None, known)
-    assert model_key(plain) == known
+        assert compute_model_key(plain) not in (None, known)
+    assert compute_model_key(plain) == known
 
 
 def pendulum(stiffness: Any = 20.0) -> uqmbd.Mechanism:
@@ -336,7 +336,7 @@ def test_a_model_from_the_cache_is_the_one_that_was_built(
         assert motion(integrator=integrator) == before
     finally:
         sys.setprofile(None)
-    assert "model_key" in called
+    assert "compute_model_key" in called
     assert not called & {"stated", "terms", "_built"}
     assert compilations[0] == compiled
 
@@ -410,4 +410,4 @@ def test_what_uqmbd_has_itself_is_known() -> None:
     for kind in (*offered, uqmbd.Spatial, uqmbd.Planar, uqmbd.Translational, uqmbd.Line, uqmbd.Mechanism):
         found = Digests(plain)
         assert found.of(kind) and found.code(), kind
-    assert model_key(plain) is not None
+    assert compute_model_key(plain) is not None

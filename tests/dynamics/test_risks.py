@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.dynamics import range_findings, risks
+from uqmbd.dynamics import find_risks, range_findings
 from uqmbd.dynamics.equations import ParameterMap, impossible, limits_of
-from uqmbd.testing.components.cases import cases
+from uqmbd.testing.components.cases import component_cases
 from uqmbd_contact import PlaneImpact
 from uqmbd_springs import RotationalFriction, SpringDamper
 
@@ -32,7 +32,7 @@ def case(name):
     """A component between bodies, each number of which has a random variable of its own name."""
     kind = plugins.component(name)
     space = next(s for s in (uqmbd.Planar, uqmbd.Spatial, uqmbd.Line) if s in kind.spaces)
-    return next(cases(kind, space, {}, np.random.default_rng(5)))
+    return next(component_cases(kind, space, {}, np.random.default_rng(5)))
 
 
 def expected_outside(component, inputs, values):
@@ -86,26 +86,26 @@ def body_on_springs(**numbers):
 def test_the_probability_of_a_normal_number_is_that_of_its_tail(deviation, slope, turned):
     x = uqmbd.RandomVariable("x", chaospy.Normal(1, deviation))
     number = slope * (3 - x) if turned else slope * x
-    (risk,) = risks(body_on_springs(mass=number)) or (None,)
+    (risk,) = find_risks(body_on_springs(mass=number)) or (None,)
     tail = scipy.stats.norm.sf(2 if turned else 1, scale=deviation)
     assert tail < 1e-14 if risk is None else risk.probability == pytest.approx(tail, rel=1e-6, abs=1e-14)
 
 
 def test_the_probability_of_other_expressions_is_counted():
     a, b = (uqmbd.RandomVariable(name, chaospy.Uniform(0, 1)) for name in "ab")
-    (product,) = risks(body_on_springs(mass=a * b - sympy.Rational(1, 10)))
+    (product,) = find_risks(body_on_springs(mass=a * b - sympy.Rational(1, 10)))
     # of two uniform numbers the product is below c with the probability c (1 - log(c))
     assert product.probability == pytest.approx(0.1 * (1 - np.log(0.1)), abs=0.015)
     pair = uqmbd.random_vector(("c", "d"), chaospy.MvNormal([1, 1], [[0.25, 0.1], [0.1, 0.25]]))
-    (marginal,) = risks(body_on_springs(mass=pair[1]))
+    (marginal,) = find_risks(body_on_springs(mass=pair[1]))
     assert marginal.probability == pytest.approx(scipy.stats.norm.sf(2), abs=0.005)
     count = uqmbd.RandomVariable("count", chaospy.DiscreteUniform(-1, 3))
-    (whole,) = risks(body_on_springs(mass=count))
+    (whole,) = find_risks(body_on_springs(mass=count))
     assert whole.probability == pytest.approx(0.2, abs=1e-3)
     third = uqmbd.RandomVariable("third", chaospy.Uniform(1.0, 2.8))
     top = uqmbd.Mechanism("top", uqmbd.Spatial())
     top.body("top", mass=1, inertia=(1, third, 1, 0, 0, 0))
-    (tensor,) = risks(top)
+    (tensor,) = find_risks(top)
     assert tensor.name == "inertia of body 'top'" and tensor.probability == pytest.approx(
         0.8 / 1.8, abs=0.015
     )  # rounded numbers pass
@@ -114,24 +114,24 @@ def test_the_probability_of_other_expressions_is_counted():
 def test_numbers_that_stay_in_their_range_are_no_risk():
     above = uqmbd.RandomVariable("above", chaospy.Uniform(0, 1))
     cut = uqmbd.RandomVariable("cut", chaospy.Trunc(chaospy.Normal(1000, 400), lower=0))
-    assert risks(body_on_springs(mass=above, stiffness=cut, damping=0.1)) == ()
-    assert risks(body_on_springs()) == ()
+    assert find_risks(body_on_springs(mass=above, stiffness=cut, damping=0.1)) == ()
+    assert find_risks(body_on_springs()) == ()
     mechanism = body_on_springs()
     rebound = uqmbd.RandomVariable("rebound", chaospy.Beta(5, 2))
     body = mechanism.bodies["body"]
     mechanism.add(PlaneImpact("floor", mechanism.ground, body, (0, -1), (0, 0), (0, 1), restitution=rebound))
-    assert risks(mechanism) == ()
+    assert find_risks(mechanism) == ()
 
 
 def test_a_change_of_sign_is_told_and_a_sign_that_is_meant_is_not():
     k = uqmbd.RandomVariable("k", chaospy.Normal(1000, 400), units="N/m")
-    (weak,) = risks(body_on_springs(stiffness=k))
+    (weak,) = find_risks(body_on_springs(stiffness=k))
     assert not weak.fails and weak.probability == pytest.approx(scipy.stats.norm.sf(2.5), rel=1e-9)
-    (buckled,) = risks(body_on_springs(stiffness=-k))
+    (buckled,) = find_risks(body_on_springs(stiffness=-k))
     assert buckled.probability == weak.probability and buckled.expected == "0 or less"
     below = uqmbd.RandomVariable("below", chaospy.Uniform(-3, -1), units="N/m")
     about_none = uqmbd.RandomVariable("c", chaospy.Normal(0, 1), units="N s/m")
-    assert risks(body_on_springs(stiffness=below, damping=about_none)) == ()
+    assert find_risks(body_on_springs(stiffness=below, damping=about_none)) == ()
     (found,) = range_findings((buckled,), 1000)
     said = found.text
     assert "the stiffness of SpringDamper 'spring' is positive in 0.62 % of the realisations, and negative at" in said
@@ -148,7 +148,7 @@ def test_many_numbers_are_told_in_one_sentence():
     mechanism = uqmbd.Mechanism("row", uqmbd.Translational())
     for k in range(7):
         mechanism.body(f"b{k}", mass=m)
-    (found,) = range_findings(risks(mechanism), 100)
+    (found,) = range_findings(find_risks(mechanism), 100)
     said = found.text
     assert said.count("is outside of its range") == 4 and "3 more numbers alike: these fail" in said
     assert said.count("m = Normal(mu=1, sigma=0.5)") == 1
@@ -159,6 +159,6 @@ def test_limits_and_signs_of_one_study_are_two_sentences():
     c = uqmbd.RandomVariable("c", chaospy.Normal(0.2, 0.1), units="N s/m")
     mechanism = body_on_springs(damping=c)
     mechanism.add(RotationalFriction("seal", mechanism.ground, mechanism.bodies["body"], friction=0, damping=x))
-    fails, runs = (found.text for found in range_findings(risks(mechanism), 100))
+    fails, runs = (found.text for found in range_findings(find_risks(mechanism), 100))
     assert "'seal' is outside of its range (0 or more) in 2.3 % of the realisations: these fail" in fails
     assert "'spring' is negative in 2.3 % of the realisations, and positive at the means: these run" in runs

@@ -17,7 +17,7 @@ import uqmbd
 import uqmbd_drivers
 import uqmbd_joints
 from uqmbd.dynamics.assembly import positions
-from uqmbd.dynamics.build import kinematic_model
+from uqmbd.dynamics.model_building import kinematic_model
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import NonlinearTorsionSpringDamper, TorsionSpringDamper, length
 

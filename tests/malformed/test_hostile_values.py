@@ -16,7 +16,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.testing.components.cases import cases
+from uqmbd.testing.components.cases import component_cases
 
 from .hostile import HOSTILE, hostile, used
 from .public_calls import MODULES, examples_of, targets
@@ -156,7 +156,7 @@ def test_a_component_refuses_hostile_values_or_can_be_simulated(component, tmp_p
     for space in component.spaces:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            case = next(cases(component, space, {}, np.random.default_rng(1)))
+            case = next(component_cases(component, space, {}, np.random.default_rng(1)))
         part = case.component
         named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}
 

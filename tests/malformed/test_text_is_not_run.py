@@ -19,7 +19,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.testing.components.cases import cases
+from uqmbd.testing.components.cases import component_cases
 from uqmbd_springs import Bushing, NonlinearSpringDamper, haversine_bump, sampled_road
 
 from .texts import Probe, payloads, probes, variants
@@ -164,7 +164,7 @@ def test_a_component_refuses_texts_in_place_of_its_numbers(component, tmp_path):
     for space in component.spaces:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            case = next(cases(component, space, {}, np.random.default_rng(1)))
+            case = next(component_cases(component, space, {}, np.random.default_rng(1)))
 
         part = case.component
         named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}

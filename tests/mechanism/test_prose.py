@@ -10,9 +10,9 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import build
-from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.mechanism.skeleton import collect_skeleton
 from uqmbd.report.mechanisms.body_poses import drawn_pose
-from uqmbd.testing.components.cases import cases
+from uqmbd.testing.components.cases import component_cases
 
 
 def every():
@@ -42,9 +42,9 @@ def reworded(component):
 
 def known(component, space):
     """What is derived, assembled and drawn of a component, without words."""
-    case = next(cases(component, space, {}, np.random.default_rng(3)))
+    case = next(component_cases(component, space, {}, np.random.default_rng(3)))
     mechanism = case.mechanism
-    marks = [(m.kind, m.body, m.component, m.role, str(m.local), str(m.radius)) for m in skeleton(mechanism)]
+    marks = [(m.kind, m.body, m.component, m.role, str(m.local), str(m.radius)) for m in collect_skeleton(mechanism)]
     pose = drawn_pose(mechanism)
     model = build(mechanism)
     symbols = pose["component_symbol"].values.tolist() if "component_symbol" in pose else []
@@ -75,7 +75,7 @@ def test_a_parameter_says_in_which_frame_it_is():
     mechanism = uqmbd.Mechanism("hooked", uqmbd.Planar())
     one, two = (mechanism.body(name, mass=1, inertia=1) for name in ("one", "two"))
     mechanism.add(Hook("hook", one, two, (1, 2), (3, 4), (5, 6)))
-    found = {m.role: m.body for m in skeleton(mechanism) if m.component == "hook"}
+    found = {m.role: m.body for m in collect_skeleton(mechanism) if m.component == "hook"}
     assert found == {"eye": "two", "pull": "one", "push": "ground"}
 
 
@@ -97,7 +97,7 @@ def test_names_of_parameters_change_nothing():
     one = mechanism.body("one", mass=1, inertia=inertia)
     two = mechanism.body("two", mass=1, inertia=inertia, position=(1, 0, 0), quaternion=(0, 0, 0, 1))
     mechanism.add(Wheel("wheel", one, two, (1, 2, 3), radius_j=5, size=7, axis=(1, 0, 0)))
-    found = {m.role: (m.body, m.radius) for m in skeleton(mechanism) if m.component == "wheel"}
+    found = {m.role: (m.body, m.radius) for m in collect_skeleton(mechanism) if m.component == "wheel"}
     assert found == {"point_i": ("two", 7), "axis_i": ("two", 0)}
     assert [float(x) for x in mechanism.components["wheel"].values["axis_i"]] == [-1, 0, 0]
 
@@ -115,7 +115,7 @@ def test_where_no_radius_says_its_point_the_endings_do():
     mechanism = uqmbd.Mechanism("rolling", uqmbd.Spatial())
     one, two = (mechanism.body(name, mass=1, inertia=(1, 1, 1)) for name in ("one", "two"))
     mechanism.add(Balls("balls", one, two, (1, 2, 3), (0, 0, 1), radius_i=5, radius=7))
-    found = {m.role: (m.body, m.radius) for m in skeleton(mechanism) if m.component == "balls"}
+    found = {m.role: (m.body, m.radius) for m in collect_skeleton(mechanism) if m.component == "balls"}
     assert found == {"point_i": ("one", 5), "point_j": ("two", 7)}
 
 

@@ -18,7 +18,7 @@ from uqmbd_reliability.estimating import estimate, tail_index
 from uqmbd_reliability.learning import learn
 from uqmbd_reliability.ledger import BudgetExhausted, LimitStateLedger
 from uqmbd_reliability.mixtures import Normal, Outside, WeightedMixture
-from uqmbd_reliability.subset import subset
+from uqmbd_reliability.subset import subset_probability
 
 SCRIPT = Path(__file__).parents[2] / "studies" / "benchmarks" / "limit_states.py"
 SPEC = importlib.util.spec_from_file_location("limit_states", SCRIPT)
@@ -185,7 +185,7 @@ def test_failures_widen_the_interval_by_what_they_might_be(path, where):
 
     if path == "subset":
         pytest.importorskip("openturns")
-        one = subset(limit, 3, most=5000, seed=3)
+        one = subset_probability(limit, 3, most=5000, seed=3)
     elif path == "surrogate":
         one = learn(limit, lambda u: limit(u)[0], 3, generator=np.random.default_rng(3))
     else:
@@ -299,10 +299,10 @@ def test_heavy_weights_widen_an_interval():
 def test_subset_simulation_of_openturns_agrees():
     pytest.importorskip("openturns")
     case = CASES["kink"]
-    one = subset(case, 2, most=5000, seed=1)
-    again = subset(case, 2, most=5000, seed=1)
+    one = subset_probability(case, 2, most=5000, seed=1)
+    again = subset_probability(case, 2, most=5000, seed=1)
     assert one.estimates == again.estimates
     assert one.estimates[0].lower < case.probability < one.estimates[0].upper
     assert (one.sampled.margins < 0).all()
     with pytest.raises(uqmbd.IntegrationError, match="increase max_realisations"):
-        subset(case, 2, most=700, seed=1)
+        subset_probability(case, 2, most=700, seed=1)

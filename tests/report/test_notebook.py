@@ -17,7 +17,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd import extend, report, results
-from uqmbd.progress import Lines, Notebook, Silent, told
+from uqmbd.progress import Lines, Notebook, Silent, choose_receiver
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
@@ -228,14 +228,14 @@ def test_scripts_choose(study, capsys, monkeypatch):
     assert capsys.readouterr().err == ""
     study.propagate(study.propagators[0], progress=True)
     assert "monte-carlo: 0 of 20" in capsys.readouterr().err
-    assert isinstance(told(None), Silent) and isinstance(told(False), Silent)
+    assert isinstance(choose_receiver(None), Silent) and isinstance(choose_receiver(False), Silent)
     lines = Lines(sys.stderr)
-    assert told(lines) is lines
+    assert choose_receiver(lines) is lines
 
 
 def test_a_terminal_with_ipython_is_no_notebook(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: types.SimpleNamespace()))
-    assert isinstance(told(None), Silent)
+    assert isinstance(choose_receiver(None), Silent)
 
 
 def test_results_of_one_time_show_densities_and_others_what_is_over_another_output():

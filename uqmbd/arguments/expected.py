@@ -28,7 +28,7 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
     """
     words = [x for x in _literals(annotation) if isinstance(x, str)]
     near = did_you_mean(value, words) if isinstance(value, str) else ""
-    expected = _expected(annotation, [repr(x) for x in words])
+    expected = _describe_annotation(annotation, [repr(x) for x in words])
     if most := _passed(value, annotation):
         expected += f"; at most {most:g}"
     told = f"{near} Expected {expected}." if near else f"; expected {expected}."
@@ -52,7 +52,7 @@ def _passed(value: Any, annotation: Any) -> float:
     return 0
 
 
-def _expected(annotation: Any, words: list[str]) -> str:
+def _describe_annotation(annotation: Any, words: list[str]) -> str:
     """Say what an annotation allows."""
     kinds = []
     for base, bounds in map(bounded, members(annotation)):
@@ -96,7 +96,7 @@ def _named(base: Any) -> str:
         of = f" from {_entries(arguments[0])} to {_entries(arguments[1])}" if arguments else ""
         return f"a mapping{of}"
     if kind is tuple and arguments and Ellipsis not in arguments:
-        return f"a tuple ({', '.join(_expected(x, []) for x in arguments)})"
+        return f"a tuple ({', '.join(_describe_annotation(x, []) for x in arguments)})"
     if issubclass(kind, Iterable) and origin is not None:
         return f"a sequence{f' of {_entries(arguments[0])}' if arguments else ''}"
     name = (
@@ -114,7 +114,7 @@ def _entries(annotation: Any) -> str:
     for member in members(annotation):
         base, bounds = bounded(member)
         plain = plural.get(base, "") + (bounds.words if bounds else "")
-        found.append(plain or f"({_expected(member, [repr(x) for x in _literals(member)])})")
+        found.append(plain or f"({_describe_annotation(member, [repr(x) for x in _literals(member)])})")
     return "values" if annotation is Any else " or ".join(found)
 
 

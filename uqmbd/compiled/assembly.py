@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uqmbd.compiled import driver as c
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.programs import Addressed, Columns, Program
 from uqmbd.typing import Array, Index, Mask
 
@@ -89,7 +89,7 @@ class EquationPrograms(Addressed):
         table, kept, _ = self.program.sources((np.ascontiguousarray(first), *others), count)
         found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
         structure, bounds, memory = self.structure, turns.structure, self._memory()
-        driver().close_poses(
+        load_driver().close_poses(
             *(ctypes.addressof(structure), ctypes.addressof(bounds), address(memory), address(table)),
             *(len(table), count, address(found), len(cosines), address(cosines), address(undecided)),
         )
@@ -100,14 +100,14 @@ class EquationPrograms(Addressed):
         table, kept, _ = self.program.sources(sources, count)
         found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
         structure, memory = self.structure, self._memory()
-        driver().least_speeds(
+        load_driver().least_speeds(
             *(ctypes.addressof(structure), address(memory), address(table)),
             *(len(table), count, address(found), address(undecided)),
         )
         return found, undecided != 0
 
     def _memory(self) -> Array:
-        return aligned(driver().assembly_memory(ctypes.addressof(self.structure)))
+        return aligned(load_driver().assembly_memory(ctypes.addressof(self.structure)))
 
     @cached_property
     def structure(self) -> c.EquationsStruct:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.compiled import driver as c
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.explicit import Constraints, Dynamics
 from uqmbd.compiled.programs import ProgramPart, ProgramStep
 from uqmbd.compiled.writer import LANES
@@ -107,7 +107,7 @@ class CoupledSystems:
             *map(address, self._tables),
             *(1e-12, 1e-10, worth, gesv, address(self.counts), address(self.correction), 0, 0, 0),
         )
-        self.memory = aligned(driver().coupled_memory(self._address))
+        self.memory = aligned(load_driver().coupled_memory(self._address))
         self.structure.memory = address(self.memory)
         self._state = aligned(systems.width * self.blocks + 2)
         self._nodes, self._lanes = nodes, lanes
@@ -148,7 +148,7 @@ class CoupledSystems:
         """
         self._take(time, state)
         found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
-        driver().coupled_rate(self._address, address(self._state), address(found))
+        load_driver().coupled_rate(self._address, address(self._state), address(found))
         self._told()
         rows = self._coefficients(found)
         rates = rows[:, self.systems.size :]
@@ -164,8 +164,8 @@ class CoupledSystems:
         self._take(time, state)
         n = self.systems.coordinates
         found = aligned(2 * n * self.blocks)
-        driver().coupled_place(self._address, address(self._state))
-        driver().coupled_excess(self._address, address(self._state), address(found))
+        load_driver().coupled_place(self._address, address(self._state))
+        load_driver().coupled_excess(self._address, address(self._state), address(found))
         self._told()
         rows = self._coefficients(found)
         return rows[:, :n], rows[:, n:]
@@ -222,7 +222,7 @@ class CoupledSystems:
         )
 
     def _part(self, name: str, to: int) -> ProgramPart:
-        method = ctypes.cast(getattr(driver(), name), ctypes.c_void_p).value or 0
+        method = ctypes.cast(getattr(load_driver(), name), ctypes.c_void_p).value or 0
         return ProgramPart((ProgramStep(None, 1, None, None, 0, to, method, self._address),), 0)
 
     def _take(self, time: float, state: Array) -> None:

@@ -43,7 +43,7 @@ __all__ = [
     "TurnsStruct",
     "address",
     "aligned",
-    "driver",
+    "load_driver",
 ]
 
 SOURCES = 16
@@ -313,7 +313,7 @@ class _Driver:
 
 
 @cache
-def driver() -> Any:
+def load_driver() -> Any:
     """Load the driver, once in a process."""
     return _Driver()
 

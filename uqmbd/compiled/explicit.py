@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.compiled import driver as c
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.encounters import ContactPrograms, Encounters
 from uqmbd.compiled.programs import ProgramPart
 from uqmbd.compiled.recording import PLACES, StepRecorder
@@ -208,7 +208,7 @@ class IntegrationState:
             members = np.arange(min(len(self.z), LANES))
         queue = np.arange(len(self.z)) if members is None else np.ascontiguousarray(members, dtype=np.int64)
         problem, pool = self._problem, self._pool
-        functions = driver()
+        functions = load_driver()
         workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
         while np.any(self.status[queue] == ExplicitStatus.RUNNING):
             self.evaluations += functions.advance(
@@ -231,7 +231,7 @@ class IntegrationState:
             return
         queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows + self._equations + 1)
         places = (ctypes.addressof(x) for x in (self._problem, self._pool))
-        driver().project(*places, address(queue), len(queue), address(workspace))
+        load_driver().project(*places, address(queue), len(queue), address(workspace))
 
     # -- for whoever decides -----------------------------------------------------------------------------------------
     def known_nodes(self, member: int) -> tuple[Array, Array]:

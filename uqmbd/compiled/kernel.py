@@ -13,7 +13,7 @@ import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.cache import cached
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.native import addresses_of, host, lacking, object_code
 from uqmbd.typing import Array
 
@@ -53,7 +53,7 @@ class Kernel:
         """
         if not self.code:
             return 0
-        driver()  # holds what kernels call, and has to be loaded before them
+        load_driver()  # holds what kernels call, and has to be loaded before them
         name, code = self.name, self.code
         if lacking(self.needs):
             name, code = cached(("kernel", name), lambda: compiled(zlib.decompress(self.source).decode()))
@@ -75,7 +75,7 @@ class Kernel:
             count = out.size // self.outputs
             source = c.SourceStruct(address(rows), self.inputs, self.inputs, 1, count, 0)
             work = aligned(self.inputs + self.outputs)
-            driver().evaluate(
+            load_driver().evaluate(
                 *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
                 *(address(results), self.outputs, address(out)),
             )

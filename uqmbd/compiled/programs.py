@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.compiled import driver as c
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.typing import Array, Index
 
@@ -151,7 +151,7 @@ class Program:
             out = np.empty((count, len(self.results)))
         if count and len(self.results):
             work, structure = aligned(self.rows), self.part.structure
-            driver().evaluate(
+            load_driver().evaluate(
                 ctypes.addressof(structure),
                 address(work),
                 address(table),
@@ -176,7 +176,7 @@ class Program:
             and all(np.shares_memory(x, y) or not x.size for x, y in zip(given, kept, strict=True))
         ):
             raise ValueError("a bound program reads float64 in columns side by side, and writes a C-contiguous array")
-        work, evaluate, structure = aligned(self.rows), driver().evaluate, self.part.structure
+        work, evaluate, structure = aligned(self.rows), load_driver().evaluate, self.part.structure
         call = partial(
             evaluate,
             *(ctypes.addressof(structure), address(work), address(table), len(table), 0, count),
@@ -191,7 +191,7 @@ class Program:
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
             work, most, structure = aligned(self.rows), aligned(len(self.results)), self.part.structure
-            driver().largest(
+            load_driver().largest(
                 ctypes.addressof(structure),
                 address(work),
                 address(most),

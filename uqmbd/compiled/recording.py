@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uqmbd.compiled import driver as c
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.compiled.programs import Program
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index, Mask
@@ -162,7 +162,7 @@ class StepHistory:
         """States (E, 8, width) and times (E, 8) at the places of parts of steps (E,), from one part to another."""
         states, times = np.empty((len(steps), *self.states.shape[1:])), np.empty((len(steps), len(PLACES)))
         given = [np.ascontiguousarray(x) for x in (steps, low, high)]
-        driver().part_states(ctypes.addressof(self.structure), len(steps), *map(address, (*given, states, times)))
+        load_driver().part_states(ctypes.addressof(self.structure), len(steps), *map(address, (*given, states, times)))
         return states, times
 
     def observed(self, outputs: Program, block: Array, values: Array, steps: Index, low: Array, high: Array) -> Array:
@@ -177,7 +177,7 @@ class StepHistory:
         sizes = arrays[0].shape[1], arrays[1].shape[1], found.shape[1]
         given = c.SeenStruct(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
         places = (ctypes.addressof(x) for x in (self.structure, given))
-        driver().observe_parts(*places, len(steps), *map(address, (steps, *arrays[2:], found, work)))
+        load_driver().observe_parts(*places, len(steps), *map(address, (steps, *arrays[2:], found, work)))
         return found
 
 
@@ -259,7 +259,7 @@ class PartTable:
         self.values[self.seen : self.count] = values
         self._make_room(self.count)
         structure, begun, self.seen = self._structure(), self.seen, self.count
-        self.count = driver().refine_parts(ctypes.addressof(structure), begun, self.count)
+        self.count = load_driver().refine_parts(ctypes.addressof(structure), begun, self.count)
         return self.count > self.seen
 
     def _structure(self) -> c.PartsStruct:
@@ -278,7 +278,7 @@ class PartTable:
     def order(self) -> Index:
         """Numbers of the parts that count, in order."""
         found, structure = np.empty(self.count, dtype=np.int64), self._structure()
-        return found[: driver().list_parts(ctypes.addressof(structure), address(found))]
+        return found[: load_driver().list_parts(ctypes.addressof(structure), address(found))]
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,9 @@ class FittedPolynomials:
         """
         place, value = np.empty((2, len(which)))
         which = self.order[which]
-        driver().part_peaks(ctypes.addressof(self.structure), sign, len(which), *map(address, (which, place, value)))
+        load_driver().part_peaks(
+            ctypes.addressof(self.structure), sign, len(which), *map(address, (which, place, value))
+        )
         return place, value
 
     def least_so_far(self, first: Index, times: Array) -> Array:
@@ -319,7 +321,7 @@ class FittedPolynomials:
         ends, times = np.append(first, len(self.order)).astype(np.int64), np.ascontiguousarray(times, dtype=float)
         found = np.empty((len(first), len(times)))
         place = ctypes.addressof(self.structure)
-        driver().least_so_far(
+        load_driver().least_so_far(
             place, len(first), *map(address, (ends, self.order)), len(times), address(times), address(found)
         )
         return found

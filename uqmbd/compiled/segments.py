@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.compiled.driver import SegmentsStruct, address, aligned, driver
+from uqmbd.compiled.driver import SegmentsStruct, address, aligned, load_driver
 from uqmbd.typing import Array, Index
 
 __all__ = ["SegmentTable"]
@@ -64,7 +64,7 @@ class SegmentTable:
         basis = self._basis(basis)
         found = np.empty((len(basis), len(self.edges)))
         work = aligned(basis.shape[1])
-        driver().segment_edges(byref(self._driven), len(basis), *map(address, (basis, found, work)))
+        load_driver().segment_edges(byref(self._driven), len(basis), *map(address, (basis, found, work)))
         return found
 
     def evaluate(self, basis: Array, times: Array, outputs: slice, found: Array, rows: Index) -> None:
@@ -90,7 +90,7 @@ class SegmentTable:
         below = np.searchsorted(padded[:count], padded[0] + reach / count * np.arange(count + 1))
         blocks, terms, edges = self.counts.shape[2], basis.shape[1], len(self.edges)
         work = aligned((BLOCK * blocks + ROOM) * width + BLOCK**2 * blocks + terms + 2 * edges)
-        driver().segment_values(
+        load_driver().segment_values(
             *(byref(self._driven), len(basis), first, last, count, address(basis), address(rows)),
             *(address(padded), address(below), count, rate, SLACK * float(np.abs(times).max())),
             *map(address, (found, work)),

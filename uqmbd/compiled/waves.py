@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.typing import Array, Index
 
 __all__ = ["wave_values"]
@@ -79,6 +79,6 @@ def wave_values(
             coarse, fine = np.exp(1j * padded[:, None] * own), np.ones((len(own), 1, bases), dtype=complex)
         numbers = (np.ascontiguousarray(x[part]) for x in (waves, constants, drifts))
         arrays = [lattice, used, coarse, fine, *numbers, padded, rows[part], found, work]
-        driver().wave_values(
+        load_driver().wave_values(
             *(len(own), outputs, harmonics, bases, highest, blocks, half, count), *(address(x) for x in arrays)
         )

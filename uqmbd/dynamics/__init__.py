@@ -6,8 +6,6 @@ The only place that imports scikit-sundae and compiles with SymEngine.
 from __future__ import annotations
 
 from uqmbd.dynamics.assembly import positions
-from uqmbd.dynamics.build import build, constraining, kinematic_model
-from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.ensemble import Ensemble, referenced
 from uqmbd.dynamics.equations import (
     BlockSymbols,
@@ -35,8 +33,10 @@ from uqmbd.dynamics.integrators import (
     require_for,
 )
 from uqmbd.dynamics.margins import MarginValues, margins_of
+from uqmbd.dynamics.mechanism_check import Check, check
+from uqmbd.dynamics.model_building import build, constraining, kinematic_model
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
-from uqmbd.dynamics.risks import Risk, range_findings, risks
+from uqmbd.dynamics.risks import Risk, find_risks, range_findings
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
@@ -97,7 +97,7 @@ __all__ = [
     "referenced",
     "require",
     "require_for",
-    "risks",
+    "find_risks",
     "running_minimum",
     "scalars_of",
     "static_equilibria",

@@ -12,7 +12,7 @@ import sympy
 from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.equations import Model
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Frame, Mark, Mechanism, nominal, skeleton
+from uqmbd.mechanism import Frame, Mark, Mechanism, collect_skeleton, nominal
 from uqmbd.typing import Array
 
 __all__ = ["Move", "apart", "extent_of", "known_places", "moved", "moves", "size_of"]
@@ -56,7 +56,7 @@ def known_places(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
     poses["ground"] = mechanism.ground.q
     frames: dict[str, Frame] = {}
     found: dict[str, list[tuple[Mark, Array]]] = {}
-    for mark in skeleton(mechanism):
+    for mark in collect_skeleton(mechanism):
         if mark.kind == "direction":
             continue
         try:

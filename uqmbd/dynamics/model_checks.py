@@ -25,11 +25,11 @@ from uqmbd.mechanism import (
     Mark,
     Mechanism,
     angles_in,
+    find_unit_problems,
     joint_frames,
     nominal,
     relative_quaternion,
     t,
-    unit_findings,
 )
 from uqmbd.typing import Array
 
@@ -204,7 +204,7 @@ def _scales(a: Assembled) -> Iterator[Finding]:
 
 def _units(a: Assembled) -> Iterator[Finding]:
     """Units that do not fit, of which statements have warned."""
-    for sentence in unit_findings(a.mechanism):
+    for sentence in find_unit_problems(a.mechanism):
         yield Finding(Severity.WARNING, sentence.partition(": ")[0], sentence.removesuffix("."), category=None)
 
 

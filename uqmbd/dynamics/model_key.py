@@ -36,7 +36,7 @@ from uqmbd.mechanism import (
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["model_key"]
+__all__ = ["compute_model_key"]
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), type(NotImplemented))
 
@@ -60,7 +60,7 @@ OF_OBJECTS = frozenset(
 """What every component has: its equations follow from its name, what it is attached to, its values, and all else."""
 
 
-def model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
+def compute_model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
     """Return a digest of a mechanism and other plain data, or None where part of its content is unknown.
 
     The input values `rows` are examined in addition to the means.

@@ -18,7 +18,7 @@ from uqmbd.mechanism import Mechanism, is_tensor_of_body
 from uqmbd.randomness import AffineDistribution, JointInput, RandomVariable
 from uqmbd.wording import format_percent
 
-__all__ = ["Risk", "range_findings", "risks"]
+__all__ = ["Risk", "range_findings", "find_risks"]
 
 SAMPLES = 10_000
 """Points at which expressions are evaluated whose distribution is not known."""
@@ -58,7 +58,7 @@ class Risk:
         return often or self.probability * realisations >= EXPECTED
 
 
-def risks(mechanism: Mechanism) -> tuple[Risk, ...]:
+def find_risks(mechanism: Mechanism) -> tuple[Risk, ...]:
     """Find the numbers of a mechanism that leave their range with a probability above zero.
 
     Numbers without a random variable cost nothing; numbers that depend on time or motion are not examined.

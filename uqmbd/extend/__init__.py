@@ -4,6 +4,22 @@ Components, integrators, propagators, sampling designs, readers of models, check
 written with them; uqmbd's own plugins use nothing else.  Everything is loaded when it is first used.
 """
 
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+_RENAMED = {"Doubt": "Exceedance", "Landmarks": "Markers", "doubts": "find_exceedances"}
+"""New names by old ones."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name; an old name is found with a warning, until 0.2."""
+    if (now := _RENAMED.get(name)) is not None:
+        import warnings
+
+        text = f"uqmbd.extend.{name} is uqmbd.extend.{now} now; the old name is removed in version 0.2."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return _public(now)
+    return _public(name)

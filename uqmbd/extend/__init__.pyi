@@ -38,10 +38,10 @@ from .methods import AtMost as AtMost
 from .methods import Bounds as Bounds
 from .methods import Clock as Clock
 from .methods import Dense as Dense
-from .methods import Doubt as Doubt
 from .methods import ElementLimits as ElementLimits
 from .methods import ElementRefinement as ElementRefinement
 from .methods import Estimate as Estimate
+from .methods import Exceedance as Exceedance
 from .methods import History as History
 from .methods import Margins as Margins
 from .methods import NodeFit as NodeFit
@@ -58,8 +58,8 @@ from .methods import VerificationPoints as VerificationPoints
 from .methods import choose_clock as choose_clock
 from .methods import clock_at_means as clock_at_means
 from .methods import dense as dense
-from .methods import doubts as doubts
 from .methods import errors_over_largest as errors_over_largest
+from .methods import find_exceedances as find_exceedances
 from .methods import fit_nodes as fit_nodes
 from .methods import nothing_random as nothing_random
 from .methods import output_folder as output_folder
@@ -82,7 +82,7 @@ from .results import CircularMoments as CircularMoments
 from .results import CountedQuantiles as CountedQuantiles
 from .results import InputInfo as InputInfo
 from .results import Labels as Labels
-from .results import Landmarks as Landmarks
+from .results import Markers as Markers
 from .results import Moments as Moments
 from .results import OutputInfo as OutputInfo
 from .results import QuasiPeriodicElement as QuasiPeriodicElement

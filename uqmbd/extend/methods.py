@@ -9,10 +9,10 @@ from uqmbd.progress import Progress as Progress
 from uqmbd.propagation import Bounds as Bounds
 from uqmbd.propagation import Clock as Clock
 from uqmbd.propagation import Dense as Dense
-from uqmbd.propagation import Doubt as Doubt
 from uqmbd.propagation import ElementLimits as ElementLimits
 from uqmbd.propagation import ElementRefinement as ElementRefinement
 from uqmbd.propagation import Estimate as Estimate
+from uqmbd.propagation import Exceedance as Exceedance
 from uqmbd.propagation import History as History
 from uqmbd.propagation import Margins as Margins
 from uqmbd.propagation import NodeFit as NodeFit
@@ -28,8 +28,8 @@ from uqmbd.propagation import VerificationPoints as VerificationPoints
 from uqmbd.propagation import choose_clock as choose_clock
 from uqmbd.propagation import clock_at_means as clock_at_means
 from uqmbd.propagation import dense as dense
-from uqmbd.propagation import doubts as doubts
 from uqmbd.propagation import errors_over_largest as errors_over_largest
+from uqmbd.propagation import find_exceedances as find_exceedances
 from uqmbd.propagation import fit_nodes as fit_nodes
 from uqmbd.propagation import nothing_random as nothing_random
 from uqmbd.propagation import output_folder as output_folder

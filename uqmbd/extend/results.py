@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.results.chaos import AlignedElement as AlignedElement
-from uqmbd.results.chaos import Landmarks as Landmarks
+from uqmbd.results.chaos import Markers as Markers
 from uqmbd.results.chaos import QuasiPeriodicElement as QuasiPeriodicElement
 from uqmbd.results.chaos import least_squares as least_squares
 from uqmbd.results.chaos import project as project

@@ -114,8 +114,8 @@ from uqmbd.mechanism.imported import (
     from_urdf,
 )
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.mechanism.skeleton import Mark, skeleton
-from uqmbd.mechanism.unit_findings import unit_findings
+from uqmbd.mechanism.skeleton import Mark, collect_skeleton
+from uqmbd.mechanism.unit_findings import find_unit_problems
 
 __all__ = [
     "LARGEST",
@@ -218,7 +218,7 @@ __all__ = [
     "relative_quaternion",
     "root_mean_square",
     "shown",
-    "skeleton",
+    "collect_skeleton",
     "smallest_rotation",
     "spline",
     "step",
@@ -228,5 +228,5 @@ __all__ = [
     "time_of_minimum",
     "told",
     "motion_quantities",
-    "unit_findings",
+    "find_unit_problems",
 ]

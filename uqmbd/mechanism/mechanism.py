@@ -27,9 +27,9 @@ from uqmbd.mechanism.declared import (
 )
 from uqmbd.mechanism.expressions import is_scalar, random_variables, shown
 from uqmbd.mechanism.geometry import Space
-from uqmbd.mechanism.new_body import new_body
-from uqmbd.mechanism.new_component import new_component
-from uqmbd.mechanism.randomise import randomise
+from uqmbd.mechanism.new_body import make_body
+from uqmbd.mechanism.new_component import prepare_component
+from uqmbd.mechanism.randomise import randomise_numbers
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import JointInput, RandomVariable
 from uqmbd.typing import Quantity, Vector
@@ -155,7 +155,7 @@ class Mechanism:
             "mass": mass, "inertia": inertia, "com": com, "position": position, "angle": angle, "rotation": rotation,
             "quaternion": quaternion, "velocity": velocity, "angular_velocity": angular_velocity,
         }  # fmt: skip
-        body = new_body(self, name, stated, hold)
+        body = make_body(self, name, stated, hold)
         self.bodies[name] = body
         return body
 
@@ -192,7 +192,7 @@ class Mechanism:
         if isinstance(given, Controller):
             self._control(given)
             return component
-        part = new_component(self, given)
+        part = prepare_component(self, given)
         self.components[part.name] = part
         return component
 
@@ -324,7 +324,7 @@ class Mechanism:
         self.conditions[f"{found.text} ({number})" if found.text in self.conditions else found.text] = found
 
     @checked
-    def randomise(
+    def randomise_numbers(
         self,
         pattern: str | Sequence[str],
         relative: float | None = None,
@@ -359,11 +359,11 @@ class Mechanism:
         >>> import uqmbd
         >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
         >>> stone = mechanism.body("stone", mass=2)
-        >>> mechanism.randomise("*.mass", relative=0.02)
+        >>> mechanism.randomise_numbers("*.mass", relative=0.02)
         [stone.mass]
         """
         known = {variable.name for variable in self._used()}
-        return randomise(self, pattern, relative, absolute, distribution, known)
+        return randomise_numbers(self, pattern, relative, absolute, distribution, known)
 
     def revision(self) -> tuple[int, ...]:
         """Return numbers that change whenever something is added, or parameters get other values.

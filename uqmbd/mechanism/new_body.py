@@ -14,7 +14,7 @@ from uqmbd.mechanism.declared import Described, require_known
 from uqmbd.mechanism.expressions import as_symbolic, check_dimensions, numbers, shown
 from uqmbd.units import without_quantities
 
-__all__ = ["new_body"]
+__all__ = ["make_body"]
 
 UNITS = {
     "mass": "kg", "inertia": "kg m^2", "com": "m", "position": "m", "angle": "rad", "quaternion": "1", "rotation": "1",
@@ -23,7 +23,7 @@ UNITS = {
 """What the numbers of a body are in."""
 
 
-def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
+def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
     """Return a body of a mechanism, not added to it yet, from a checked name and numbers as of `Mechanism.body`.
 
     A number that is None was left out.  Raises `uqmbd.StudyError` if a value is missing, of the wrong dimension, or

@@ -10,10 +10,10 @@ from uqmbd.mechanism.components import Component, require_effects, settle
 from uqmbd.mechanism.declared import Described, require_free, require_holonomic, require_known
 from uqmbd.mechanism.expressions import shown
 
-__all__ = ["new_component"]
+__all__ = ["prepare_component"]
 
 
-def new_component(mechanism: Described, given: Any) -> Component:
+def prepare_component(mechanism: Described, given: Any) -> Component:
     """Return a given component, checked for a mechanism and not added to it yet.
 
     Roles that were left out become the ground.  Raises `uqmbd.StudyError` if it is no component of this space, its name

@@ -18,9 +18,9 @@ from uqmbd.mechanism.components import Component, known_effects, no_effect, rang
 from uqmbd.mechanism.declared import Described
 from uqmbd.mechanism.expressions import LARGEST, as_symbolic, shown
 from uqmbd.names import did_you_mean
-from uqmbd.randomness import RandomVariable, adopted, distribution_about, is_distribution, strays
+from uqmbd.randomness import RandomVariable, adopt_distribution, distribution_about, is_distribution, strays
 
-__all__ = ["randomise"]
+__all__ = ["randomise_numbers"]
 
 KINDS = ("scalar", "point", "vector", "moment")
 """Parameters that are numbers; axes and rotations are directions, options no numbers."""
@@ -120,17 +120,17 @@ class VariationLaw:
                 f"{self.where}: distribution({value:g}), of {name}, raises {type(error).__name__}: {error}. Expected a "
                 "function that makes a chaospy distribution of each number, or give it to fewer numbers."
             ) from error
-        return adopted(self.where, found)
+        return adopt_distribution(self.where, found)
 
     def variable(self, name: str, value: float, units: str, minimum: float, maximum: float) -> RandomVariable:
         """Return the random variable of a number."""
         return RandomVariable(name, self.of(name, value, minimum, maximum), units)
 
 
-def randomise(
+def randomise_numbers(
     mechanism: Described, pattern: str | Sequence[str], relative: Any, absolute: Any, distribution: Any, known: set[str]
 ) -> list[RandomVariable]:
-    """Make numbers of bodies and components random; see `Mechanism.randomise`.
+    """Make numbers of bodies and components random; see `Mechanism.randomise_numbers`.
 
     The names of existing random variables are `known`.  Raises `uqmbd.StudyError` if nothing matches or can vary, or a
     distribution does not fit.
@@ -165,7 +165,7 @@ def randomise(
 
 def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> VariationLaw:
     """Check how numbers are to vary."""
-    distribution = adopted(where, distribution)
+    distribution = adopt_distribution(where, distribution)
     own = is_distribution(distribution) or callable(distribution)
     named = distribution is None or isinstance(distribution, str) and distribution in ("normal", "lognormal", "uniform")
     if isinstance(distribution, type) or not (own or named):

@@ -14,7 +14,7 @@ from uqmbd.mechanism.expressions import as_symbolic, t
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["Mark", "skeleton"]
+__all__ = ["Mark", "collect_skeleton"]
 
 QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 0), (1, 0, 0, 1))}
 """Quaternions, of any length, that turn every axis onto every other."""
@@ -33,7 +33,7 @@ class Mark:
     radius: sympy.Expr = sympy.S.Zero  # of the sphere or wheel about a point, m; 0 for most
 
 
-def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
+def collect_skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     """Collect the known shape of each body: joint points, ends of springs, centres of mass, observed points.
 
     Components with parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` are drawn; a parameter

@@ -7,10 +7,10 @@ from uqmbd.mechanism.expressions import flatten, mismatches
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.units import spelling
 
-__all__ = ["unit_findings"]
+__all__ = ["find_unit_problems"]
 
 
-def unit_findings(mechanism: Mechanism) -> tuple[str, ...]:
+def find_unit_problems(mechanism: Mechanism) -> tuple[str, ...]:
     """Return sentences on units of outputs, requirements, start conditions, parameters and random variables."""
     unseen = unseen_numbers(mechanism)
     stated = [

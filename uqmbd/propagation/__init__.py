@@ -7,9 +7,9 @@ from uqmbd.propagation.budget import Timing, accuracy_of, allowed_of, budget_of,
 from uqmbd.propagation.chaos import (
     Clock,
     Dense,
-    Doubt,
     ElementLimits,
     ElementRefinement,
+    Exceedance,
     NodeFit,
     Phases,
     Verification,
@@ -17,8 +17,8 @@ from uqmbd.propagation.chaos import (
     choose_clock,
     clock_at_means,
     dense,
-    doubts,
     errors_over_largest,
+    find_exceedances,
     fit_nodes,
     refine_elements,
     require_clock,
@@ -38,7 +38,7 @@ from uqmbd.propagation.execution import (
 )
 from uqmbd.propagation.inputs import nothing_random
 from uqmbd.propagation.methods import Estimate, Propagator, Sizing, obstacle_of, readable
-from uqmbd.propagation.observed_model import observed_model, warned_elsewhere
+from uqmbd.propagation.observed_model import build_observed_model, warned_elsewhere
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.reduction import Reduced, Reductions, store_name
 from uqmbd.propagation.simulation import eigenfrequencies, input_point, simulate, static_equilibrium
@@ -48,7 +48,7 @@ __all__ = [
     "Bounds",
     "Clock",
     "Dense",
-    "Doubt",
+    "Exceedance",
     "ElementLimits",
     "ElementRefinement",
     "Estimate",
@@ -73,7 +73,7 @@ __all__ = [
     "claimed",
     "clock_at_means",
     "dense",
-    "doubts",
+    "find_exceedances",
     "eigenfrequencies",
     "errors_over_largest",
     "findings",
@@ -81,7 +81,7 @@ __all__ = [
     "input_point",
     "load_study",
     "nothing_random",
-    "observed_model",
+    "build_observed_model",
     "obstacle_of",
     "option_types",
     "output_folder",

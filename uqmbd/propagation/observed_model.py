@@ -24,7 +24,7 @@ __all__ = [
     "finding_attributes",
     "mechanism_attributes",
     "not_unique_attribute",
-    "observed_model",
+    "build_observed_model",
     "refuse_jumps",
     "step_attributes",
     "warn_of",
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 
-def observed_model(
+def build_observed_model(
     mechanism: Mechanism,
     time: float,
     start: str = "drawn",

@@ -24,9 +24,9 @@ from uqmbd.propagation.execution import (
     Spending,
     compute_chunk,
     executor_for,
-    in_order,
     log_realisations,
     lost_chunk,
+    run_in_order,
     run_tasks,
     threads_of,
 )
@@ -93,7 +93,7 @@ class Runner:
             chunk = lost_chunk(problem.model, len(part), problem.whole_times, reason, problem.kind)
             return kept.note(part, chunk, lost=True)
 
-        work = in_order(parts, self.workers(problem), kept.find, task, kept.keep, lost)
+        work = run_in_order(parts, self.workers(problem), kept.find, task, kept.keep, lost)
         for part, chunk in zip(parts, work, strict=True):
             now = self.clock()
             self.spending.realised(now - asked)

@@ -8,14 +8,14 @@ from __future__ import annotations
 from uqmbd.randomness.designs import Design, SamplingDesign, Seed, design_problem, sampling_design, sampling_designs
 from uqmbd.randomness.distributions import (
     AffineDistribution,
-    adopted,
+    adopt_distribution,
     distribution_about,
     is_distribution,
     strays,
     tabulated,
 )
 from uqmbd.randomness.existence import exists, moment_orders
-from uqmbd.randomness.germs import Germ, cumulated, truncated
+from uqmbd.randomness.germs import Germ, cumulated, truncate_germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.monomials import as_numpoly
@@ -52,7 +52,7 @@ __all__ = [
     "Symbolic",
     "TailMixture",
     "Toleranced",
-    "adopted",
+    "adopt_distribution",
     "as_numpoly",
     "clenshaw_curtis",
     "clenshaw_curtis",
@@ -81,7 +81,7 @@ __all__ = [
     "strays",
     "tabulated",
     "tolerance",
-    "truncated",
+    "truncate_germ",
     "uniform_variable",
 ]
 

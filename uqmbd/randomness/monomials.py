@@ -30,7 +30,7 @@ def as_numpoly(germs: Sequence[Germ], multi_index: Index, coefficients: Array) -
     values = coefficients.reshape(len(exponents), -1)
     for k, germ in enumerate(germs):
         degrees = exponents[:, k]
-        table = _monomials(germ, int(degrees.max(initial=0)))
+        table = _monomial_coefficients(germ, int(degrees.max(initial=0)))
         rows = np.repeat(np.arange(len(degrees)), degrees + 1)
         powers = np.concatenate([np.arange(degree + 1) for degree in degrees])
         expanded = exponents[rows]
@@ -46,7 +46,7 @@ def as_numpoly(germs: Sequence[Germ], multi_index: Index, coefficients: Array) -
     )
 
 
-def _monomials(germ: Germ, degree: int) -> Array:
+def _monomial_coefficients(germ: Germ, degree: int) -> Array:
     """Return coefficients (polynomial, power) of the orthonormal polynomials in powers of the germ."""
     alpha, beta = germ.coefficients(degree + 1)
     norm = np.sqrt(beta)

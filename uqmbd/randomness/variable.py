@@ -264,9 +264,9 @@ def _checked_distribution(where: str, given: Distribution, dimension: int) -> An
     """Return what is given as a distribution of chaospy that exists and has a dimension."""
     import chaospy
 
-    from uqmbd.randomness.distributions import adopted, flaw_of, is_dependent
+    from uqmbd.randomness.distributions import adopt_distribution, flaw_of, is_dependent
 
-    distribution = adopted(where, given)
+    distribution = adopt_distribution(where, given)
     if isinstance(distribution, type) and issubclass(distribution, chaospy.Distribution):
         kind = f"chaospy.{distribution.__name__}"
         raise StudyError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report.charts import Band, Chart, Curve, chart_figure, chart_html, charts_html
-from uqmbd.report.drawing import arrange, axes_grid, figure_html, style, with_units, wrapped
+from uqmbd.report.drawing import arrange, axes_grid, figure_html, series_style, with_units, wrapped
 from uqmbd.report.figures import (
     bands,
     coefficient_decay,
@@ -65,7 +65,7 @@ __all__ = [
     "sobol_indices",
     "split_pattern",
     "std_over_time",
-    "style",
+    "series_style",
     "time_history_histogram",
     "unload_ipython_extension",
     "verification",

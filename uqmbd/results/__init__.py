@@ -117,7 +117,8 @@ def __getattr__(name: str) -> Any:
     import uqmbd
 
     if name in _MOVED:
-        found, text = getattr(uqmbd.extend, name), f"is uqmbd.extend.{name} now"
+        now = "Markers" if name == "Landmarks" else name
+        found, text = getattr(uqmbd.extend, now), f"is uqmbd.extend.{now} now"
     else:
         folders = (assessment, chaos, requirements, schema, statistics, storage, tree)
         held = [folder for folder in folders if name in folder.__all__]

@@ -10,7 +10,7 @@ from uqmbd_calibration.inference.identifiability import Direction, combination, 
 from uqmbd_calibration.inference.inferring import Inferred, Mode, PosteriorCheck, infer
 from uqmbd_calibration.inference.points import OperatingPoint
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
-from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, prior_surrogate
+from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, read_prior_surrogates
 from uqmbd_calibration.inference.sampling import Draws, require_sampler, sample
 from uqmbd_calibration.inference.searching import search, spread_over_prior
 from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, UnknownInput, Unknowns
@@ -40,7 +40,7 @@ __all__ = [
     "directions",
     "expected_covariance",
     "infer",
-    "prior_surrogate",
+    "read_prior_surrogates",
     "require_sampler",
     "sample",
     "search",

@@ -16,7 +16,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
 from uqmbd_calibration.inference.points import OperatingPoint
 
-__all__ = ["PriorSurrogate", "default_methods", "prior_surrogate"]
+__all__ = ["PriorSurrogate", "default_methods", "read_prior_surrogates"]
 
 
 ROWS = 4_000_000
@@ -55,7 +55,9 @@ class PriorSurrogate:
         return [variance for _, _, variance in self.parts]
 
 
-def prior_surrogate(nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks: Sequence[Block]) -> PriorSurrogate:
+def read_prior_surrogates(
+    nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks: Sequence[Block]
+) -> PriorSurrogate:
     """Read the surrogates of some values of records.
 
     `nodes`: of `OperatingPoint.surrogates`: of outputs over time, then of those without; `point`: of which; `blocks`:

@@ -135,7 +135,7 @@ class Record:
         """
         given: Any = {"units": units, "noise": noise, "known": known, "machine": machine, "outputs": outputs}
         source, found, about = read_columns(path)
-        return _record(found, {"name": source.stem, **about}, name, str(source), **given)
+        return _make_record(found, {"name": source.stem, **about}, name, str(source), **given)
 
     @classmethod
     def of(
@@ -185,7 +185,7 @@ class Record:
             raise uqmbd.StudyError(f"{where}: it is given {type(dataset).__name__}; expected an xarray.Dataset.")
         given: Any = {"units": units, "noise": noise, "known": known, "machine": machine, "outputs": outputs}
         about = {"name": "record", **dataset_attributes(dataset, where)}
-        return _record(dataset_columns(dataset, where), about, name, where, **given)
+        return _make_record(dataset_columns(dataset, where), about, name, where, **given)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write the record to a netCDF file, whole or not at all; `read` gives it back as it is.
@@ -284,7 +284,7 @@ class Record:
         )
 
 
-def _record(
+def _make_record(
     columns: Sequence[OutputColumn],
     about: Mapping[str, Any],
     name: str | None,

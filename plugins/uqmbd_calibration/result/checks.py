@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.finding import Found
 from uqmbd_calibration.inference import Mode
-from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, discrepancy
+from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, find_discrepancy
 
 __all__ = ["checks_of", "named_strays", "warn_of"]
 
@@ -54,7 +54,7 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
             for one, away in zip(unknowns.inputs, inferred.draws.flat.mean(axis=0)[:spent], strict=True)
             if abs(away) > FAR
         ],
-        "model": [discrepancy(one, spent * len(one.block.values) / values) for one in of],
+        "model": [find_discrepancy(one, spent * len(one.block.values) / values) for one in of],
         "notes": list(found.notes),
         "method": found.method,
     }

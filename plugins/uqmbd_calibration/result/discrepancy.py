@@ -11,7 +11,7 @@ from scipy import stats
 from uqmbd.typing import Array
 from uqmbd_calibration.inference import FREEDOM, Block
 
-__all__ = ["DOUBT", "Residuals", "discrepancy", "residuals"]
+__all__ = ["DOUBT", "Residuals", "find_discrepancy", "residuals"]
 
 
 DOUBT = 1e-3
@@ -60,7 +60,7 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
     return Residuals(block, raw, block.values + rest[0], normal, taken)
 
 
-def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
+def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     """Return what residuals say against the model.
 
     `parameters`: how many unknowns were fitted to these values. Return ``record``, ``output``, ``values``;

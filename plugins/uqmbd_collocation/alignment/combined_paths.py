@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import uqmbd
-from uqmbd.extend import AlignedElement, Landmarks
+from uqmbd.extend import AlignedElement, Markers
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.event_paths import POINTS as FIRST
@@ -176,7 +176,7 @@ class CombinedPaths:
         def farther(late: float, pace: float) -> Cutting:
             return self._cutting(sequence, marks.farther(late, pace))
 
-        kind: Landmarks = "events" if any(labels) else "phase"
+        kind: Markers = "events" if any(labels) else "phase"
         return Cutting(
             lambda values: self.cut(values, sequence, marks), labels, kind, farther if marks.ending else None
         )

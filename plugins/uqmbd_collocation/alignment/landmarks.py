@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uqmbd
-from uqmbd.extend import AlignedElement, Landmarks
+from uqmbd.extend import AlignedElement, Markers
 from uqmbd.typing import Array
 
 __all__ = [
@@ -74,7 +74,7 @@ class Cutting:
 
     cut: Cut  # computes realisations from marker to marker
     labels: tuple[str, ...]  # length S: the event that ends each segment; empty: no event
-    landmarks: Landmarks
+    landmarks: Markers
     farther: Callable[[float, float], Cutting | None] | None = None
     """Maps (additional time, time of a segment), s, to the rule for longer realisations; None: impossible."""
 

@@ -109,7 +109,7 @@ class _SolvedAmplitudes:
 
 def fit_series(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
     """Fit the amplitudes at given frequencies (M,), rad/s."""
-    return _series(signals, frequencies, lattice, _solve(signals, frequencies, lattice))
+    return _as_series(signals, frequencies, lattice, _solve(signals, frequencies, lattice))
 
 
 def refine(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeries:
@@ -130,10 +130,10 @@ def refine(signals: Signals, frequencies: Array, lattice: Index) -> HarmonicSeri
         now, found = now + step, following
         if farthest < SETTLED:
             break
-    return _series(signals, now, lattice, found)
+    return _as_series(signals, now, lattice, found)
 
 
-def _series(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> HarmonicSeries:
+def _as_series(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> HarmonicSeries:
     amplitudes = found.amplitudes.copy()
     amplitudes[1] /= signals.length
     residual = np.sqrt(np.mean(found.left**2, axis=0))

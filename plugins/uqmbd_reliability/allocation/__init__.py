@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd_reliability.allocation.allocate import allocate
+from uqmbd_reliability.allocation.allocation_search import allocate
 from uqmbd_reliability.allocation.result import Allocation
 
 __all__ = ["Allocation", "allocate"]

@@ -12,7 +12,7 @@ import sympy
 
 import uqmbd
 from uqmbd.dynamics.assembly import assembly
-from uqmbd.dynamics.build import build
+from uqmbd.dynamics.model_building import build
 from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Distance, Fixed, Prismatic, Revolute, Spherical
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.least_norm import solve_least_norm
 from uqmbd_joints import Revolute
 
 
@@ -22,12 +22,12 @@ def systems(count, rows, size, seed):
 @settings(max_examples=40, deadline=None)
 def test_one_that_is_singular_changes_no_other(count, rows, seed):
     a, b = systems(count, rows, rows + 2, seed)
-    alone = least_norm(a, b, truncate=False)
+    alone = solve_least_norm(a, b, truncate=False)
     for k in range(count):
         expected = np.linalg.lstsq(a[k], b[k], rcond=None)[0]
         np.testing.assert_allclose(alone[k], expected, rtol=0, atol=1e-6 * (1 + np.abs(expected).max()))
     singular, none = np.zeros((1, *a.shape[1:])), np.ones((1, rows))
-    beside = least_norm(np.concatenate([a, singular]), np.concatenate([b, none]), truncate=False)
+    beside = solve_least_norm(np.concatenate([a, singular]), np.concatenate([b, none]), truncate=False)
     assert np.array_equal(beside[:-1], alone)
     assert not beside[-1].any()
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics.build import build
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.model_building import build
 from uqmbd_joints import Prismatic, Revolute, Spherical
 
 INTEGRATORS = ("auto", "dop853", "ida")

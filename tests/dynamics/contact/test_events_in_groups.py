@@ -14,7 +14,7 @@ import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.contact.single_impacts import single_impacts
+from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
 from uqmbd.dynamics.integrators import integrator_class
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import PositionDriver
@@ -244,7 +244,7 @@ def test_single_impacts_are_those_of_the_general_law(falling, falls, name, seed,
     contacts = falls(falling, name, seed, law)
     contacts = contacts.select(np.flatnonzero(contacts.speed[:, 0] < -0.01))
     count, n = len(contacts.speed), contacts.coordinates
-    impulse, after, solved = single_impacts(contacts, np.zeros(count, dtype=np.int64))
+    impulse, after, solved = solve_single_impacts(contacts, np.zeros(count, dtype=np.int64))
     for row in range(count):
         one = contacts.select(np.array([row]))
         jump, hit = impact(one, [0], 0.0)

@@ -10,7 +10,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.testing.components.cases import cases
+from uqmbd.testing.components.cases import component_cases
 
 EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
 
@@ -32,7 +32,7 @@ def marked(name, space):
 def test_fused_equals_typed(name, space):
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        case = next(itertools.islice(cases(plugins.component(name), space, {}, rng), 1, None))
+        case = next(itertools.islice(component_cases(plugins.component(name), space, {}, rng), 1, None))
         try:
             fused, typed = (build(case.mechanism, fuse=fuse) for fuse in (True, False))
         except uqmbd.AssemblyError:  # a random pose from which there is no way to an assembled one

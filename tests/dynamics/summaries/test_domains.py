@@ -23,7 +23,7 @@ from uqmbd.dynamics.summaries.domain import DEEPEST, exponential_types
 from uqmbd.dynamics.summaries.motion import SteppedMotion
 from uqmbd.dynamics.summaries.resolved import ROUGH
 from uqmbd.mechanism import domain_of
-from uqmbd.propagation.observed_model import observed_model
+from uqmbd.propagation.observed_model import build_observed_model
 from uqmbd.status import Status
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import PointForce
@@ -67,7 +67,7 @@ def mechanism_of(family, variant, *functions):
 
 def computed(mechanism, inputs, evaluate=scalars_of, rtol=1e-7):
     times = np.array([0, END])
-    ensemble = Ensemble(observed_model(mechanism, 0.0), inputs[:, None])
+    ensemble = Ensemble(build_observed_model(mechanism, 0.0), inputs[:, None])
     trajectories = integrate(ensemble, times, rtol, "auto", between=True)
     return evaluate(ensemble, trajectories) if evaluate is scalars_of else margins_of(ensemble, times, trajectories)
 
@@ -245,7 +245,7 @@ def test_floats_and_rational_numbers_are_the_same_exponents(power):
 def verdicts(mechanism, inputs):
     """Summaries and margins of a motion over 0.5 s, NaN where there is none."""
     times = np.array([0, END])
-    ensemble = Ensemble(observed_model(mechanism, 0.0), inputs)
+    ensemble = Ensemble(build_observed_model(mechanism, 0.0), inputs)
     trajectories = integrate(ensemble, times, 1e-9, "auto", between=True)
     return scalars_of(ensemble, trajectories).values, margins_of(ensemble, times, trajectories).values
 

@@ -19,7 +19,7 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.dynamics import Ensemble, Trajectories, integrate, running_minimum, scalars_of
 from uqmbd.dynamics.summaries import Domain
-from uqmbd.propagation.observed_model import observed_model
+from uqmbd.propagation.observed_model import build_observed_model
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import PositionDriver
@@ -56,7 +56,7 @@ class Stages:
 @pytest.fixture
 def stages(monkeypatch):
     """Offer that method for one test."""
-    module = sys.modules["uqmbd.dynamics.integrators.integrate"]
+    module = sys.modules["uqmbd.dynamics.integrators.dispatch"]
     known = module.integrator_class
     monkeypatch.setattr(module, "integrator_class", lambda name: Stages if name == "stages" else known(name))
     monkeypatch.setattr(module, "require_for", lambda *_: None)
@@ -94,7 +94,7 @@ def oscillator():
 
 
 def found(mechanism, times, rtol=1e-6, method="auto", values=None):
-    model = observed_model(mechanism, float(times[0]))
+    model = build_observed_model(mechanism, float(times[0]))
     means = model.parameters.__class__ and np.array([mechanism.inputs.means]) if values is None else values
     ensemble = Ensemble(model, means)
     return scalars_of(ensemble, integrate(ensemble, np.asarray(times, dtype=float), rtol, method, between=True))
@@ -126,7 +126,7 @@ def test_errors_of_a_given_spacing_fall_with_its_order(stages, monkeypatch):
     from uqmbd.dynamics.summaries.motion import motion_of
 
     mechanism, _ = oscillator()
-    ensemble = Ensemble(observed_model(mechanism, 0.0), np.zeros((1, 0)))
+    ensemble = Ensemble(build_observed_model(mechanism, 0.0), np.zeros((1, 0)))
     errors = []
     for count in (17, 33, 65):
         times = np.linspace(0, 1, count)
@@ -161,7 +161,7 @@ def test_realisations_depend_on_nothing_but_themselves(monkeypatch):
     mechanism.output("kinked", uqmbd.integral(sympy.Abs(tip - 0.5)))
     mechanism.output("first", uqmbd.first_time(tip <= -0.9))
     values = np.stack([np.random.default_rng(0).normal(1, 0.02, 70), np.linspace(0.8, 1.2, 70)], axis=1)
-    model = observed_model(mechanism, 0.0)
+    model = build_observed_model(mechanism, 0.0)
     outputs = model.outputs
 
     def run(rows):
@@ -216,7 +216,7 @@ def swinging():
     return mechanism
 
 
-SWINGING = functools.cache(lambda: observed_model(swinging(), 0.0))
+SWINGING = functools.cache(lambda: build_observed_model(swinging(), 0.0))
 
 
 @settings(max_examples=15, deadline=None, phases=[Phase.explicit, Phase.generate])
@@ -343,7 +343,7 @@ def test_what_is_not_finite_before_is_not_censored():
 def test_running_minima_are_those_of_many_times(method):
     """Not above any value so far, and no lower than the lowest of 24,001 by more than these are apart."""
     mechanism = pendulum(loaded=True)
-    model = observed_model(mechanism, 0.0)
+    model = build_observed_model(mechanism, 0.0)
     ensemble = Ensemble(model, np.array([[1.0, 1.0], [0.98, 1.1]]))
     times, dense = np.linspace(0, 3, 13), np.linspace(0, 3, 24_001)
     path = integrate(ensemble, times, 1e-8, method, between=True)
@@ -392,7 +392,7 @@ def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
 @pytest.mark.thorough
 def test_a_motion_that_no_number_of_times_resolves_is_told(stages, monkeypatch):
     monkeypatch.setattr(Stages, "integrate", drawn)
-    model, values = observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
+    model, values = build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
     with pytest.warns(UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 more.*another integrator"):
         integrate(Ensemble(model, values), np.array([0.0, 1.0]), 1e-6, "stages", between=True)
 
@@ -405,7 +405,7 @@ def test_a_realisation_that_fails_at_more_times_only_is_that_of_fewer(stages, mo
         return replace(found, messages=("no",) * len(ensemble)) if len(times) > most else found
 
     monkeypatch.setattr(Stages, "integrate", fussy)
-    ensemble = Ensemble(observed_model(oscillator()[0], 0.0), np.zeros((2, 0)))
+    ensemble = Ensemble(build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0)))
     most = 1000
     with pytest.warns(UserWarning, match="in 2 of 2.*the integrator fails at more"):
         got = integrate(ensemble, np.array([0.0, 1.0]), 1e-6, "stages", between=True)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.mechanism import unit_findings
+from uqmbd.mechanism import find_unit_problems
 from uqmbd.mechanism.expressions import mismatches
 from uqmbd.units import in_words, read_units
 from uqmbd_joints import Revolute
@@ -234,7 +234,7 @@ def test_all_findings_of_a_mechanism_are_told_together():
         mechanism.output("y", stone.position[0], units="meter")
         mechanism.require("near", stone.position[0] <= variable("kg"))
         mechanism.start(stone.velocity[0], variable("rad"))
-    found = unit_findings(mechanism)
+    found = find_unit_problems(mechanism)
     assert len(found) == 5
     for words in ("body 'stone': mass", "output 'x'", "write 'm'", "requirement 'near'", "start condition"):
         assert sum(words in sentence for sentence in found) == 1
@@ -243,4 +243,4 @@ def test_all_findings_of_a_mechanism_are_told_together():
 
 def test_a_mechanism_that_fits_has_no_findings(mechanism):
     mechanism.output("x", mechanism.bodies["crank"].position[0], units="m")
-    assert unit_findings(mechanism) == ()
+    assert find_unit_problems(mechanism) == ()

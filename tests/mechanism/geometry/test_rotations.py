@@ -10,9 +10,9 @@ import sympy
 from scipy.spatial.transform import Rotation
 
 import uqmbd
-from uqmbd.dynamics.build import kinematic_model
 from uqmbd.dynamics.drawn_pose import moves
 from uqmbd.dynamics.equations import ParameterMap
+from uqmbd.dynamics.model_building import kinematic_model
 from uqmbd.mechanism import aligned, joint_frames, smallest_rotation
 from uqmbd.mechanism.geometry import quaternion_of_matrix, unit
 

@@ -16,7 +16,7 @@ import sympy
 
 import uqmbd
 from uqmbd.propagation.budget import Amount, BudgetTerms
-from uqmbd.propagation.studies.run_methods import run_methods
+from uqmbd.propagation.studies.outcome import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin

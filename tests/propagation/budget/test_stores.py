@@ -17,7 +17,7 @@ import pytest
 import uqmbd
 from uqmbd.propagation.budget import Amount, BudgetTerms
 from uqmbd.propagation.budget.sized import Sized
-from uqmbd.propagation.studies.run_methods import run_methods
+from uqmbd.propagation.studies.outcome import run_methods
 from uqmbd.results import SampleStore
 from uqmbd_montecarlo import MonteCarlo
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from uqmbd.propagation.chaos.dense import spline_through
+from uqmbd.propagation.chaos.dense_output import spline_through
 from uqmbd.propagation.chaos.swings import QUARTER, Swing
 
 END = 30.0

@@ -16,7 +16,7 @@ import pytest
 
 import uqmbd
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.execution import Packed, compute_chunk, in_order, pool
+from uqmbd.propagation.execution import Packed, compute_chunk, pool, run_in_order
 from uqmbd.propagation.execution.transport import Reply, machine_type
 from uqmbd.results import STATUS_MEANINGS, load, save
 from uqmbd.status import Status
@@ -132,7 +132,7 @@ def through(executor, pieces, packed, function=size_of, **more):
         return None
 
     return list(
-        in_order(range(pieces), executor, nothing, lambda k: (function, (packed, k)), lambda p, r, s: r, **more)
+        run_in_order(range(pieces), executor, nothing, lambda k: (function, (packed, k)), lambda p, r, s: r, **more)
     )
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.execution import Packed, in_order
+from uqmbd.propagation.execution import Packed, run_in_order
 from uqmbd.propagation.execution.transport import Reply, WorkerRegistry, versions
 from uqmbd.propagation.execution.transport.identity import this_worker
 
@@ -158,7 +158,7 @@ class Kept:
         def known(piece):
             return work_on(MODEL, piece) if piece in self.known else None
 
-        return list(in_order(range(pieces), executor, known, lambda k: (work_on, (MODEL, k)), keep, lost, patience))
+        return list(run_in_order(range(pieces), executor, known, lambda k: (work_on, (MODEL, k)), keep, lost, patience))
 
 
 def expected(pieces, lost=()):
@@ -241,7 +241,7 @@ def test_a_million_realisations_on_a_hundred_workers_cost_the_coordinator_little
     pieces = 1_000_000 // 64
     consumed, waiting = 0, 0
     with Simulated(100, 4, {500, 9000}, uneven=20.0) as executor:
-        results = in_order(
+        results = run_in_order(
             range(pieces),
             executor,
             lambda piece: None,
@@ -311,7 +311,7 @@ def test_results_that_wait_are_bounded_in_bytes():
 
     executor = Gated(2)
     threading.Timer(1.0, gate.set).start()
-    results = in_order(
+    results = run_in_order(
         range(600), executor, lambda piece: None, lambda piece: (large, (piece,)), lambda piece, result, seconds: result
     )
     next(results)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.in_order import run_in_order
 from uqmbd.propagation.execution.transport import said
 from uqmbd.propagation.execution.workers import pool
 from uqmbd.testing.propagators.moments import difference
@@ -71,7 +71,7 @@ def work(executor: Executor | None, function: Callable[[int], int], count: int) 
     def keep(piece: int, result: int, seconds: float) -> int:
         return result
 
-    return list(in_order(range(count), executor, lambda piece: None, lambda piece: (function, (piece,)), keep))
+    return list(run_in_order(range(count), executor, lambda piece: None, lambda piece: (function, (piece,)), keep))
 
 
 @pytest.mark.thorough

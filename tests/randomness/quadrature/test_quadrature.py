@@ -22,7 +22,7 @@ from uqmbd.randomness import (
     smolyak,
     sparse_rule,
 )
-from uqmbd.randomness.quadrature.smolyak import combination_coefficients
+from uqmbd.randomness.quadrature.sparse_rules import combination_coefficients
 
 
 def space_of(*distributions):

@@ -11,7 +11,7 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermBox, GermSpace, JointInput, gauss_tensor, gram_error, index_set, located
-from uqmbd.randomness.germs.truncated import cumulated, truncated
+from uqmbd.randomness.germs.truncated import cumulated, truncate_germ
 
 # distribution, density of its germ, and where numerical integrals of it are cut
 CASES = {
@@ -86,7 +86,7 @@ def test_tabulated_germs(name):
 
 def test_a_part_of_a_uniform_germ_keeps_legendre_polynomials():
     """On [a, b] they are sqrt(2 n + 1) P_n((2 x - a - b) / (b - a)), to rounding."""
-    germ = truncated(space_of(chaospy.Uniform(3, 5)).germs[0], 0.25, 0.5)
+    germ = truncate_germ(space_of(chaospy.Uniform(3, 5)).germs[0], 0.25, 0.5)
     x = np.linspace(0.25, 0.5, 7)
     expected = [np.sqrt(2 * n + 1) * scipy.special.eval_legendre(n, 8 * x - 3) for n in range(9)]
     np.testing.assert_allclose(germ.polynomials(x, 8), np.array(expected).T, rtol=0, atol=1e-11)

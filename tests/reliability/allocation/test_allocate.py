@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_reliability import allocate
-from uqmbd_reliability.allocation.allocate import verified
+from uqmbd_reliability.allocation.allocation_search import verified
 from uqmbd_reliability.allocation.surrogates import fitted
 from uqmbd_springs import Torque
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.report import Band, Chart, Curve, chart_figure, chart_html
-from uqmbd.report.charts import Axis, Look, Views, checked_chart, page_data, paper, unpacked
+from uqmbd.report.charts import Axis, Look, Views, checked_chart, draw_on_paper, page_data, unpacked
 from uqmbd.report.drawing import svg
 
 TIMES = np.linspace(0, 2, 41)
@@ -71,7 +71,7 @@ def test_bars_stand_side_by_side_at_their_categories():
 
 def test_several_charts_share_a_legend_and_keep_their_axes():
     charts = [Chart(n, TIMES, [Curve("mine", TIMES), Curve("yours", 2 * TIMES)], n, heading=n) for n in ("x", "y")]
-    figure = paper(Views(charts))
+    figure = draw_on_paper(Views(charts))
     assert [axes.get_title("right") for axes in figure.axes] == ["x", "y"]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["mine", "yours"]
 
@@ -99,7 +99,7 @@ def charts(draw):
 def test_the_page_and_paper_have_the_same_values(chart):
     """Each curve is drawn with the values that the page stores, where they are known, and can be written."""
     chart = checked_chart(chart)
-    data, figure = page_data(chart), paper(chart)
+    data, figure = page_data(chart), draw_on_paper(chart)
     for method in data["methods"]:
         values, places = unpacked(method["lines"][0]["values"]), unpacked(data["time"])
         known = np.isfinite(values)
@@ -117,5 +117,5 @@ def test_marks_in_a_plane_are_at_their_places():
     marks = Look(shape="square")
 
     chart = Chart("y", [1.0, 2.0, 3.0], [Curve("a", y, look=marks, places=x)], plane=Axis("x", "m"))
-    (line,) = paper(chart).axes[0].lines
+    (line,) = draw_on_paper(chart).axes[0].lines
     assert line.get_linestyle() == "None" and line.get_xydata().tolist() == [[3, 1], [1, 2]]

@@ -13,7 +13,7 @@ import xarray as xr
 import uqmbd
 from uqmbd import extend, report, results
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.report.figures.density import DensityCurve, densities, density, ends_of, known_densities
+from uqmbd.report.figures.kernel_density import DensityCurve, densities, density, ends_of, known_densities
 
 
 def peaks(f: np.ndarray) -> int:

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from uqmbd import extend, report, results
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing.ticks import freeze_ticks
-from uqmbd.report.figures.density import density
 from uqmbd.report.figures.distributions import of_surrogate
+from uqmbd.report.figures.kernel_density import density
 from uqmbd.report.figures.over_time import occurrences
 
 

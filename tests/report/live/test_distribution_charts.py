@@ -7,7 +7,7 @@ from tests.report.live.pages import densities_data, inputs_data, scalars_data
 from uqmbd import extend, report, results
 from uqmbd.report.charts import unpacked
 from uqmbd.report.drawing import histogram
-from uqmbd.report.figures.density import density, ends_of
+from uqmbd.report.figures.kernel_density import density, ends_of
 
 
 def sampled(label, response):

@@ -10,7 +10,7 @@ from scipy import stats
 import uqmbd
 from tests.report.live.chaoses import DISTRIBUTIONS, chaos_of, space_of
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.report.live import explorer_data, packed_surrogate
+from uqmbd.report.live import collect_explorer_data, packed_surrogate
 from uqmbd.results import propagator_node, study_tree
 
 MEANS = """
@@ -95,7 +95,7 @@ def test_the_data_hold_the_surrogate_and_its_statistics():
         "c", chaos.statistics(), propagator="p", realisations=9, wall_time=0.1, children={"chaos": chaos.to_dataset()}
     )
     tree = study_tree([node], study="s", mechanism="m")
-    found = explorer_data(tree)
+    found = collect_explorer_data(tree)
     assert found["method"] == "c" and found["scalars"] is None and not found["missing"]
     assert (
         found["histories"]["mean"]["shape"] == [2, 33] and found["histories"]["surrogate"]["outputs"][0]["name"] == "x"
@@ -104,7 +104,7 @@ def test_the_data_hold_the_surrogate_and_its_statistics():
 
 def test_the_input_that_matters_most_comes_first(make_chaos):
     tree = study_tree([make_chaos("c", 3)], study="s", mechanism="m")
-    data = explorer_data(tree)
+    data = collect_explorer_data(tree)
     names = [one["name"] for one in data["histories"]["surrogate"]["inputs"]]
     statistics = tree["c/statistics"].to_dataset().sel(output="slider_x")
     weighted = (statistics["sobol_total"] * statistics["std"] ** 2).sum("time")
@@ -112,7 +112,7 @@ def test_the_input_that_matters_most_comes_first(make_chaos):
 
 
 def test_without_a_surrogate_there_is_a_reason(study):
-    assert "samples, but no surrogate" in explorer_data(study)["reason"]
+    assert "samples, but no surrogate" in collect_explorer_data(study)["reason"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 import uqmbd
 from uqmbd import report, results
-from uqmbd.report.live import explorer_data
+from uqmbd.report.live import collect_explorer_data
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute, Spherical
 from uqmbd_montecarlo import MonteCarlo
@@ -365,4 +365,4 @@ def test_results_without_motion_have_sliders_alone(opened, flat, tmp_path):
     page = opened(report.write_report(tree, tmp_path / "report.html"))
     slide(page, 0, "End")
     assert page.locator(".stage").count() == 0 and readings(page)["lowest"] < -0.5
-    assert explorer_data(tree)["method"] == "c"
+    assert collect_explorer_data(tree)["method"] == "c"

@@ -11,7 +11,7 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.report import motion
 from uqmbd.report.charts import json_script
-from uqmbd.report.live import player_data
+from uqmbd.report.live import collect_player_data
 from uqmbd.report.mechanisms import Film
 from uqmbd.report.mechanisms.sheet import Sheet, sheet_for
 from uqmbd.report.mechanisms.sketch import world
@@ -43,7 +43,7 @@ ALL = SHAPES + "answer = given.map((data) => JSON.stringify(drawn({ data }).sign
 
 def drawn(node, data):
     """What the page makes of poses."""
-    return node(["mechanism.js", "view.js"], ONE, {"data": json.loads(json_script(player_data(data)))})
+    return node(["mechanism.js", "view.js"], ONE, {"data": json.loads(json_script(collect_player_data(data)))})
 
 
 def signed(symbol, space="planar"):
@@ -97,7 +97,7 @@ def test_the_page_lays_strokes_where_python_does(node, space):
             )
             film = Film(data, 6.4, 100)
             sheet, points = sheet_for(film.bounds, 6.4, 4.6), world(data)[0, 1]
-            cases.append({"data": json.loads(json_script(player_data(data))), "radii": film.sketch.radii})
+            cases.append({"data": json.loads(json_script(collect_player_data(data))), "radii": film.sketch.radii})
             wanted.append([projected(stroke, sheet, points, film.sketch.radii) for stroke in film.strokes])
     found = node(["mechanism.js", "view.js"], LAID, {"wide": 6.4, "high": 4.6, "cases": cases})
     shown = 0
@@ -142,9 +142,9 @@ def test_points_are_where_python_has_them(node):
     np.testing.assert_allclose(np.array(found["where"]).reshape(world(data).shape), world(data), atol=1e-6)
     assert found["inside"] and found["high"] == pytest.approx(found["size"][1])
     assert found["ghosts"] == data.sizes["body"]
-    made = player_data(data)
+    made = collect_player_data(data)
     assert made["start"] == Film(data, 6.4, 100).widest and made["realisations"] == 4
-    assert player_data(data, most=data["pose"][0].size * 2)["realisations"] == 2
+    assert collect_player_data(data, most=data["pose"][0].size * 2)["realisations"] == 2
 
 
 @pytest.mark.thorough
@@ -166,7 +166,7 @@ SYMBOLS = ("contact", "wheel", "hinge", "ball", "universal", "weld", "slide", "c
 @pytest.mark.parametrize("space", ["planar", "spatial"])
 def test_every_symbol_has_a_sign_of_its_own(node, space):
     """No two look alike, but what has no sign, and in the plane what differs in space only."""
-    data = [json.loads(json_script(player_data(signed(symbol, space)))) for symbol in SYMBOLS]
+    data = [json.loads(json_script(collect_player_data(signed(symbol, space)))) for symbol in SYMBOLS]
     looks = dict(zip(SYMBOLS, node(["mechanism.js", "view.js"], ALL, data), strict=True))
     alike = {"constructor": "of a plugin <b>"}
     if space == "planar":
@@ -218,7 +218,7 @@ def test_hostile_names_stay_in_their_texts():
     body = mechanism.body("b<i>", mass=1, inertia=1)
     mechanism.add(Revolute("r&", mechanism.ground, body, (0, 0), (0, 0)))
     mechanism.output("x", body.position[0])
-    text = json_script(player_data(motion(uqmbd.Study("s", mechanism, [0, 1]), samples=0, frames=3)))
+    text = json_script(collect_player_data(motion(uqmbd.Study("s", mechanism, [0, 1]), samples=0, frames=3)))
     assert "<" not in text and json.loads(text)["mechanism"] == name
 
 

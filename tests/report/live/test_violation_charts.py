@@ -5,7 +5,7 @@ import xarray as xr
 
 from tests.report.live.pages import violation_data, violations_data
 from uqmbd import extend
-from uqmbd.report.charts import paper, unpacked
+from uqmbd.report.charts import draw_on_paper, unpacked
 from uqmbd.report.figures import worst_violations_chart
 
 TIMES = np.linspace(0, 2, 21)
@@ -88,7 +88,7 @@ def test_the_picture_has_decades_and_bars():
         ["o"], violation_probability=[1e-6], lower=[5e-7], upper=[2e-6], times=TIMES, violated_by=[probabilities]
     )
     chart = worst_violations_chart({"a": xr.DataTree.from_dict({"requirements": data}, name="a")})
-    axes = paper(chart).axes[0]
+    axes = draw_on_paper(chart).axes[0]
     bar, line = axes.lines
     places = axes.transData.transform(np.column_stack(line.get_data()))
     np.testing.assert_allclose(np.diff(places, n=2, axis=0), 0, atol=1e-6)

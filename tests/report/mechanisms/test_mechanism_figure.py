@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import uqmbd
 from uqmbd import report
-from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.mechanism.skeleton import collect_skeleton
 from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.canvas import canvas_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
@@ -182,7 +182,7 @@ def test_observed_points_are_read_back_from_outputs():
             made.output("point", body.point(local)[k])
             made.output("no point", body.point(local)[k] ** 2)
             made.output("speed", body.point_velocity(local)[k])
-            (mark,) = (m for m in skeleton(made) if m.kind == "observed")
+            (mark,) = (m for m in collect_skeleton(made) if m.kind == "observed")
             np.testing.assert_allclose([float(x) for x in mark.local], local, rtol=1e-9)
 
 
@@ -272,7 +272,7 @@ def test_a_wheel_is_a_circle_of_its_body():
     made = uqmbd.Mechanism("wheel", uqmbd.Planar())
     wheel = made.body("wheel", mass=1, inertia=1, position=(0, 0.3))
     made.add(RadialTyre("tyre", made.ground, wheel, (0, 0), 0 * distance, 0.3, 1e5))
-    mark = next(m for m in skeleton(made) if m.component == "tyre")
+    mark = next(m for m in collect_skeleton(made) if m.component == "tyre")
     assert (mark.body, mark.radius) == ("wheel", 0.3)
 
 

@@ -26,7 +26,7 @@ from uqmbd.report import error_cost
 from uqmbd.report.sections.about_methods.comparison import agreement
 from uqmbd.report.view import StudyResult
 from uqmbd.results.assessment import verdicts
-from uqmbd.results.assessment.distances import distances, ks_by_chance
+from uqmbd.results.assessment.distances import ks_by_chance, sample_distances
 from uqmbd.results.assessment.simultaneous import chance, curve_length, pointwise_level
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
@@ -227,7 +227,7 @@ def test_distances_against_scipy() -> None:
     """The distances of SciPy, for samples of different numbers with ties; Massart's bound."""
     rng = np.random.default_rng(1)
     one, other = rng.normal(size=300).round(1), rng.normal(0.3, 1.2, 170).round(1)
-    wasserstein, ks = distances(one, other)
+    wasserstein, ks = sample_distances(one, other)
     assert wasserstein == pytest.approx(scipy.stats.wasserstein_distance(one, other))
     assert ks == pytest.approx(scipy.stats.ks_2samp(one, other).statistic)
     assert scipy.stats.kstwo.sf(ks_by_chance([200, np.inf], 0.05), 200) == pytest.approx(0.05, abs=0.005)
@@ -244,7 +244,7 @@ def test_scipy_takes_longer_for_the_distances() -> None:
         return min(timeit.repeat(made, number=1, repeat=9))
 
     sold = seconds(lambda: (scipy.stats.wasserstein_distance(one, other), scipy.stats.ks_2samp(one, other).statistic))
-    assert sold > 1.5 * seconds(lambda: distances(one, other))
+    assert sold > 1.5 * seconds(lambda: sample_distances(one, other))
 
 
 def test_outputs_without_time() -> None:

@@ -13,7 +13,7 @@ from uqmbd.results.chaos.sampling import quantiles_of_rows
 from uqmbd.results.chaos.stated_error import (
     error_words,
     reference_spread,
-    stated_error,
+    compute_stated_error,
     stated_words,
     uncertainty_factor,
 )
@@ -37,7 +37,9 @@ def drawn(seed):
 
 def errors(surrogate, response, mean, std, weights):
     """Stated errors and their factors."""
-    return stated_error(surrogate, response, mean, std, weights), uncertainty_factor(surrogate - response, weights)
+    return compute_stated_error(surrogate, response, mean, std, weights), uncertainty_factor(
+        surrogate - response, weights
+    )
 
 
 def test_what_is_unknown_changes_no_other_time():

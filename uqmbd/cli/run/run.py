@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.cli.loading import loading
+from uqmbd.cli.garbage_collection import loading
 from uqmbd.cli.report import FIGURES, MOTION, POSES, keep_motion, open_report, write
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels
@@ -76,7 +76,7 @@ def run_study(
     begin = time.monotonic() if begin is None else begin
     chosen, allowed = choices(budget, accuracy), allowed_of(require, "--require")
     with nullcontext(progress) if progress is not None else shown_progress() as shown:
-        delivered = _run(
+        delivered = _run_and_write(
             script, only, settings, out, workers, shown, resume=resume, require=allowed, report=report,
             figures=figures, chosen=chosen,
         )  # fmt: skip
@@ -100,7 +100,7 @@ def run_study(
         raise SystemExit(UNMET)
 
 
-def _run(
+def _run_and_write(
     script: Path,
     only: Sequence[str],
     settings: Sequence[str],

@@ -22,11 +22,11 @@ from uqmbd.dynamics.assembly.dead_centre import (
     follow_here_only,
     singular_pose,
 )
-from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.least_norm import solve_least_norm
 from uqmbd.dynamics.assembly.programs import BODY_RATE, closed_poses, least_velocities
 from uqmbd.dynamics.assembly.rank import named
 from uqmbd.dynamics.assembly.start import Start
-from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
+from uqmbd.dynamics.assembly.undefined import REMEDY, describe_undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
@@ -140,7 +140,7 @@ def poses_by_iteration(
         a = (now["phi_q"][todo] / scale[todo][:, :, None])[:, used][:, :, free]
         r = residual[todo][:, used]
         move = np.zeros((len(todo), n))
-        move[:, free] = -least_norm(a, r, truncate=rows is None)
+        move[:, free] = -solve_least_norm(a, r, truncate=rows is None)
         # no body turns by more than about 0.6 rad in one iteration: beyond, the linearisation means nothing
         largest = (
             np.abs(move[:, quaternions.ravel()]).max(axis=1, initial=0.0) if quaternions.size else np.zeros(len(todo))
@@ -331,7 +331,7 @@ def _undetermined(
         moved = q + side * v / largest[:, None]
         rows, right, _ = _speed_equations(model, moved, s, time, parameters[which], all_parameters[which])
         left.append((right - (rows @ v[:, :, None])[:, :, 0]) / length)
-    change = least_norm(a[which] / length[:, :, None], (left[0] - left[1]) / (2 * SHIFT), truncate=True)
+    change = solve_least_norm(a[which] / length[:, :, None], (left[0] - left[1]) / (2 * SHIFT), truncate=True)
     off = POSITION_TOLERANCE * np.maximum(1.0, np.abs(q[:, : model.dimension]).max(axis=1, initial=0.0))
     lost = off * np.abs(change).max(axis=1) > DIGITS * largest
     return which[lost], given[which][lost]
@@ -343,7 +343,7 @@ def _stated(
     """Solve for `velocities` by singular values where equations are nearly dependent; say which contradict."""
     kept, (a, b, names) = model.layout.kept, _speed_equations(model, q, s, time, parameters, all_parameters)
     if len(names) == len(model.equations):
-        return least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
+        return solve_least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
     a, b, v, error = _least_contradicting(a, b)
     limit = np.maximum(LEAST_ROUNDED, ROUNDED * np.abs(b).max(axis=1, initial=0.0))
     v = _moved_onto(a[:, kept], b[:, kept], v)
@@ -395,7 +395,7 @@ def _least_contradicting(a: Array, b: Array) -> tuple[Array, Array, Array, Array
     scale = np.where(scale > 1e-12, scale, 1.0)
     a, b = a / scale[:, :, None], b / scale
     with np.errstate(all="ignore"):
-        v = least_norm(a, b, truncate=True)
+        v = solve_least_norm(a, b, truncate=True)
     return a, b, v, np.abs((a @ v[:, :, None])[:, :, 0] - b)
 
 
@@ -429,7 +429,7 @@ def _moved_onto(a: Array, b: Array, v: Array) -> Array:
     The second time what rounding left.
     """
     for _ in range(2):
-        v = v + least_norm(a, b - (a @ v[:, :, None])[:, :, 0], truncate=True)
+        v = v + solve_least_norm(a, b - (a @ v[:, :, None])[:, :, 0], truncate=True)
     return v
 
 
@@ -476,7 +476,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     else:
         a, multipliers, rates = accelerations(model, q, s, v, time, safe)
     for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
-        messages[k] = undefined(model, q[k], s[k], v[k], time, safe[k]) or singular_pose(
+        messages[k] = describe_undefined(model, q[k], s[k], v[k], time, safe[k]) or singular_pose(
             model, q[k], s[k], time, safe[k]
         )
     return Start(q, s, v, a, rates, multipliers, tuple(messages), outside)

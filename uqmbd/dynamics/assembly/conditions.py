@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.least_norm import solve_least_norm
 from uqmbd.dynamics.equations import Conditions, Model, state_arguments
 from uqmbd.typing import Array, Index, Mask
 
@@ -98,7 +98,7 @@ class _ConditionSearch:
             a = np.concatenate([d[:, self.rows], slope], axis=1)[:, :, self.free]
             r = np.concatenate([phi[:, self.rows], gap], axis=1)
             move = np.zeros_like(self.q[active])
-            move[:, self.free] = -least_norm(a, r, truncate=True)
+            move[:, self.free] = -solve_least_norm(a, r, truncate=True)
             largest = np.abs(move[:, self.turning]).max(axis=1, initial=0.0)
             move /= np.maximum(1.0, largest / TURN)[:, None]
             active = active[self._advance(active, move, np.linalg.norm(gap, axis=1))]
@@ -145,7 +145,7 @@ class _ConditionSearch:
             phi, d = self._constraints(members, q, s)
             if not (np.abs(phi[:, self.closing]).max(axis=1, initial=0.0) > 0.1 * CLOSED * self.size).any():
                 break
-            q[:, self.free] -= least_norm(d[:, self.rows][:, :, self.free], phi[:, self.rows], truncate=True)
+            q[:, self.free] -= solve_least_norm(d[:, self.rows][:, :, self.free], phi[:, self.rows], truncate=True)
             s = self._carried(members, q)
         phi, _ = self._constraints(members, q, s)
         off = np.abs(phi[:, self.closing]).max(axis=1, initial=0.0)
@@ -193,7 +193,7 @@ class _ConditionSearch:
             # within the constraints: elsewhere angles mean nothing
             d = self._constraints(some, q, s)[1][:, self.rows]
             direction = random.standard_normal(q.shape)
-            direction -= least_norm(d, (d @ direction[:, :, None])[:, :, 0], truncate=True)
+            direction -= solve_least_norm(d, (d @ direction[:, :, None])[:, :, 0], truncate=True)
             change = self._stated(some, q + h * direction) - self._stated(some, q - h * direction)
             change = (change - 2 * np.pi * np.round(change / (2 * np.pi))) / (2 * h)
             rate = self._change(some, q, s, direction)
@@ -243,5 +243,5 @@ class _ConditionSearch:
         q, s = self.q[one], self.s[one]
         d = self._constraints(one, q, s)[1][:, self.rows][:, :, self.free]
         slope = self._gaps(one, q, s)[1][:, condition, self.free]
-        within = slope - least_norm(d, (d @ slope[:, :, None])[:, :, 0], truncate=True)
+        within = slope - solve_least_norm(d, (d @ slope[:, :, None])[:, :, 0], truncate=True)
         return bool(np.linalg.norm(within) < 1e-6)

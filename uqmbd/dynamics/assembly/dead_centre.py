@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.least_norm import solve_least_norm
 from uqmbd.dynamics.assembly.rank import gradient, joints, named
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array, Index
@@ -192,7 +192,7 @@ def follow_here_only(model: Model, q: Array, time: float, parameters: Array) -> 
                     found |= set(left[np.abs(phi[left]) > 1e-7 * size].tolist())
                     break
                 a, _ = _scaled(model, moved, time, parameters)
-                moved[free] -= least_norm(a[None, kept][:, :, free], phi[None, kept], truncate=True)[0]
+                moved[free] -= solve_least_norm(a[None, kept][:, :, free], phi[None, kept], truncate=True)[0]
     return np.array(sorted(found), dtype=np.int64)
 
 

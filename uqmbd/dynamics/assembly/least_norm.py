@@ -9,10 +9,10 @@ import numpy as np
 from uqmbd.dynamics.linear import RANK_TOLERANCE
 from uqmbd.typing import Array
 
-__all__ = ["least_norm"]
+__all__ = ["solve_least_norm"]
 
 
-def least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
+def solve_least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
     """Least-squares solution of smallest norm of ``a x = r``, for each realisation.
 
     With `truncate` singular values that are small count as zero; without, rows are known to be independent, and

@@ -7,7 +7,7 @@ import numpy as np
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array
 
-__all__ = ["REMEDY", "ahead", "undefined"]
+__all__ = ["REMEDY", "ahead", "describe_undefined"]
 
 
 REMEDY = "Look for divisions by zero, and for roots, logarithms and powers outside of their range."
@@ -16,7 +16,7 @@ AHEAD = (1e-9, 1e-6, 1e-4)
 """Parts of the rest of the time in which an integration that stopped may have looked ahead."""
 
 
-def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
+def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
     """Say which equation or force of one realisation is not a finite number in a state; empty if all are."""
     states, own = state_arguments(time, q[None], s[None], v[None]), parameters[None]
     at = f"at t = {time:.6g} s"
@@ -49,6 +49,6 @@ def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, f
     """Say what ceases to be a number after an integration stopped; `span`: when it did, and where it was to go, s."""
     now, end = span
     for part in AHEAD:
-        if told := undefined(model, *states, now + part * (end - now), parameters):
+        if told := describe_undefined(model, *states, now + part * (end - now), parameters):
             return told
     return ""

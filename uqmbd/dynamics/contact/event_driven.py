@@ -21,7 +21,7 @@ from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
-from uqmbd.dynamics.contact.single_impacts import single_impacts
+from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
 from uqmbd.dynamics.integration import Pace, explicit_method, legs_of_members, speed_jumps
 from uqmbd.typing import Array, Index, Mask
 
@@ -280,7 +280,7 @@ class EventDrivenMotion:
         some = np.flatnonzero(possible)
         if not len(some):
             return possible
-        impulse, after, solved = single_impacts(contacts.select(some), events[some])
+        impulse, after, solved = solve_single_impacts(contacts.select(some), events[some])
         before, self.chatter.fastest[members[some]] = self.chatter.fastest[members[some]], fastest[some]
         slow = self.chatter.slow(members[some])
         good = solved & (approach[some] > slow) & (after > slow)

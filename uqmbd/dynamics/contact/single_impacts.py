@@ -14,10 +14,10 @@ from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.impacts import FED
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["single_impacts"]
+__all__ = ["solve_single_impacts"]
 
 
-def single_impacts(contacts: ContactQuantities, events: Index) -> tuple[Array, Array, Mask]:
+def solve_single_impacts(contacts: ContactQuantities, events: Index) -> tuple[Array, Array, Mask]:
     """Solve for impulses (T, direction) at one approaching contact, `events` (T,), of each of T states.
 
     The states are those right before impact.  Return impulses, normal speeds afterwards (T,), and a mask (T,) of the

@@ -171,11 +171,11 @@ def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
     key = (type(component), space.name, kinds, len(bodies), pattern)
     if key not in known:
-        known[key] = _block(component, space, bodies, kinds, values, counted, len(parameters), len(held))
+        known[key] = _build_block(component, space, bodies, kinds, values, counted, len(parameters), len(held))
     return Instance(component, known[key], tuple(bodies), tuple(parameters), held)
 
 
-def _block(
+def _build_block(
     component: Component,
     space: Space,
     bodies: list[Body],

@@ -19,7 +19,7 @@ from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
 from uqmbd.dynamics.integration.steps import path_through, settled
-from uqmbd.dynamics.integration.sundials import solve, sundials
+from uqmbd.dynamics.integration.sundials import import_sundials, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
 __all__ = [
@@ -57,7 +57,7 @@ __all__ = [
     "times_between",
     "stopped",
     "stops",
-    "sundials",
+    "import_sundials",
     "timed",
     "timed_tables",
 ]

@@ -25,7 +25,7 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["LARGEST", "SundialsSolution", "solve", "sundials"]
+__all__ = ["LARGEST", "SundialsSolution", "import_sundials", "solve"]
 
 
 LARGEST = 1e100
@@ -36,7 +36,7 @@ TOO_MUCH_WORK = -1
 """IDA_TOO_MUCH_WORK, a status of IDA."""
 
 
-def sundials() -> ModuleType:
+def import_sundials() -> ModuleType:
     """Import the module of IDA; without scikit-sundae this is a `uqmbd.StudyError`."""
     try:
         import sksundae.ida
@@ -116,7 +116,7 @@ def solve(
     if not (np.isfinite(y).all() and largest <= LARGEST):
         what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
         return SundialsSolution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
-    ida = sundials().IDA
+    ida = import_sundials().IDA
     callbacks, said = _Callbacks(), io.StringIO()
     options = dict(options)
     if "jacfn" in options:

@@ -1,7 +1,7 @@
 """Who integrates: the protocol of integrators, those of the core, and what every result is held against."""
 
 from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
-from uqmbd.dynamics.integrators.integrate import (
+from uqmbd.dynamics.integrators.dispatch import (
     built_in_names,
     integrate,
     integrator_class,

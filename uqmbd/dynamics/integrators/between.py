@@ -205,7 +205,7 @@ def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Reco
         return path, np.zeros((len(states), 2, 1))
     coarse = path_through(grid[::2], states[:, ::2], None, members)
     shape = (len(states), -1, len(PLACES), states.shape[2])
-    middle = _between(coarse.states.reshape(shape), 0.5)
+    middle = _interpolate(coarse.states.reshape(shape), 0.5)
     scale = ENOUGH * rtol * np.maximum(np.abs(states).max(axis=1), 1e-3)[:, None]
     wrong = (np.abs(middle - states[:, 1::2]) / scale).max(axis=2)
     bad = np.repeat(~(wrong <= 1.0), 2, axis=1)
@@ -220,7 +220,7 @@ def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Reco
     return path._replace(states=values.reshape(path.states.shape)), np.stack([unresolved, surprise], axis=1)
 
 
-def _between(states: Array, part: float) -> Array:
+def _interpolate(states: Array, part: float) -> Array:
     """Value of polynomials at a part of each step, by barycentric interpolation."""
     weights = np.where(np.arange(len(PLACES)) % 2, -1.0, 1.0) / (part - PLACES)
     weights[[0, -1]] *= 0.5

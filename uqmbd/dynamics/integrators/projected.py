@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.arguments import typechecked
 from uqmbd.dynamics.integration import position_jumps
-from uqmbd.dynamics.integrators.integrate import integrator_class, require, require_for
+from uqmbd.dynamics.integrators.dispatch import integrator_class, require, require_for
 from uqmbd.dynamics.integrators.protocol import capabilities_of
 from uqmbd.dynamics.integrators.sampled import projected_in_samples
 from uqmbd.dynamics.projection import (

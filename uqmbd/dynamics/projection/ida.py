@@ -11,12 +11,12 @@ import numpy as np
 from uqmbd.dynamics.integration import (
     RELAXED,
     diagnosis,
+    import_sundials,
     instant,
     pace,
     solve,
     step_limits,
     step_tolerance,
-    sundials,
     times_between,
 )
 from uqmbd.dynamics.projection.ensemble import ProjectedEquations
@@ -83,7 +83,7 @@ class CoefficientJacobian:
             one[self.rows, self.columns] = 1.0
             pattern = sparse.csc_matrix(np.kron(np.ones((self.terms, self.terms)), one))
             return {"linsolver": "sparse", "jacfn": self._sparse, "sparsity": pattern}
-        ida = sundials()
+        ida = import_sundials()
         return {
             "linsolver": "gmres",
             "krylov_dim": 12,

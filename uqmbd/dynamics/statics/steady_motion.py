@@ -1,7 +1,7 @@
 """Steady motions of realisations: every body goes on as on a screw, and the mechanism keeps its shape.
 
-The pose is found by Newton's method: velocities follow from a pose by `steady_speeds`, accelerations from these along
-the motion, and the forces that are not balanced then, within the constraints, are to vanish.  What was found is
+Newton's method finds the pose: velocities follow from a pose by `solve_steady_speeds`, accelerations from these along
+the motion, and the residual forces within the constraints must vanish.  What was found is
 accepted only where it is a steady motion to rounding: each body turns with a frame of constant angular velocity,
 
     omega' = W x omega        r'' = U x r'
@@ -23,7 +23,7 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import apply
 from uqmbd.dynamics.statics.screws import Screws, screws_of
-from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, steady_speeds
+from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, solve_steady_speeds
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["SteadyMotions", "steady_motions"]
@@ -267,7 +267,7 @@ def _search(
             if moved.all():
                 break
         active, force, scale = active[moved], force[moved], scale[moved]
-    return q, s, steady_speeds(model, q, s, model.time, parameters, order), messages
+    return q, s, solve_steady_speeds(model, q, s, model.time, parameters, order), messages
 
 
 def _pseudo(matrices: Array, smallest: float) -> Array:
@@ -283,11 +283,11 @@ def _tangents(gradient: Array) -> Array:
 def _unbalanced(model: Model, q: Array, s: Array, parameters: Array, order: tuple[str, ...]) -> tuple[Array, Array]:
     """Find the forces that are not balanced within the constraints, (K, n), and the sizes of forces and inertia."""
     time, ends = model.time, []
-    v = steady_speeds(model, q, s, time, parameters, order)
+    v = solve_steady_speeds(model, q, s, time, parameters, order)
     h = SPAN / max(_fastest(model, q, v), 1e-3)
     for part in (-2, -1, 1, 2):
         x, y = flow(model, q, s, time, parameters, order, part * h)
-        ends.append(steady_speeds(model, x, y, time + part * h, parameters, order))
+        ends.append(solve_steady_speeds(model, x, y, time + part * h, parameters, order))
     wanted = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
     found = model.evaluate("acceleration", state_arguments(time, q, s, v), parameters)
     inertia = apply(found["mass"], wanted)

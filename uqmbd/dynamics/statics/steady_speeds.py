@@ -14,7 +14,7 @@ from uqmbd.dynamics.assembly import statement_rows
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array
 
-__all__ = ["ORDERS", "flow", "steady_speeds", "twists"]
+__all__ = ["ORDERS", "flow", "solve_steady_speeds", "twists"]
 
 
 ORDERS = (("bodies", "ground"), ("ground", "bodies"))
@@ -66,7 +66,9 @@ def _relative(model: Model, q: Array, *, ground: bool) -> Array:
     return np.concatenate(blocks, axis=1) if blocks else np.zeros((count, 0, n))
 
 
-def steady_speeds(model: Model, q: Array, s: Array, time: float, parameters: Array, order: tuple[str, ...]) -> Array:
+def solve_steady_speeds(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, order: tuple[str, ...]
+) -> Array:
     """Return velocities (K, n) at poses (K, n), by the rule of this module; `order` is one of `ORDERS`, time in s."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     kept = model.layout.kept
@@ -107,7 +109,7 @@ def flow(
     """Follow the velocities of the rule for a step of time (Runge-Kutta of order 4); coordinates and states there."""
 
     def slope(x: Array, y: Array, at: float) -> tuple[Array, Array]:
-        v = steady_speeds(model, x, y, at, parameters, order)
+        v = solve_steady_speeds(model, x, y, at, parameters, order)
         values = model.evaluators["acceleration"](state_arguments(at, x, y, v), parameters)
         return v, model.result("acceleration", "s", values)
 

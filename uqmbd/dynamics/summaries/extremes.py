@@ -7,7 +7,7 @@ import numpy as np
 from uqmbd.dynamics.summaries.resolved import SHARE, StepParts
 from uqmbd.typing import Array
 
-__all__ = ["SAME", "extremes"]
+__all__ = ["SAME", "find_extremes"]
 
 
 EQUAL = 1e-14
@@ -19,7 +19,7 @@ SAME = 10.0
 of peaks one after the other differ by several of them."""
 
 
-def extremes(parts: StepParts, tolerance: Array, column: int, sign: float) -> tuple[Array, Array]:
+def find_extremes(parts: StepParts, tolerance: Array, column: int, sign: float) -> tuple[Array, Array]:
     """Return the largest (sign 1) or smallest (-1) value of an output, and its time, s, of each realisation: (R,) each.
 
     Of several values that agree within `SAME` tolerances of the integration it is the first.  The parts are resolved;

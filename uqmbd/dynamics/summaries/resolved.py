@@ -19,7 +19,7 @@ from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.summaries.motion import SteppedMotion
 from uqmbd.typing import Array, Index
 
-__all__ = ["SHARE", "StepParts", "TimedOutputs", "part_table", "resolved", "values_at"]
+__all__ = ["SHARE", "StepParts", "TimedOutputs", "part_table", "resolve_outputs", "values_at"]
 
 
 SHARE = 0.02
@@ -137,7 +137,7 @@ def part_table(outputs: OutputMap, rtol: float, needs: Sequence[Need]) -> PartTa
     return PartTable(len(outputs.names), needs, max(SHARE * rtol, ROUNDING))
 
 
-def resolved(
+def resolve_outputs(
     motion: SteppedMotion,
     outputs: OutputMap,
     table: PartTable,

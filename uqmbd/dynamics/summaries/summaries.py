@@ -18,9 +18,9 @@ from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.summaries.domain import Domain, domain_map, not_finite_since, outside_since, unresolved
-from uqmbd.dynamics.summaries.extremes import SAME, extremes
+from uqmbd.dynamics.summaries.extremes import SAME, find_extremes
 from uqmbd.dynamics.summaries.motion import motion_of
-from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, part_table, resolved, values_at
+from uqmbd.dynamics.summaries.resolved import SHARE, StepParts, part_table, resolve_outputs, values_at
 from uqmbd.mechanism import Output, Summary
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
@@ -171,7 +171,7 @@ def summarised(
             kind, column = seen.kinds[k], seen.columns[k]
             if kind in _EXTREMES:
                 sign, which = _EXTREMES[kind]
-                values = extremes(parts, allowed, column, sign)[which]
+                values = find_extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
                 values = first_times(parts, column)
                 lost = np.where(values < lost, np.inf, lost)  # what comes later does not count
@@ -293,10 +293,10 @@ def _resolve(
         motion = motion_of(batch, trajectories.path, members[rows], trajectories.times[0], trajectories.states[:, 0])
         outside = None
         if domain.parts is not None and around is not None:
-            limits = resolved(motion, domain.parts, around)
+            limits = resolve_outputs(motion, domain.parts, around)
             outside = outside_since(motion, outputs, columns, domain, limits, around.allowed)
         since = None if outside is None else outside.min(axis=1)
-        parts = resolved(motion, outputs, table, domain.timed, since)
+        parts = resolve_outputs(motion, outputs, table, domain.timed, since)
         there = np.searchsorted(members[rows], parts.owner[parts.first])
         since = np.stack([not_finite_since(parts, column) for column in columns], axis=1)
         since = since if outside is None else np.minimum(since, outside)

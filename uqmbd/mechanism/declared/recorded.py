@@ -15,7 +15,7 @@ from uqmbd.mechanism.expressions import check_dimensions, check_scalar, flatten,
 from uqmbd.mechanism.geometry import Frame
 from uqmbd.names import check_name, check_units, did_you_mean
 
-__all__ = ["output_of", "recorded"]
+__all__ = ["output_of", "require_recordable"]
 
 
 def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, angle: Any, over: Any) -> Output:
@@ -23,7 +23,7 @@ def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, a
     where = f"output {check_name(name, 'output')!r}"
     if name in mechanism.outputs or name in mechanism.scalars:
         raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
-    value = recorded(where, expression)
+    value = require_recordable(where, expression)
     if not value.free_symbols:
         raise StudyError(
             f"{where}: the expression is the constant {value}; it depends on nothing. "
@@ -51,7 +51,7 @@ def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, a
     return Output(name, value, units, TURNS[units] if angle else 0.0, beside)
 
 
-def recorded(where: str, expression: Any) -> sympy.Expr:
+def require_recordable(where: str, expression: Any) -> sympy.Expr:
     """Return what an output records, or say what to write instead."""
     if isinstance(expression, Frame):
         name = getattr(expression, "name", "body")

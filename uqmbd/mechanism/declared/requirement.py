@@ -11,7 +11,7 @@ import sympy
 from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.declared.output import Output
-from uqmbd.mechanism.declared.recorded import recorded
+from uqmbd.mechanism.declared.recorded import require_recordable
 from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import (
     EventTime,
@@ -93,7 +93,7 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     if mark := unwritable(description):
         raise StudyError(f"{where}: the description is {shown(description)}; it cannot contain {mark}.")
     margin = _over_time(_margin(where, relation))
-    value = recorded(where, margin)
+    value = require_recordable(where, margin)
     if not value.free_symbols:
         raise StudyError(f"{where}: the relation {relation} holds no quantity of the mechanism, nor a random variable.")
     if value.free_symbols == {t}:

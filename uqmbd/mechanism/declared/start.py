@@ -11,7 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
 from uqmbd.mechanism.declared.holonomic import RATES
-from uqmbd.mechanism.declared.recorded import recorded
+from uqmbd.mechanism.declared.recorded import require_recordable
 from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown, units_of
 from uqmbd.units import without_quantities
@@ -85,7 +85,7 @@ def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Ex
         if value is None:
             raise StudyError(f"{where} was given {shown(condition)} without a value; {USAGE}.")
         left, right = condition, value
-    expression = recorded(where, left)
+    expression = require_recordable(where, left)
     right = without_quantities(f"{where}: the value", right, units_of(expression))
     if len(flatten(right)) != 1:
         raise StudyError(

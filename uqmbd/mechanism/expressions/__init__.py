@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
-from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.summaries import (
     Final,

@@ -10,9 +10,9 @@ from uqmbd.propagation.chaos.clock_choice import (
     watched_angles,
 )
 from uqmbd.propagation.chaos.clocks import Clock, Phases
-from uqmbd.propagation.chaos.dense import Dense, dense
-from uqmbd.propagation.chaos.doubts import Doubt, doubts, errors_over_largest, varying
+from uqmbd.propagation.chaos.dense_output import Dense, dense
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
+from uqmbd.propagation.chaos.exceedances import Exceedance, errors_over_largest, find_exceedances, varying
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
 from uqmbd.propagation.chaos.surrogate_check import warn_of_surrogates
 from uqmbd.propagation.chaos.verification import Verification, VerificationPoints
@@ -20,7 +20,7 @@ from uqmbd.propagation.chaos.verification import Verification, VerificationPoint
 __all__ = [
     "Clock",
     "Dense",
-    "Doubt",
+    "Exceedance",
     "ElementLimits",
     "ElementRefinement",
     "NodeFit",
@@ -30,7 +30,7 @@ __all__ = [
     "choose_clock",
     "clock_at_means",
     "dense",
-    "doubts",
+    "find_exceedances",
     "errors_over_largest",
     "fit_nodes",
     "refine_elements",

@@ -13,7 +13,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism
 from uqmbd.propagation.chaos.clocks import TURN, Clock
-from uqmbd.propagation.chaos.dense import Dense, dense
+from uqmbd.propagation.chaos.dense_output import Dense, dense
 from uqmbd.propagation.problem import Problem
 
 __all__ = ["choose_clock", "clock_at_means", "require_clock", "require_outputs_over_time", "watched_angles"]

@@ -15,7 +15,7 @@ import numpy as np
 
 from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.propagation.chaos.dense import Dense, spline_through
+from uqmbd.propagation.chaos.dense_output import Dense, spline_through
 from uqmbd.propagation.chaos.swings import Swing, passing
 from uqmbd.typing import Array, Mask
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.convergence.converge import converge
 from uqmbd.propagation.convergence.node import check_convergence_of, with_convergence
+from uqmbd.propagation.convergence.option_levels import converge
 
 __all__ = [
     "check_convergence_of",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated
 from uqmbd.progress import Progress
-from uqmbd.propagation.convergence.converge import check_convergence, converge
+from uqmbd.propagation.convergence.option_levels import check_convergence, converge
 from uqmbd.propagation.execution import FOLDER
 from uqmbd.propagation.methods import Studied
 from uqmbd.results.storage import WITHIN

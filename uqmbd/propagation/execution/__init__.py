@@ -14,7 +14,7 @@ from uqmbd.propagation.execution.chunks import (
 )
 from uqmbd.propagation.execution.cost import CostClock, Spending, machine_attribute, solver_counters
 from uqmbd.propagation.execution.histories import History, event_histories
-from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.in_order import run_in_order
 from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, ChunkStore, Known, fingerprint
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.realisations import (
@@ -59,7 +59,7 @@ __all__ = [
     "event_histories",
     "executor_for",
     "fingerprint",
-    "in_order",
+    "run_in_order",
     "integrated_by",
     "late_outputs",
     "log_realisations",

@@ -33,7 +33,7 @@ from uqmbd.propagation.execution.transport import (
     versions,
 )
 
-__all__ = ["in_order"]
+__all__ = ["run_in_order"]
 
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
@@ -57,7 +57,7 @@ TICK = 0.25
 """Seconds between looks whether a piece is late, at most."""
 
 
-def in_order(
+def run_in_order(
     pieces: Sequence[Piece],
     executor: Executor | None,
     known: Callable[[Piece], Result | None],

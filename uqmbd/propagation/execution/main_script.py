@@ -22,7 +22,7 @@ from typing import Any
 
 from uqmbd.errors import StudyError
 
-__all__ = ["Script", "adopt", "main_script", "refuse_workers_of_workers", "spawning"]
+__all__ = ["Script", "adopt", "find_main_script", "refuse_workers_of_workers", "spawning"]
 
 _NAME = "__mp_main__"
 """Under which `multiprocessing` imports the main script; a guard ``if __name__ == "__main__":`` then does not hold."""
@@ -42,7 +42,7 @@ class _ScriptEnds(SystemExit):
     """A worker has imported the script as far as the line that started the work: the rest is not its business."""
 
 
-def main_script() -> Script | None:
+def find_main_script() -> Script | None:
     """Return the main script of this process; None where there is none, as in a notebook."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)

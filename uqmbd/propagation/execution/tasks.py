@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics import Model
 from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution.cost import CostClock
-from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.in_order import run_in_order
 from uqmbd.propagation.execution.kept import Checkpoint
 from uqmbd.propagation.execution.transport import Packed
 from uqmbd.threads import one_thread
@@ -60,7 +60,7 @@ def run_tasks(
             "it happens."
         )
 
-    return in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep, lost)
+    return run_in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep, lost)
 
 
 def _call(function: Callable[..., Arrays], packed: Packed, task: tuple[Any, ...]) -> Arrays:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import IntegrationError, StudyError
-from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
+from uqmbd.propagation.execution.main_script import Script, adopt, find_main_script, refuse_workers_of_workers, spawning
 from uqmbd.propagation.execution.parent import end_with_parent
 from uqmbd.propagation.execution.transport import Processes
 
@@ -180,7 +180,7 @@ def _start_process() -> tuple[ProcessPoolExecutor, Any]:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     context = spawning()
     started = context.Value("q", 0)
-    start = (started, main_script())
+    start = (started, find_main_script())
     return ProcessPoolExecutor(1, mp_context=context, initializer=_start, initargs=start), started
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.propagation.methods.estimate import Estimate, Sizing, readable
 from uqmbd.propagation.methods.propagator import Propagator, check_propagators, labelled
-from uqmbd.propagation.methods.run_method import obstacle_of, run_method
+from uqmbd.propagation.methods.running import obstacle_of, run_method
 from uqmbd.propagation.methods.studied import Studied
 
 __all__ = [

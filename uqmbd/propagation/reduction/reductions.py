@@ -16,9 +16,9 @@ from uqmbd.propagation.execution import (
     Chunk,
     Kind,
     Packed,
-    in_order,
     log_realisations,
     lost_chunk,
+    run_in_order,
 )
 from uqmbd.propagation.problem_data import ProblemData
 from uqmbd.propagation.reduction.reduced import (
@@ -141,7 +141,7 @@ class Reductions:
         asked = begin
         pieces = Pieces(values, size)
         workers = runner.workers(problem)
-        answers = in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
+        answers = run_in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
         # where a budget ends it, what workers have finished is kept at once
         with closing(answers):
             for piece, answer in zip(pieces, answers, strict=True):

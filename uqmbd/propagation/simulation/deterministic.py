@@ -21,9 +21,9 @@ from uqmbd.errors import (
 from uqmbd.names import checked
 from uqmbd.propagation.integration_error import LONG_NAME, deviation, tighter
 from uqmbd.propagation.observed_model import (
+    build_observed_model,
     finding_attributes,
     not_unique_attribute,
-    observed_model,
     refuse_jumps,
     step_attributes,
     warn_of,
@@ -128,7 +128,7 @@ def simulate(
         raise StudyError(f"{where}: {refusal('check', check, bool)}")
     point = input_point(where, mechanism, values)
     longest, added = check_max_step(max_step, where), check_breaks(breaks, where)
-    model = observed_model(mechanism, float(grid[0]), start, longest, added)
+    model = build_observed_model(mechanism, float(grid[0]), start, longest, added)
     warn_of(model, stacklevel=3)
     require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))

@@ -10,7 +10,7 @@ import numpy as np
 from uqmbd.arguments import fits, shown
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
-from uqmbd.propagation.observed_model import observed_model, warn_of
+from uqmbd.propagation.observed_model import build_observed_model, warn_of
 from uqmbd.propagation.simulation.deterministic import input_point, variables_of
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def static_equilibrium(
 
     where = f"static_equilibrium {_named(mechanism, 'static_equilibrium')!r}"
     point = input_point(where, mechanism, values)
-    model = observed_model(mechanism, _moment(time, where))
+    model = build_observed_model(mechanism, _moment(time, where))
     warn_of(model, stacklevel=3)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     found = _found(mechanism, ensemble)
@@ -179,7 +179,7 @@ def _any_model(mechanism: Mechanism, time: float) -> Model:
     from uqmbd.dynamics import build
 
     if mechanism.outputs:
-        model = observed_model(mechanism, time)
+        model = build_observed_model(mechanism, time)
         warn_of(model, stacklevel=4)
         return model
     return mechanism.remembered(("model without outputs", time), lambda: build(mechanism, time))

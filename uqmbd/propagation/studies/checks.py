@@ -18,7 +18,7 @@ from uqmbd.mechanism import Mechanism
 from uqmbd.propagation.inputs import POINTS, affordable, existence_of, unused_inputs
 from uqmbd.propagation.methods import Studied
 from uqmbd.propagation.observed_model import warned_elsewhere
-from uqmbd.propagation.studies.run_methods import planned
+from uqmbd.propagation.studies.outcome import planned
 
 __all__ = ["findings", "ranges", "warned_findings", "warning_of"]
 
@@ -99,9 +99,9 @@ def warned_findings(study: Studied, stacklevel: int) -> list[Finding]:
 
 def ranges(study: Studied) -> tuple[Finding, ...]:
     """Find the numbers that leave their range, or change their sign, in realisations that are to be expected."""
-    from uqmbd.dynamics import range_findings, risks
+    from uqmbd.dynamics import find_risks, range_findings
 
-    found = study.mechanism.remembered("risks", lambda: risks(study.mechanism))
+    found = study.mechanism.remembered("risks", lambda: find_risks(study.mechanism))
     return range_findings(found, planned(study, study.propagators)) if found else ()
 
 

@@ -27,7 +27,7 @@ from uqmbd.propagation.execution import opened, pool
 from uqmbd.propagation.inputs import existence_of
 from uqmbd.propagation.methods import Propagator, check_propagators, labelled, run_method
 from uqmbd.propagation.observed_model import (
-    observed_model,
+    build_observed_model,
     refuse_jumps,
     warn_once,
     warned_elsewhere,
@@ -44,7 +44,7 @@ from uqmbd.propagation.options import (
     check_times,
 )
 from uqmbd.propagation.studies.checks import ranges, warned_findings
-from uqmbd.propagation.studies.run_methods import joined, run_methods
+from uqmbd.propagation.studies.outcome import joined, run_methods
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -219,7 +219,7 @@ class Study:
         return self._compiled[1]
 
     def _observed(self, mechanism: Mechanism) -> Model:
-        return observed_model(mechanism, float(self.times[0]), self.start, self.max_step, self.breaks)
+        return build_observed_model(mechanism, float(self.times[0]), self.start, self.max_step, self.breaks)
 
     def _made(self) -> Model:
         from uqmbd.dynamics import Ensemble, require_for
@@ -296,7 +296,9 @@ class Study:
             model=self.model,
             watched=self._watched(propagator),
             existence=self.mechanism.remembered("existence", lambda: existence_of(self.mechanism)),
-            runner=Runner(executor, told(progress), Checkpoint(folder, propagator.node_name) if folder else None),
+            runner=Runner(
+                executor, told(progress), Checkpoint(folder, propagator.node_name) if folder else None
+            ),
         )
 
     def _watched(self, propagator: Propagator) -> Model | None:

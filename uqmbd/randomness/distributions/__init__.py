@@ -6,17 +6,17 @@ Those of other packages are adopted: they become distributions of chaospy.
 from __future__ import annotations
 
 from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
-from uqmbd.randomness.distributions.adopted import adopted, distribution_of
+from uqmbd.randomness.distributions.adopted import adopt_distribution, distribution_of
 from uqmbd.randomness.distributions.decomposed import AffineDistribution, is_dependent
 from uqmbd.randomness.distributions.sound import flaw_of
-from uqmbd.randomness.distributions.tabulated import tabulated
+from uqmbd.randomness.distributions.table_functions import tabulated
 from uqmbd.randomness.distributions.tails import FEWEST, Tail, heaviest_tail, tail_of
 
 __all__ = [
     "FEWEST",
     "AffineDistribution",
     "Tail",
-    "adopted",
+    "adopt_distribution",
     "distribution_about",
     "distribution_of",
     "flaw_of",

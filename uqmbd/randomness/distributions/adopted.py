@@ -15,7 +15,7 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions.sources import DistributionSource, Frozen, Infrastructure, OpenTurns
 
-__all__ = ["adopted", "distribution_of"]
+__all__ = ["adopt_distribution", "distribution_of"]
 
 
 PROBE = np.array([1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
@@ -53,7 +53,7 @@ FAMILIES: Mapping[str, Callable[[Any, Parameters], Any]] = {
 """Families with classical polynomials, or that are functions of a normal variable, by their names in each package."""
 
 
-def adopted(where: str, distribution: Any) -> Any:
+def adopt_distribution(where: str, distribution: Any) -> Any:
     """Return a distribution of scipy.stats or OpenTURNS as one of chaospy; any other argument unchanged.
 
     Those of scipy.stats are frozen, or of its new infrastructure. `where` stands before messages. Raise StudyError for
@@ -61,9 +61,11 @@ def adopted(where: str, distribution: Any) -> Any:
     that chaospy does not know.
 
     >>> import scipy.stats
-    >>> adopted("here", scipy.stats.norm(0.15, 0.003)), adopted("here", scipy.stats.weibull_min(2, scale=3))
-    (Normal(mu=0.15, sigma=0.003), scipy.stats.weibull_min(2, scale=3))
-    >>> adopted("here", "normal")
+    >>> adopt_distribution("here", scipy.stats.norm(0.15, 0.003))
+    Normal(mu=0.15, sigma=0.003)
+    >>> adopt_distribution("here", scipy.stats.weibull_min(2, scale=3))
+    scipy.stats.weibull_min(2, scale=3)
+    >>> adopt_distribution("here", "normal")
     'normal'
     """
     kind = distribution if isinstance(distribution, type) else type(distribution)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uqmbd.typing import Array
 
-__all__ = ["ACCURACY", "Inverted", "inverted"]
+__all__ = ["ACCURACY", "Inverted", "invert_distribution"]
 
 
 ACCURACY = 1e-10
@@ -75,7 +75,7 @@ class Inverted:
         return found
 
 
-def inverted(
+def invert_distribution(
     density: Callable[[Array], Array], cdf: Callable[[Array], Array], support: tuple[float, float], quartiles: Array
 ) -> Inverted | None:
     """Return a table of the quantiles of a distribution.
@@ -87,7 +87,7 @@ def inverted(
 
     >>> import scipy.stats
     >>> normal = scipy.stats.norm()
-    >>> table = inverted(normal.pdf, normal.cdf, normal.support(), normal.ppf([0.25, 0.5, 0.75]))
+    >>> table = invert_distribution(normal.pdf, normal.cdf, normal.support(), normal.ppf([0.25, 0.5, 0.75]))
     >>> u = np.array([1e-30, 1e-9, 0.3, 0.5, 1 - 1e-12])
     >>> bool(np.abs(table.quantile(u) - normal.ppf(u)).max() < 1e-12)
     True

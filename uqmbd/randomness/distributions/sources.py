@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from uqmbd import logs
-from uqmbd.randomness.distributions.inverted import Inverted, inverted
+from uqmbd.randomness.distributions.inverted import Inverted, invert_distribution
 from uqmbd.typing import Array
 
 __all__ = ["Frozen", "Infrastructure", "OpenTurns", "DistributionSource"]
@@ -117,7 +117,7 @@ class Frozen:
         logs.methods.info("quantiles of scipy.stats.%s: no formula; a table is made of its density", family.name)
         with np.errstate(all="ignore"):
             quartiles = np.asarray(self.given.ppf([0.25, 0.5, 0.75]), dtype=float)
-            found = inverted(self.density, self.cdf, TURNS.get(family.name, self.support), quartiles)
+            found = invert_distribution(self.density, self.cdf, TURNS.get(family.name, self.support), quartiles)
         if found is None:
             logs.methods.info("quantiles of scipy.stats.%s: no table is accurate; each is searched for", family.name)
         return found

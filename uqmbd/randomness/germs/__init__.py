@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.germs.quantile_tables import KNOTS, LARGEST, interpolate, invert, slope_at
 from uqmbd.randomness.germs.stieltjes import COUNT, Discretised, discretise, discretise_quantiles, lanczos
-from uqmbd.randomness.germs.truncated import cumulated, median, truncated
+from uqmbd.randomness.germs.truncated import cumulated, median, truncate_germ
 
 __all__ = [
     "COUNT",
@@ -21,5 +21,5 @@ __all__ = [
     "lanczos",
     "median",
     "slope_at",
-    "truncated",
+    "truncate_germ",
 ]

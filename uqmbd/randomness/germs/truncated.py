@@ -16,7 +16,7 @@ from uqmbd.randomness.germs.recurrences import recurrence
 from uqmbd.randomness.germs.stieltjes import COUNT, lanczos
 from uqmbd.typing import Array
 
-__all__ = ["TruncatedGerm", "cumulated", "median", "truncated"]
+__all__ = ["TruncatedGerm", "cumulated", "median", "truncate_germ"]
 
 
 POINTS = 24
@@ -33,7 +33,7 @@ SMALLEST = 1e-12
 class TruncatedGerm(Germ):
     """Germ conditional on an interval (its ``bounds``), in the coordinate of the whole germ.
 
-    It is made by :func:`truncated`.
+    It is made by :func:`truncate_germ`.
     """
 
     parent: Germ | None = None  # the whole germ
@@ -77,7 +77,7 @@ def cumulated(germ: Germ, x: ArrayLike) -> Array:
     return np.asarray(found, dtype=float)
 
 
-def truncated(germ: Germ, lower: float, upper: float) -> Germ:
+def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
     """Return a germ (not truncated itself) conditional on an interval.
 
     Infinite ends, or those of the support, are no condition. The coordinate stays that of the germ, so that maps to

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.randomness.quadrature.importance import TailMixture
 from uqmbd.randomness.quadrature.rules import Quadrature, clenshaw_curtis, gauss_tensor, gram_error, monte_carlo_rule
-from uqmbd.randomness.quadrature.smolyak import combination_coefficients, smolyak, sparse_rule
+from uqmbd.randomness.quadrature.sparse_rules import combination_coefficients, smolyak, sparse_rule
 
 __all__ = [
     "Quadrature",

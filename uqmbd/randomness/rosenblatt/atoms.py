@@ -8,14 +8,14 @@ from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditio
 from uqmbd.randomness.rosenblatt.expressions import evaluated
 from uqmbd.typing import Array
 
-__all__ = ["atoms"]
+__all__ = ["atoms_of"]
 
 
 MOST = 2**18
 """Values of all points together."""
 
 
-def atoms(law: Conditional, values: Array) -> tuple[Array, Array] | None:
+def atoms_of(law: Conditional, values: Array) -> tuple[Array, Array] | None:
     """Return the values (m, N) of a discrete variable and their probabilities."""
     if isinstance(law, Core):
         low, high = law.ends(values)
@@ -26,14 +26,14 @@ def atoms(law: Conditional, values: Array) -> tuple[Array, Array] | None:
         steps = np.stack([law.upto(row, values) for row in x])
         return x, np.diff(steps, axis=0, prepend=0.0)
     if isinstance(law, AffineConditional):
-        inner = atoms(law.inner, values)
+        inner = atoms_of(law.inner, values)
         return (
             None
             if inner is None
             else (evaluated(law.shift, values) + evaluated(law.scale, values) * inner[0], inner[1])
         )
     if isinstance(law, Cut):
-        inner = atoms(law.inner, values)
+        inner = atoms_of(law.inner, values)
         if inner is None:
             return None
         low, high = law.ends(values)

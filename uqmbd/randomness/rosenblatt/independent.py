@@ -16,7 +16,7 @@ import scipy.special
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import distribution_of, is_dependent
-from uqmbd.randomness.rosenblatt.atoms import atoms
+from uqmbd.randomness.rosenblatt.atoms import atoms_of
 from uqmbd.randomness.rosenblatt.conditionals import Core
 from uqmbd.randomness.rosenblatt.expressions import NotUnderstood, owners_of
 from uqmbd.randomness.rosenblatt.members import conditional
@@ -195,7 +195,7 @@ def _whole_numbers(distribution: Any) -> Any:
         return distribution
     if not law.discrete or isinstance(law, Core):
         return distribution
-    found = atoms(law, np.empty((0, 1)))
+    found = atoms_of(law, np.empty((0, 1)))
     numbers = None if found is None else np.rint(found[0][:, 0])
     if found is None or numbers is None or np.abs(found[0][:, 0] - numbers).max() > 1e-9:
         raise StudyError(

@@ -11,7 +11,7 @@ import scipy.special
 from uqmbd import logs
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import tail_of
-from uqmbd.randomness.rosenblatt.atoms import atoms
+from uqmbd.randomness.rosenblatt.atoms import atoms_of
 from uqmbd.randomness.rosenblatt.conditionals import AffineConditional, Conditional, Core, Spanned
 from uqmbd.randomness.rosenblatt.expressions import Expression, MemberValue, evaluated, used
 from uqmbd.randomness.rosenblatt.laws import AffineJoint, Chain, Copulated, JointLaw, Single
@@ -195,7 +195,7 @@ def _expanded(law: JointLaw, columns: frozenset[int], u: Array, weights: Array) 
         if not inside:
             continue
         if isinstance(step.law, Single) and step.law.law.discrete:
-            single = atoms(step.law.law, x)
+            single = atoms_of(step.law.law, x)
             if single is None or single[0].size > MOST:
                 return None
             x, p = np.tile(x, len(single[0])), (p * single[1]).ravel()

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.arguments import Size, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germs import cumulated, median, truncated
+from uqmbd.randomness.germs import cumulated, median, truncate_germ
 from uqmbd.randomness.space.germ_space import GermSpace
 
 __all__ = ["GermBox", "located"]
@@ -92,7 +92,7 @@ class GermBox:
     def local(self) -> GermSpace:
         """Germ space of the conditional distribution, in the coordinates of the whole: its maps hold."""
         parts = zip(self.space.germs, self.lower, self.upper, strict=True)
-        germs = tuple(truncated(germ, low, high) for germ, low, high in parts)
+        germs = tuple(truncate_germ(germ, low, high) for germ, low, high in parts)
         return GermSpace(self.space.inputs, germs, self.space.groups)
 
     def contains(self, germs: ArrayLike) -> NDArray[np.bool_]:

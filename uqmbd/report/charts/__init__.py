@@ -19,7 +19,7 @@ from uqmbd.report.charts.model import (
     several,
 )
 from uqmbd.report.charts.page import MOST_TIMES, Kind, chart_script, json_script, packed, page_data, thinned, unpacked
-from uqmbd.report.charts.paper import paper
+from uqmbd.report.charts.paper import draw_on_paper
 
 __all__ = [
     "MARKS",
@@ -44,7 +44,7 @@ __all__ = [
     "json_script",
     "packed",
     "page_data",
-    "paper",
+    "draw_on_paper",
     "several",
     "still_html",
     "thinned",

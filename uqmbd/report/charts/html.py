@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.charts.checks import checked_chart
 from uqmbd.report.charts.model import Chart, Curve, Views
 from uqmbd.report.charts.page import chart_script, json_script, page_data
-from uqmbd.report.charts.paper import paper
+from uqmbd.report.charts.paper import draw_on_paper
 from uqmbd.report.drawing import drawn_source, image_html
 
 if TYPE_CHECKING:
@@ -45,13 +45,13 @@ def charted(
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
         return found | {"problem": f"{type(error).__name__}: {error}"}
     if shown is not None:
-        found["draw"] = lambda: paper(shown if on_paper is None else on_paper())
+        found["draw"] = lambda: draw_on_paper(shown if on_paper is None else on_paper())
     return found | ({"note": f"{NOTHING_TO_DRAW}{caption}"} if data is None else {"chart": data})
 
 
 def still_html(shown: Shown, alt: str, caption: str) -> str:
     """Return a chart with its picture, which stands where no script runs."""
-    source = drawn_source(lambda: paper(shown))
+    source = drawn_source(lambda: draw_on_paper(shown))
     return image_html({"source": source, "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(shown)))
 
 
@@ -84,7 +84,7 @@ def chart_figure(*charts: Chart) -> Figure:
     if not charts or not all(isinstance(one, Chart) for one in charts):
         raise StudyError(f"chart_figure: charts is {charts!r:.80}; expected one or more uqmbd.report.Chart.")
     found = [checked_chart(chart) for chart in charts]
-    return paper(found[0] if len(found) == 1 else Views(found))
+    return draw_on_paper(found[0] if len(found) == 1 else Views(found))
 
 
 @typechecked

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["paper"]
+__all__ = ["draw_on_paper"]
 
 HEIGHT, PANEL = 3.3, 1.45
 """Inches: of a figure of one chart, and of the axes of one of several."""
@@ -51,7 +51,7 @@ BENEATH, AREAS = 0.8, (0.16, 0.30)
 Legend = dict[str, Any]
 
 
-def paper(shown: Chart | Views, *, ax: Axes | None = None, height: float = HEIGHT) -> Figure:
+def draw_on_paper(shown: Chart | Views, *, ax: Axes | None = None, height: float = HEIGHT) -> Figure:
     """Draw a chart, or all charts of a figure; ``ax``: axes of somebody's figure, ``height``: of a new one, inches."""
     if isinstance(shown, Chart):
         figure, axes = single_axes(height, ax)

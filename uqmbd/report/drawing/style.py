@@ -39,7 +39,7 @@ __all__ = [
     "line_width",
     "shortened",
     "single_axes",
-    "style",
+    "series_style",
     "surroundings",
     "tick_width",
     "with_units",
@@ -80,7 +80,7 @@ _RIGHT = 0.18  # inches: half a number at the end of an axis
 
 
 @typechecked
-def style(k: Size) -> tuple[str, Any]:
+def series_style(k: Size) -> tuple[str, Any]:
     """Return the colour and the line style that figures give the k-th of several things, counted from 0.
 
     Parameters
@@ -94,7 +94,7 @@ def style(k: Size) -> tuple[str, Any]:
 
     Examples
     --------
-    >>> style(0)
+    >>> series_style(0)
     ('#0072B2', '-')
     """
     return COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]

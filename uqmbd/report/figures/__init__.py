@@ -16,7 +16,7 @@ from uqmbd.report.figures.decay import (
 )
 from uqmbd.report.figures.distributions import densities_chart, histograms, inputs, inputs_chart
 from uqmbd.report.figures.elements import elements_chart, elements_in_words, has_elements, split_pattern
-from uqmbd.report.figures.error_cost import cost_chart, error_cost
+from uqmbd.report.figures.errors_and_costs import cost_chart, error_cost
 from uqmbd.report.figures.failures import (
     ENOUGH,
     FailureGroup,
@@ -25,8 +25,8 @@ from uqmbd.report.figures.failures import (
     failure_words,
     failures_chart,
 )
-from uqmbd.report.figures.order_convergence import order_convergence, orders_chart, orders_of
-from uqmbd.report.figures.over_output import is_function, over_chart, over_output
+from uqmbd.report.figures.orders_of_chaos import order_convergence, orders_chart, orders_of
+from uqmbd.report.figures.output_plane import is_function, over_chart, over_output
 from uqmbd.report.figures.over_time import (
     band_edges,
     bands,

@@ -9,7 +9,7 @@ import numpy as np
 
 from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
+from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, draw_on_paper
 from uqmbd.report.figures.selection import Results, automatic_times, label_of, percent_ends
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
@@ -178,7 +178,7 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
         nothing = Curve("part", np.full(2, np.nan))
         axes = (Axis("total order", whole=True), Axis("degree in one input", whole=True))
         found = Views([Chart("part", [1.0, 2.0], [nothing], along=axis, words="no spread") for axis in axes])
-    return paper(found)
+    return draw_on_paper(found)
 
 
 def horizon(times: Array, error: Array, limit: float = EXACT) -> float | None:
@@ -303,4 +303,4 @@ def verification(results: Results, *, limit: Annotated[float, Bounds(0, 1e6)] = 
     >>> [text.get_text() for text in verification(node).legends[0].get_texts()]
     ['x: above 1 % at 2 s', 'limit: stated error (1 % of std)']
     """
-    return paper(errors_chart(results, limit), height=2.8)
+    return draw_on_paper(errors_chart(results, limit), height=2.8)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Views, paper
+from uqmbd.report.charts import Views, draw_on_paper
 from uqmbd.report.drawing import constant
-from uqmbd.report.figures.density import DensityCurve, densities, density_chart, known_densities
+from uqmbd.report.figures.kernel_density import DensityCurve, densities, density_chart, known_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
 from uqmbd.results.assessment import COARSE
@@ -146,7 +146,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> axes.get_title("right"), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
-    return paper(densities_chart(results, output, times))
+    return draw_on_paper(densities_chart(results, output, times))
 
 
 def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataArray]:
@@ -282,4 +282,4 @@ def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     >>> inputs(samples).axes[0].get_xlabel()
     'k [N/m]'
     """
-    return paper(inputs_chart(node, space))
+    return draw_on_paper(inputs_chart(node, space))

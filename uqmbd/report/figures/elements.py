@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, paper
+from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, draw_on_paper
 from uqmbd.report.drawing import decades
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.typing import Array
@@ -77,7 +77,7 @@ def split_pattern(results: Results, output: str | None = None) -> Figure:
     node = next((n for n in nodes_of(results).values() if has_elements(n)), None)
     if node is None:
         raise StudyError("None of these results has elements; use elements='adaptive' with collocation or Galerkin.")
-    return paper(elements_chart(node, output))
+    return draw_on_paper(elements_chart(node, output))
 
 
 def elements_chart(node: xr.DataTree, output: str | None = None) -> Chart:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Chart, Curve, Look, paper
+from uqmbd.report.charts import Axis, Chart, Curve, Look, draw_on_paper
 from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
 from uqmbd.results import STATUS_MEANINGS
 from uqmbd.status import Status
@@ -322,4 +322,4 @@ def failure_inputs(node: Samples, reason: int | FailureGroup = 0, *, ax: Axes | 
     ('b [kg]', 'a [m]')
     """
     chart = failures_chart(node, reason)
-    return paper(chart, ax=ax, height=2.2 if chart.hidden else 2.6)
+    return draw_on_paper(chart, ax=ax, height=2.2 if chart.hidden else 2.6)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, Look, Strands, Views, paper
+from uqmbd.report.charts import Axis, Band, Boxes, Chart, Column, Curve, Look, Strands, Views, draw_on_paper
 from uqmbd.report.drawing import constant, surroundings
 from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded
 from uqmbd.results import choose_reference
@@ -120,7 +120,7 @@ def bands(
     >>> bands(node, "x").axes[0].get_ylabel()
     'x [m]'
     """
-    return paper(bands_chart(nodes_of(results), output, limits=limits, samples=samples), ax=ax)
+    return draw_on_paper(bands_chart(nodes_of(results), output, limits=limits, samples=samples), ax=ax)
 
 
 def std_chart(nodes: Mapping[str, xr.DataTree], output: str) -> Chart:
@@ -170,7 +170,7 @@ def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> F
     >>> len(std_over_time(node, "x").axes)
     1
     """
-    return paper(std_chart(nodes_of(results), output), ax=ax, height=2.8)
+    return draw_on_paper(std_chart(nodes_of(results), output), ax=ax, height=2.8)
 
 
 def difference_chart(nodes: Mapping[str, xr.DataTree], output: str, reference: str, statistic: str) -> Chart:
@@ -238,7 +238,7 @@ def differences(results: Results, output: str, *, reference: str | None = None) 
     if len(nodes) < 2:
         raise StudyError("A difference needs at least two methods; there is one.")
     charts = [difference_chart(nodes, output, chosen, statistic) for statistic in ("mean", "std")]
-    return paper(Views(charts, columns=1, shared=True, heights=(1.15, 1.15)))
+    return draw_on_paper(Views(charts, columns=1, shared=True, heights=(1.15, 1.15)))
 
 
 @typechecked
@@ -284,7 +284,7 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
     curve = Curve("mean", average, (), "mean" if mean else "", look=Look(1, (), 1.1))
     ends = (low - 0.03 * (high - low), high + 0.03 * (high - low))
     along = Axis("time", "s", (float(columns[0]), float(columns[-1])))
-    return paper(Chart(output, times, [curve], units=units, ends=ends, along=along, boxes=boxes))
+    return draw_on_paper(Chart(output, times, [curve], units=units, ends=ends, along=along, boxes=boxes))
 
 
 def occurrences(

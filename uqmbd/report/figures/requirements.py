@@ -10,7 +10,7 @@ import numpy as np
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Band, Chart, Curve, Views, paper
+from uqmbd.report.charts import Band, Chart, Curve, Views, draw_on_paper
 from uqmbd.report.drawing import decades
 from uqmbd.report.figures.over_time import at_times
 from uqmbd.report.figures.selection import Results, nodes_of
@@ -71,7 +71,7 @@ def violated_by(results: Results) -> Figure:
     found = violations_chart(nodes_of(results))
     if found is None:
         raise StudyError("There are no requirements whose probability of violation grows with time.")
-    return paper(found)
+    return draw_on_paper(found)
 
 
 def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
@@ -79,7 +79,7 @@ def violations_chart(nodes: Mapping[str, xr.DataTree]) -> Views | None:
 
     At the end stands the 95 % interval of the probability of the whole motion. None if no such probability grows.
     """
-    found = _requirements(nodes)
+    found = _requirements_chart(nodes)
     names = _growing(found)
     if not names:
         return None
@@ -98,7 +98,7 @@ def worst_violations_chart(nodes: Mapping[str, xr.DataTree], most: int = 6) -> C
 
     Of one requirement by each method; of several by the first method. None if no such probability grows.
     """
-    found = _requirements(nodes)
+    found = _requirements_chart(nodes)
     names = _growing(found)
     if len(names) == 1:
         return _violation(names[0], {k: d.sel(requirement=names[0]) for k, d in found.items() if _told(d, names[0])})
@@ -110,7 +110,7 @@ def worst_violations_chart(nodes: Mapping[str, xr.DataTree], most: int = 6) -> C
     return _violation("requirements", {name: data.sel(requirement=name) for name in last if name in chosen})
 
 
-def _requirements(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
+def _requirements_chart(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
     return {k: n.children["requirements"].to_dataset() for k, n in nodes.items() if "requirements" in n.children}
 
 

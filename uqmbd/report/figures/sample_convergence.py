@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Band, Chart, Curve, Views, paper
+from uqmbd.report.charts import Axis, Band, Chart, Curve, Views, draw_on_paper
 from uqmbd.report.drawing import constant
 from uqmbd.report.figures.selection import Samples, label_of, of_output, samples_of
 from uqmbd.results.statistics import replicate_statistics, running_statistics
@@ -193,7 +193,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     >>> float(figure.axes[0].lines[-1].get_ydata()[-1]), figure.axes[1].get_xlabel()
     (24.5, 'number of samples')
     """
-    return paper(settling_chart(node, output, time))
+    return draw_on_paper(settling_chart(node, output, time))
 
 
 def _estimates(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Count, typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, paper
+from uqmbd.report.charts import Band, Chart, Column, Curve, Look, Span, Views, draw_on_paper
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 from uqmbd.results import varies
@@ -225,7 +225,7 @@ def sobol_indices(results: Results, output: str, *, most: Count = 5) -> Figure:
     >>> [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     ['share of variance', 'total index', 'std [m]']
     """
-    return paper(indices_charts(indices_of(node_with_indices(results), output), output, most))
+    return draw_on_paper(indices_charts(indices_of(node_with_indices(results), output), output, most))
 
 
 def shown_inputs(found: Indices, most: int) -> list[int]:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Views, paper
-from uqmbd.report.figures.density import DensityCurve, densities, density_chart
+from uqmbd.report.charts import Views, draw_on_paper
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES
+from uqmbd.report.figures.kernel_density import DensityCurve, densities, density_chart
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.report.view import Method
 from uqmbd.results import AlignedChaos, scalar_nodes, surrogate
@@ -135,7 +135,7 @@ def scalar_densities(results: Results) -> Figure:
     found = scalars_chart(results)
     if found is None:
         raise StudyError("There are no samples and no polynomial chaos of scalar outputs.")
-    return paper(found)
+    return draw_on_paper(found)
 
 
 def _error(method: Method, name: str) -> float:
@@ -262,7 +262,7 @@ def event_times(results: Results) -> Figure:
     events = [] if node is None else earliest_events(node)
     if not events:
         raise StudyError("None of these results is aligned with events; use Collocation(alignment='events').")
-    return paper(events_chart(events))
+    return draw_on_paper(events_chart(events))
 
 
 def events_in_words(node: xr.DataTree) -> str:

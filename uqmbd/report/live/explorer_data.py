@@ -16,10 +16,10 @@ from uqmbd.results.chaos import surrogate_parts
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["explorer_data"]
+__all__ = ["collect_explorer_data"]
 
 
-def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()) -> dict[str, Any]:
+def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()) -> dict[str, Any]:
     """Return the surrogate of a page's method, or ``{"reason": ...}``, which says why there is none.
 
     `tree`: the result of a study; `limits`: requirements that are limits of outputs: ``requirement``, ``output``,

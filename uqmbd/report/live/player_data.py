@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
     from uqmbd.report.mechanisms import Stroke
 
-__all__ = ["player_data"]
+__all__ = ["collect_player_data"]
 
 MOST_NUMBERS = 250_000
 """Numbers of poses in a page, which are 1.3 MB; of more, fewer realisations are shown."""
 
 
-def player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
+def collect_player_data(motion: xr.Dataset, most: int = MOST_NUMBERS) -> dict[str, Any]:
     """Return poses of a mechanism, and how they are drawn.
 
     `motion`: of `uqmbd.report.motion`, or the node ``motion`` of results; `most`: numbers of poses that there is room

@@ -17,7 +17,7 @@ from uqmbd.report.mechanisms.animation import (
 )
 from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.film import Film
-from uqmbd.report.mechanisms.still import mechanism, pose_still, still
+from uqmbd.report.mechanisms.still_picture import mechanism, pose_still, still
 from uqmbd.report.mechanisms.symbols import Stroke
 
 __all__ = [

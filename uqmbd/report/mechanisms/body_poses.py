@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
-from uqmbd.propagation import input_point, observed_model
+from uqmbd.propagation import input_point, build_observed_model
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -115,7 +115,7 @@ def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
     from uqmbd.dynamics import Ensemble, integrate
 
-    model = observed_model(study.mechanism, float(study.times[0]), study.start, study.max_step, study.breaks)
+    model = build_observed_model(study.mechanism, float(study.times[0]), study.start, study.max_step, study.breaks)
     with one_thread():
         found = integrate(Ensemble(model, values), times, study.rtol, study.integrator)
     return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
@@ -178,10 +178,10 @@ def coordinate_names(mechanism: Mechanism, body: str) -> list[str]:
 def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Array, Array]:
     """Return what is drawn in the frames of bodies, at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
     from uqmbd.dynamics import ParameterMap
-    from uqmbd.mechanism import skeleton
+    from uqmbd.mechanism import collect_skeleton
 
     variables = mechanism.inputs.variables
-    marks = skeleton(mechanism, time)
+    marks = collect_skeleton(mechanism, time)
     local = ParameterMap.of([x for mark in marks for x in mark.local], variables)(values)
     radii = ParameterMap.of([mark.radius for mark in marks], variables)(values)
     local = local.reshape(len(values), len(marks), mechanism.space.dimension)
@@ -208,7 +208,7 @@ def _dataset(
     """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
     import xarray as xr
 
-    from uqmbd.mechanism import skeleton
+    from uqmbd.mechanism import collect_skeleton
     from uqmbd.results.schema import fixed_width
 
     space, inputs = mechanism.space, mechanism.inputs
@@ -216,7 +216,7 @@ def _dataset(
     pose = q.reshape(*q.shape[:2], len(mechanism.bodies), space.size).copy()
     if space.turns:
         pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
-    marks = skeleton(mechanism, float(np.asarray(times)[0]))
+    marks = collect_skeleton(mechanism, float(np.asarray(times)[0]))
     local, radii = marked_points(mechanism, values, float(np.asarray(times)[0]))
     components = list(mechanism.components.values())
     if d == 1:

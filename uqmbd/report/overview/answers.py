@@ -196,7 +196,7 @@ def mechanism_picture(result: StudyResult) -> Content | None:
             f"{others}, at the time of the largest distance between realisations."
         )
         return still_image(lambda: still(data), alt, caption, "motion", lambda: poses(data)) | {
-            "player": json_script({**live.player_data(data), **_live(result), "caption": caption}),
+            "player": json_script({**live.collect_player_data(data), **_live(result), "caption": caption}),
             "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
             "short": "At the means of the inputs" + ("; thin lines: other realisations." if count else "."),
         }

@@ -16,7 +16,7 @@ from uqmbd.results.assessment.distances import distributions
 from uqmbd.results.assessment.limits import COARSE, ROUGH
 from uqmbd.results.assessment.own_errors import OwnError, own_error, own_statements, root_mean_square
 from uqmbd.results.assessment.recommendation import advice, loose
-from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, verdicts
+from uqmbd.results.assessment.verdicts import NO_SPREAD, REFERENCE, Verdict, compare_with_reference
 from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array
 
@@ -216,7 +216,7 @@ def compare(
         said.append(
             _of_reference(errors[label].varies, own[label], alone=len(nodes) < 2)
             if label == chosen
-            else verdicts(
+            else compare_with_reference(
                 mine,
                 other,
                 times[common],

@@ -19,7 +19,7 @@ from uqmbd.results.chaos import spread_germs, surrogate, surrogate_parts
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["distances", "distributions", "ks_by_chance"]
+__all__ = ["distributions", "sample_distances", "ks_by_chance"]
 
 
 SURROGATE_SAMPLES = 4096
@@ -49,7 +49,7 @@ def distributions(
             for k in range(len(where)):
                 pair = [values[0][:, o, k] for values in (found, expected)]
                 if all(np.isfinite(p).all() for p in pair):
-                    wasserstein[m, o, k], ks[m, o, k] = distances(*pair)
+                    wasserstein[m, o, k], ks[m, o, k] = sample_distances(*pair)
     dims = ("method", "output", "comparison_time")
     return {
         "comparison_time": xr.DataArray(times[where], dims="comparison_time", attrs={"units": "s"}),
@@ -59,13 +59,13 @@ def distributions(
     }
 
 
-def distances(first: Array, second: Array) -> tuple[float, float]:
+def sample_distances(first: Array, second: Array) -> tuple[float, float]:
     r"""Return the Wasserstein and the Kolmogorov-Smirnov distance of two samples.
 
     `first`, `second` (K,) and (L,). Return :math:`\int |F - G|\,dx`, in the units of the samples. Return :math:`\max
     |F - G|`, from 0 to 1.
 
-    >>> distances(np.array([0.0, 1.0]), np.array([0.5, 1.5, 1.5, 1.5]))
+    >>> sample_distances(np.array([0.0, 1.0]), np.array([0.5, 1.5, 1.5, 1.5]))
     (0.75, 0.75)
     """
     points = np.sort(np.concatenate([first, second]))

@@ -16,7 +16,7 @@ from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 from uqmbd.wording import format_percent, format_quantity
 
-__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "verdicts"]
+__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "compare_with_reference"]
 
 
 REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
@@ -44,7 +44,7 @@ class _Deviation:
     worst: int
 
 
-def verdicts(
+def compare_with_reference(
     found: OwnError,
     base: OwnError,
     times: Array,

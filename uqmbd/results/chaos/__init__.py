@@ -12,7 +12,7 @@ from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos, QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
-from uqmbd.results.chaos.segments import AlignedElement, Landmarks
+from uqmbd.results.chaos.segments import AlignedElement, Markers
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, error_words, reference_spread, stated_words, weighted_std
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,
@@ -30,7 +30,7 @@ __all__ = [
     "AlignedElement",
     "ComposedChaos",
     "Discontinuity",
-    "Landmarks",
+    "Markers",
     "LeastSquares",
     "NodeRegression",
     "Part",

@@ -24,7 +24,7 @@ from uqmbd.results.chaos.stated_error import (
     factor_words,
     first_above,
     root_mean_square,
-    stated_error,
+    compute_stated_error,
     stated_words,
     uncertainty_factor,
     weighted_std,
@@ -620,7 +620,7 @@ class Surrogate(SurrogateContainer):
         germs, response, weights = self._verified
         shape = (len(self.labels.outputs), -1)
         surrogate = self.evaluate_germs(germs)
-        return stated_error(
+        return compute_stated_error(
             surrogate.reshape(len(surrogate), *shape),
             response.reshape(len(surrogate), *shape),
             self.mean.reshape(shape),

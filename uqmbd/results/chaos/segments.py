@@ -21,7 +21,7 @@ from uqmbd.typing import Array, Mask
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox
 
-__all__ = ["AlignedElement", "Landmarks", "SampledSegments", "Segmented"]
+__all__ = ["AlignedElement", "Markers", "SampledSegments", "Segmented"]
 
 
 SLACK = 1e-12
@@ -36,7 +36,7 @@ AT_ONCE = 64
 MOST_POINTS = 10_000
 """Points of a segment, at most."""
 
-Landmarks = Literal["events", "phase", "time"]
+Markers = Literal["events", "phase", "time"]
 """What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
 
 
@@ -81,7 +81,7 @@ class AlignedElement(GermElement):
     events: tuple[str, ...]
     edges: Array
     segments: Array
-    landmarks: Landmarks = "events"
+    landmarks: Markers = "events"
 
     @staticmethod
     def points(count: Annotated[int, Bounds(2, MOST_POINTS)]) -> Array:
@@ -91,7 +91,7 @@ class AlignedElement(GermElement):
 
     @classmethod
     def through(
-        cls, box: GermBox, events: tuple[str, ...], edges: Array, values: Array, landmarks: Landmarks
+        cls, box: GermBox, events: tuple[str, ...], edges: Array, values: Array, landmarks: Markers
     ) -> AlignedElement:
         """Make it from coefficients (P, S, O, N) of the outputs at the `points` of each segment.
 
@@ -255,9 +255,9 @@ class Segmented(OverTime):
         """Return the elements of a dataset."""
         segments = data["segment_coefficients"].transpose("element", "term", "segment", "output", "power").values
         kinds = [str(x) for x in data["landmarks"].values] if "landmarks" in data else ["events"] * len(boxes)
-        if unknown := set(kinds) - set(get_args(Landmarks)):
+        if unknown := set(kinds) - set(get_args(Markers)):
             raise StudyError(
-                f"Landmarks of an aligned chaos are {min(unknown)!r}; expected one of {', '.join(get_args(Landmarks))}."
+                f"Landmarks of an aligned chaos are {min(unknown)!r}; expected one of {', '.join(get_args(Markers))}."
             )
         found: list[Any] = [
             (

@@ -16,7 +16,7 @@ __all__ = [
     "first_above",
     "reference_spread",
     "root_mean_square",
-    "stated_error",
+    "compute_stated_error",
     "stated_words",
     "uncertainty_factor",
     "weighted_std",
@@ -41,7 +41,7 @@ def reference_spread(std: Array) -> Array:
     return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
-def stated_error(
+def compute_stated_error(
     surrogate: Array, response: Array, mean: Array, std: Array, weights: Array, *, terms: int = 1
 ) -> Array:
     """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`."""

@@ -13,7 +13,7 @@ import sympy
 from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, effective_parameters, t
 from uqmbd.randomness import uniform_variable
 
-__all__ = ["ComponentCase", "cases", "moving_case", "name_of"]
+__all__ = ["ComponentCase", "component_cases", "moving_case", "name_of"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ComponentCase:
     free: bool  # whether it is attached to bodies only
 
 
-def cases(
+def component_cases(
     component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
 ) -> Iterator[ComponentCase]:
     """Yield a component between bodies, at the ground, with all and with the fewest parameters, and with each option.
@@ -52,7 +52,7 @@ def cases(
 def moving_case(
     component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
 ) -> ComponentCase:
-    """Return a component at the ground, under gravity, with few random parameters, for whole studies; see `cases`.
+    """Return a component at the ground, under gravity, with few random parameters, for studies; see `component_cases`.
 
     Its first two numbers vary by 1 %; where it has none, the mass of its last body does. As poses are random, the
     mechanism may be impossible to assemble.

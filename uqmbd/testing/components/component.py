@@ -15,7 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
-from uqmbd.testing.components.cases import cases, name_of
+from uqmbd.testing.components.cases import component_cases, name_of
 from uqmbd.testing.components.energy import check_energy
 from uqmbd.testing.components.events import check_events
 from uqmbd.testing.components.methods import check_studies
@@ -100,7 +100,7 @@ def check_component(
     _check_some_effect(component, component.spaces if spaces is None else spaces, given or {})
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
-        for number, case in enumerate(cases(component, space, given or {}, rng)):
+        for number, case in enumerate(component_cases(component, space, given or {}, rng)):
             bench = Bench.of(f"{name_of(component, space)}, {case.title}", case, rng)
             if number == 0:
                 check_units(bench.title, case.component, case.mechanism.space)
@@ -134,7 +134,7 @@ def _check_some_effect(component: type[Component], spaces: Sequence[type[Space]]
     for space in (*spaces, *(other for other in component.spaces if other not in spaces)):
         rng = np.random.default_rng(0)
         try:
-            for case in cases(component, space, given if space in spaces else {}, rng):
+            for case in component_cases(component, space, given if space in spaces else {}, rng):
                 unused -= effective_parameters(case.component, case.mechanism.space)
                 if not unused:
                     return

@@ -34,7 +34,7 @@ def check_projected(integrator: type[Integrator], tolerance: float) -> None:
     """
     cases = ((closed_forms.oscillator(), NODES), (closed_forms.pendulum(), NODES), (closed_forms.stone(), 2))
     for form, terms in cases:
-        projected = _projected(form, terms)
+        projected = _project_solution(form, terms)
         what = f"integrator {integrator.name!r}: projected: {form.name}"
         found = _integrated(integrator, projected, form.times, what)
         assert not found.message, f"{what}: it failed: {found.message!r}; expected a motion to the last time."
@@ -62,7 +62,7 @@ def _check_watched(integrator: type[Integrator], form: ClosedForm) -> None:
         return True
 
     times = np.linspace(0, 5, 51)
-    found = _integrated(integrator, _projected(form, NODES), times, what, watch=watch)
+    found = _integrated(integrator, _project_solution(form, NODES), times, what, watch=watch)
     assert seen, f"{what}: the function that watches was not called; expected a call now and then."
     assert np.isnan(found.coefficients[:, -1]).all() and not found.message, (
         f"{what}: the function that watches said stop, and the integration went on to the end, or failed "
@@ -88,7 +88,7 @@ def _integrated(
     return found
 
 
-def _projected(form: ClosedForm, terms: int) -> ProjectedEnsemble:
+def _project_solution(form: ClosedForm, terms: int) -> ProjectedEnsemble:
     """Project realisations at Gauss nodes on Legendre polynomials, between the values of a case."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     low, high = form.values.min(), form.values.max()

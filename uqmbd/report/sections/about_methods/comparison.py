@@ -46,7 +46,7 @@ def agreement(result: StudyResult) -> Content | None:
 _NONE = Cell("–", "")
 
 
-def comparison(result: StudyResult) -> Content | None:
+def describe_comparison(result: StudyResult) -> Content | None:
     """Return what the section says; None for a single method."""
     data = result.comparison
     if data is None:
@@ -55,7 +55,7 @@ def comparison(result: StudyResult) -> Content | None:
     return {"agreement": agreement(result), "reference": result.assessment.reference, "rows": rows}
 
 
-COMPARISON = TemplateSection("Comparison of methods", "comparison", comparison, "about_methods.html.j2")
+COMPARISON = TemplateSection("Comparison of methods", "comparison", describe_comparison, "about_methods.html.j2")
 
 
 def _differences(result: StudyResult, data: xr.Dataset, *, timeless: bool = False) -> list[dict[str, Any]]:

@@ -21,14 +21,14 @@ _SHOWN_FAILURES = 20
 _SHOWN_REASONS = 6
 
 
-def failures(result: StudyResult) -> Content:
+def describe_failures(result: StudyResult) -> Content:
     """Return what the section says and shows of each method."""
     fine = [method for method in result.methods.values() if not method.failures]
     rest = [method for method in result.methods.values() if method.failures or method.lacking]
     return {"fine": _fine(fine, len(result.methods)), "methods": [_of_method(method) for method in rest]}
 
 
-FAILURES = TemplateSection("Failures", "failures", failures, "about_methods.html.j2")
+FAILURES = TemplateSection("Failures", "failures", describe_failures, "about_methods.html.j2")
 
 
 def _fine(methods: Sequence[Method], count: int) -> str:

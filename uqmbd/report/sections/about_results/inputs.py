@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 __all__ = ["EXPLORE", "INFLUENCE", "INPUTS", "input_rows"]
 
 
-def inputs(result: StudyResult) -> Content:
+def describe_inputs(result: StudyResult) -> Content:
     """Return what the section says and shows."""
     return {"rows": input_rows(result), "figure": _figure(result.methods) or _figure(result.scalars)}
 
 
-INPUTS = TemplateSection("Uncertain inputs", "inputs", inputs)
+INPUTS = TemplateSection("Uncertain inputs", "inputs", describe_inputs)
 
 
 def input_rows(result: StudyResult) -> list[dict[str, str]]:
@@ -167,7 +167,7 @@ def explore(result: StudyResult) -> Content | None:
         return None
     moving = result.motion is not None
     try:
-        found = live.explorer_data(result.tree, result.limits)
+        found = live.collect_explorer_data(result.tree, result.limits)
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
         found = {"reason": f"{type(error).__name__}: {error}"}
     if "reason" in found:

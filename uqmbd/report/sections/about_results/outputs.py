@@ -31,7 +31,7 @@ FULL = 6
 """Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
 
 
-def outputs(result: StudyResult) -> Content | None:
+def describe_outputs(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None where no output is a history over time.
 
     Return ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``:
@@ -268,4 +268,4 @@ def statistics(result: StudyResult) -> Content:
     return {"rows": chosen, "of": label, "all": rows} if chosen else {"rows": rows, "of": "", "all": []}
 
 
-OUTPUTS = TemplateSection("Outputs", "outputs", outputs)
+OUTPUTS = TemplateSection("Outputs", "outputs", describe_outputs)

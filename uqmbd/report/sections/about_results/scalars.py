@@ -22,7 +22,7 @@ from uqmbd.wording import format_at_most, format_cells, format_count, format_per
 __all__ = ["EVENTS", "SCALARS"]
 
 
-def scalars(result: StudyResult) -> Content | None:
+def describe_scalars(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None if there are no such outputs."""
     names, inner = result.scalar_names, result.scalars.values()
     if not names:
@@ -50,7 +50,7 @@ def scalars(result: StudyResult) -> Content | None:
     }
 
 
-SCALARS = TemplateSection("Scalar outputs", "scalars", scalars)
+SCALARS = TemplateSection("Scalar outputs", "scalars", describe_scalars)
 
 
 def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:

@@ -120,7 +120,7 @@ def closed_variance(
 
 def _products(germ: Germ, one: Interval, other: Interval, degree: int) -> Array:
     """Integrate products of the polynomials of two intervals of a germ over their overlap, shape (degree + 1, same)."""
-    from uqmbd.randomness import cumulated, truncated
+    from uqmbd.randomness import cumulated, truncate_germ
 
     found = np.zeros((degree + 1, degree + 1))
     low, high = max(one[0], other[0]), min(one[1], other[1])
@@ -128,11 +128,11 @@ def _products(germ: Germ, one: Interval, other: Interval, degree: int) -> Array:
     probability = float(cumulated(germ, high)) - first
     if not (low < high and probability > 0):
         return found
-    overlap = truncated(germ, low, high)
+    overlap = truncate_germ(germ, low, high)
     nodes, weights = overlap.gauss(min(degree + 1, overlap.values or degree + 1))
     values = []
     for ends in (one, other):
-        local = truncated(germ, *ends)
+        local = truncate_germ(germ, *ends)
         known = min(degree, (local.values or degree + 1) - 1)
         psi = np.zeros((len(nodes), degree + 1))
         psi[:, : known + 1] = local.polynomials(nodes, known)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import MARKS, Axis, Chart, Column, Curve, Look, Views, paper
+from uqmbd.report.charts import MARKS, Axis, Chart, Column, Curve, Look, Views, draw_on_paper
 from uqmbd.report.figures.selection import percent_ends
 from uqmbd.typing import Array
 
@@ -167,4 +167,4 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     >>> figure.axes[0].get_xlabel(), figure.axes[0].lines[0].get_ydata().tolist()
     ('realisations', [1.0, 0.1])
     """
-    return paper(cost_chart(convergence, output))
+    return draw_on_paper(cost_chart(convergence, output))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, paper
+from uqmbd.report.charts import Axis, Chart, Curve, Look, Views, draw_on_paper
 from uqmbd.report.drawing import line_width
 from uqmbd.report.figures.selection import Results, nodes_of, of_output, percent_ends
 from uqmbd.report.figures.surrogates import chaos_nodes, finest, order_of, series, times_of
@@ -171,7 +171,7 @@ def order_convergence(results: Results, output: str, *, reference: str | None = 
         ...
     uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
     """
-    return paper(orders_chart(results, output, reference))
+    return draw_on_paper(orders_chart(results, output, reference))
 
 
 def _statistics(nodes: Mapping[str, xr.DataTree], label: str, output: str) -> xr.Dataset:

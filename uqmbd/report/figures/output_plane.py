@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.report.charts import MOST_TIMES, Axis, Band, Chart, Curve, Look, Strands, paper
+from uqmbd.report.charts import MOST_TIMES, Axis, Band, Chart, Curve, Look, Strands, draw_on_paper
 from uqmbd.report.figures.distributions import of_surrogate
 from uqmbd.report.figures.selection import Results, nodes_of, of_output, samples_of
 from uqmbd.report.figures.surrogates import surrogate_nodes
@@ -233,7 +233,7 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
     >>> figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()
     ('x [m]', 'y [m]')
     """
-    return paper(over_chart(results, output, over), ax=ax, height=3.6)
+    return draw_on_paper(over_chart(results, output, over), ax=ax, height=3.6)
 
 
 def is_function(node: xr.DataTree, output: str, over: str) -> bool:

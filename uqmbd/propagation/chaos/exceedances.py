@@ -13,12 +13,12 @@ from uqmbd.results.chaos import Surrogate, reference_spread
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Mask
 
-__all__ = ["Doubt", "doubts", "errors_over_largest", "varying"]
+__all__ = ["Exceedance", "find_exceedances", "errors_over_largest", "varying"]
 
 
 @typechecked
 @dataclass(frozen=True)
-class Doubt:
+class Exceedance:
     """An output whose error exceeds a limit.
 
     Attributes
@@ -42,7 +42,7 @@ class Doubt:
     --------
     >>> import numpy as np
     >>> import uqmbd
-    >>> late = uqmbd.extend.Doubt("height", row=0, limit=0.01, begin=1.5, above=3, times=10, largest=0.04)
+    >>> late = uqmbd.extend.Exceedance("height", row=0, limit=0.01, begin=1.5, above=3, times=10, largest=0.04)
     >>> print(late.words())
     'height' from t = 1.5 s on (error up to 0.04, above 0.01 at 3 of 10 times)
     """
@@ -64,7 +64,7 @@ class Doubt:
 
 
 @typechecked
-def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[Doubt]:
+def find_exceedances(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[Exceedance]:
     """Find the outputs whose error exceeds a limit at some time.
 
     Parameters
@@ -80,7 +80,7 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
 
     Returns
     -------
-    sequence of Doubt
+    sequence of Exceedance
         In the order of the outputs.
 
     Raises
@@ -95,7 +95,7 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     >>> from uqmbd.extend import labels
     >>> axes = labels(["height", "speed"], [], [0.0, 1.0, 2.0])
     >>> errors = np.array([[0.001, 0.02, 0.04], [0.001, 0.002, 0.003]])
-    >>> (one,) = uqmbd.extend.doubts(axes, errors, limit=0.01, loud=np.array([True, True]))
+    >>> (one,) = uqmbd.extend.find_exceedances(axes, errors, limit=0.01, loud=np.array([True, True]))
     >>> one.output, one.begin, one.above, one.largest
     ('height', 1.0, 2, 0.04)
     """
@@ -108,7 +108,7 @@ def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[
     for row, (output, error) in enumerate(zip(labels.outputs, errors, strict=True)):
         if loud[row] and (above := error > limit).any():
             begin, largest = float(labels.times[above.argmax()]), float(error[above].max())
-            found.append(Doubt(output.name, row, limit, begin, int(above.sum()), len(error), largest))
+            found.append(Exceedance(output.name, row, limit, begin, int(above.sum()), len(error), largest))
     return found
 
 

@@ -47,7 +47,7 @@ from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_t
 from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.margins import margin_map
 from uqmbd.dynamics.model_checks import Assembled, looked_at, model_findings
-from uqmbd.dynamics.model_key import model_key
+from uqmbd.dynamics.model_key import compute_model_key
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
@@ -277,7 +277,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, 
     `uqmbd.AssemblyError` or `uqmbd.StudyError` if the mechanism cannot be assembled at the means, or no force can
     accelerate a body.
     """
-    key = model_key(mechanism, time, fuse, rows=looked_at(mechanism))
+    key = compute_model_key(mechanism, time, fuse, rows=looked_at(mechanism))
     make = partial(_built, mechanism, time, fuse)
     model: Model = make() if key is None else cached(("model", key), make)
     for finding in () if quiet else model.findings:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import Finding, MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
-from uqmbd.progress import AtMost, Progress, expected, failed, told
+from uqmbd.progress import AtMost, Progress, told, expected, failed
 from uqmbd.propagation.budget import BudgetedRun, BudgetTerms, BudgetTooSmallError
 from uqmbd.propagation.execution import explained, study_digest, warn_of_changes
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.arguments import typechecked
-from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.dynamics.drawn_pose import Move, apart, moved
-from uqmbd.mechanism import Controller, Mechanism, unit_findings
+from uqmbd.dynamics.model_building import kinematic_model, reactions_not_unique
+from uqmbd.mechanism import Controller, Mechanism, find_unit_problems
 
 __all__ = ["Check", "check"]
 
@@ -129,7 +129,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         unit_lengths=len(model.norms),
         apart=apart(mechanism),
         moved=moved(mechanism, model),
-        units=unit_findings(mechanism),
+        units=find_unit_problems(mechanism),
         velocity_equations=len(layout.nonholonomic),
         velocity_mobility=layout.coordinates - layout.rank,
         conditions=tuple((name, c.kind) for name, c in mechanism.conditions.items()),
