@@ -324,7 +324,7 @@ class Mechanism:
         self.conditions[f"{found.text} ({number})" if found.text in self.conditions else found.text] = found
 
     @checked
-    def randomise_numbers(
+    def randomise(
         self,
         pattern: str | Sequence[str],
         relative: float | None = None,
@@ -359,7 +359,7 @@ class Mechanism:
         >>> import uqmbd
         >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
         >>> stone = mechanism.body("stone", mass=2)
-        >>> mechanism.randomise_numbers("*.mass", relative=0.02)
+        >>> mechanism.randomise("*.mass", relative=0.02)
         [stone.mass]
         """
         known = {variable.name for variable in self._used()}

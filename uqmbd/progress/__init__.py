@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.progress.board import AtMost, Board
-from uqmbd.progress.interface import Progress, Silent, UntilTheEnd, expected, failed, stage, told
+from uqmbd.progress.interface import Progress, Silent, UntilTheEnd, choose_receiver, expected, failed, stage
 from uqmbd.progress.lines import Lines
 from uqmbd.progress.notebook import Notebook, in_notebook
 
@@ -19,5 +19,5 @@ __all__ = [
     "failed",
     "in_notebook",
     "stage",
-    "told",
+    "choose_receiver",
 ]

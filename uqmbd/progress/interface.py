@@ -11,7 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.progress.lines import Lines
 from uqmbd.progress.notebook import Notebook, in_notebook
 
-__all__ = ["Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage", "told"]
+__all__ = ["Progress", "Silent", "UntilTheEnd", "expected", "failed", "stage", "choose_receiver"]
 
 
 class Progress(Protocol):
@@ -97,30 +97,30 @@ class UntilTheEnd:
     search: done after 0 s
     """
 
-    told: Progress  # receives the reports
+    receiver: Progress  # receives the reports
     begun: list[str] = field(default_factory=list)  # labels
 
     def start(self, label: str, total: int) -> None:
         """Say that it begins, or that it goes on."""
         if label not in self.begun:
             self.begun.append(label)
-        self.told.start(label, total)
+        self.receiver.start(label, total)
 
     def advance(self, label: str, count: int = 1) -> None:
         """Pass it on."""
-        self.told.advance(label, count)
+        self.receiver.advance(label, count)
 
     def finish(self, label: str) -> None:
         """Wait: another part may follow."""
 
     def stage(self, text: str) -> None:
         """Pass it on."""
-        stage(self.told, text)
+        stage(self.receiver, text)
 
     def end(self) -> None:
         """Say that all of it is done."""
         for label in self.begun:
-            self.told.finish(label)
+            self.receiver.finish(label)
         self.begun.clear()
 
 
@@ -142,11 +142,11 @@ def stage(progress: Progress, text: str) -> None:
         tell(text)
 
 
-def told(progress: Progress | bool | None) -> Progress:
+def choose_receiver(progress: Progress | bool | None) -> Progress:
     """Return the progress to report to: the given one, lines (True), none (False), or that of a notebook (None).
 
-    >>> type(told(None)).__name__, type(told(True)).__name__, type(told(False)).__name__
-    ('Silent', 'Lines', 'Silent')
+    >>> [type(choose_receiver(progress)).__name__ for progress in (None, True, False)]
+    ['Silent', 'Lines', 'Silent']
     """
     if progress is None or isinstance(progress, bool):
         if progress is not False and in_notebook():

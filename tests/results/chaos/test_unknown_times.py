@@ -11,9 +11,9 @@ from uqmbd.extend import AlignedElement, labels
 from uqmbd.results import AlignedChaos
 from uqmbd.results.chaos.sampling import quantiles_of_rows
 from uqmbd.results.chaos.stated_error import (
+    compute_stated_error,
     error_words,
     reference_spread,
-    compute_stated_error,
     stated_words,
     uncertainty_factor,
 )

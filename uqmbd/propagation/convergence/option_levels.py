@@ -15,7 +15,7 @@ import numpy as np
 from uqmbd.arguments import shown
 from uqmbd.errors import StudyError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
-from uqmbd.progress import Progress, told
+from uqmbd.progress import Progress, choose_receiver
 from uqmbd.propagation.convergence.reference import reference_node
 from uqmbd.propagation.execution import explained, opened
 from uqmbd.propagation.methods import Propagator, Studied, run_method
@@ -71,7 +71,7 @@ def converge(
     ~ value^-p (1/2 for plain Monte Carlo); NaN for fewer than two such errors. Raise StudyError if there are no levels,
     a method has none of the options, or no level succeeded.
     """
-    series, shown = _series(study, propagators, levels), told(progress)
+    series, shown = _series(study, propagators, levels), choose_receiver(progress)
     with opened(workers) as executor:
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}

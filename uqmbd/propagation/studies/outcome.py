@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import Finding, MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, reason_of, release
 from uqmbd.logs import methods
-from uqmbd.progress import AtMost, Progress, told, expected, failed
+from uqmbd.progress import AtMost, Progress, choose_receiver, expected, failed
 from uqmbd.propagation.budget import BudgetedRun, BudgetTerms, BudgetTooSmallError
 from uqmbd.propagation.execution import explained, study_digest, warn_of_changes
 from uqmbd.propagation.methods import Estimate, Propagator, Studied, obstacle_of, run_method
@@ -80,7 +80,7 @@ def run_methods(
 
     With `terms` at the sizes that a budget and an accuracy choose: as they are at those sizes they give the same bits.
     """
-    shown = told(progress)
+    shown = choose_receiver(progress)
     if folder is not None:
         _warn_of_changes(study, propagators, folder, resume=resume)
     if terms is not None:

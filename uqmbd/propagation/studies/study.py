@@ -20,7 +20,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
-from uqmbd.progress import Progress, told
+from uqmbd.progress import Progress, choose_receiver
 from uqmbd.propagation.budget import BudgetTerms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import opened, pool
@@ -297,7 +297,7 @@ class Study:
             watched=self._watched(propagator),
             existence=self.mechanism.remembered("existence", lambda: existence_of(self.mechanism)),
             runner=Runner(
-                executor, told(progress), Checkpoint(folder, propagator.node_name) if folder else None
+                executor, choose_receiver(progress), Checkpoint(folder, propagator.node_name) if folder else None
             ),
         )
 
@@ -445,7 +445,7 @@ class Study:
         if finished is not None and not callable(finished):
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
-        progress = told(progress)
+        progress = choose_receiver(progress)
         if folder is not None or resume is not False:
             folder = check_folder(folder, resume, f"study {self.name!r}")
         bounded = budget is not None or accuracy is not None

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
-from uqmbd.propagation import input_point, build_observed_model
+from uqmbd.propagation import build_observed_model, input_point
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array

@@ -21,10 +21,10 @@ from uqmbd.results.chaos.container import SurrogateContainer
 from uqmbd.results.chaos.labelled import DERIVATIVE, VALUE, Named, labelled_array, points_of, surrogate_statistics
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import (
+    compute_stated_error,
     factor_words,
     first_above,
     root_mean_square,
-    compute_stated_error,
     stated_words,
     uncertainty_factor,
     weighted_std,
