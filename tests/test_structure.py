@@ -21,14 +21,14 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 775,
+    "uqmbd": 776,
     "uqmbd.arguments": 440,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 267,
     "uqmbd.compiled": 2020,
     "uqmbd.dynamics": 13410,
     "uqmbd.exchange": 240,
-    "uqmbd.extend": 140,
+    "uqmbd.extend": 147,
     "uqmbd.mechanism": 4540,
     "uqmbd.new": 230,
     "uqmbd.plugins": 362,

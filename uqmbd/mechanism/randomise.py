@@ -130,7 +130,7 @@ class VariationLaw:
 def randomise_numbers(
     mechanism: Described, pattern: str | Sequence[str], relative: Any, absolute: Any, distribution: Any, known: set[str]
 ) -> list[RandomVariable]:
-    """Make numbers of bodies and components random; see `Mechanism.randomise_numbers`.
+    """Make numbers of bodies and components random; see `Mechanism.randomise`.
 
     The names of existing random variables are `known`.  Raises `uqmbd.StudyError` if nothing matches or can vary, or a
     distribution does not fit.
