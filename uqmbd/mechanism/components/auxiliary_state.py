@@ -14,7 +14,7 @@ from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import Symbol, Symbolic
 
-__all__ = ["AuxiliarySymbol", "auxiliary_state", "frames_of"]
+__all__ = ["AuxiliarySymbol", "make_auxiliary_state", "frames_of"]
 
 
 class HasStates(Protocol):
@@ -50,7 +50,7 @@ class AuxiliarySymbol(Symbolic, Symbol):
         return (*super()._hashable_content(), id(self.component))
 
 
-def auxiliary_state(component: HasStates, name: object, space: Space) -> AuxiliarySymbol:
+def make_auxiliary_state(component: HasStates, name: object, space: Space) -> AuxiliarySymbol:
     """Return the symbol of a state that the terms of an added component make by `Local.state`."""
     where = f"{type(component).__name__} {component.name!r}: state({name!r:.80})"
     if not component.settled:

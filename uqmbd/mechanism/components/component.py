@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.components.auxiliary_state import auxiliary_state
+from uqmbd.mechanism.components.auxiliary_state import make_auxiliary_state
 from uqmbd.mechanism.components.declaration import declare
 from uqmbd.mechanism.components.joint_motion import (
     JointAngle,
@@ -352,7 +352,7 @@ class Component:
         >>> round(float(uqmbd.simulate(mechanism, [0, 1])["pressure"][-1]), 3)  # 100 exp(-1)
         36.788
         """
-        return auxiliary_state(self, name, self._space())
+        return make_auxiliary_state(self, name, self._space())
 
     @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
