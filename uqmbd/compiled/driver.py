@@ -99,7 +99,7 @@ class ProblemStruct(ctypes.Structure):
         *((name, _POINTER) for name in ("surplus", "residuals")),
         *((name, _INT) for name in ("positions", "equations")),
         ("tableau", _POINTER),
-        *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "stiff")),
+        *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "between", "stiff")),
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
         *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps", "contacts", "places")),

@@ -114,6 +114,7 @@ class ExplicitOptions:
     refusals: int  # consecutive rejected steps before the driver returns for a decision
     attempts: int  # maximum of attempted steps of an integration interval
     guarded: bool  # whether the driver returns for a decision on rejected steps and steps off the constraints
+    between: float = np.inf  # error of the interpolant above which a step with output times is rejected, in tolerances
 
 
 @cache
@@ -129,7 +130,10 @@ def tableau() -> tuple[c.TableauStruct, tuple[NDArray[Any], ...]]:
     stages = np.zeros((STAGES, count))
     stages[:, :STAGES] = method.A[:STAGES, :STAGES]
     dense = [step, unit[0] - step, 2 * step - unit[STAGES] - unit[0], *method.D]
-    table = np.vstack([stages, step, method.A_EXTRA, *dense, errors])
+    part, between = float(method.C_EXTRA[-1]), np.zeros(count)
+    for place, row in reversed(list(enumerate(dense))):
+        between = (between + row) * (1 - part if place % 2 else part)
+    table = np.vstack([stages, step, method.A_EXTRA, *dense, errors, between - method.A_EXTRA[-1]])
     index = [np.flatnonzero(row) for row in table]
     zeros = [-len(i) % 4 for i in index]
     starts = np.cumsum([0, *(len(i) + k for i, k in zip(index, zeros, strict=True))]).astype(np.int64)
@@ -299,7 +303,7 @@ class IntegrationState:
             *(parts[0], address(d.rate), *d.turns.shape, address(firsts), *parts[1:]),
             *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),
             ctypes.addressof(coefficients[0]),
-            *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
+            *(m.rtol, float(d.moving), m.far, m.surplus, m.between, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
             *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),

@@ -13,6 +13,38 @@ static void interpolant(const Problem *p, Group *g) {
     for (int64_t r = 0; r < DENSE; r++) accumulate(p, g, ROW_DENSE + r, g->size, 0, g->dense + r * width);
 }
 
+/* Refuse steps whose interpolant is too inaccurate, and return them.  Their ends may be accurate: where stability limits
+   the steps, fast modes have decayed at the end of a step, but not within it.  The error is that of the interpolant at
+   its last further stage; it is of order 7, so that it exceeds the error of the interpolant in short steps. */
+static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask taken, Mask stiff) {
+    accumulate(p, g, ROW_BETWEEN, g->size, 0, g->work);
+    V off = root(scaled_squares(p, g, g->work) * ((double)(p->width / p->blocks) / p->moving)) / splat(p->between);
+    Mask coarse = taken & (off > splat(1.0));
+    if (!any(coarse)) return coarse;
+    V shrink = 0.9 / root(root(root(off)));
+    for (int64_t l = 0; l < LANES; l++) {
+        int64_t m = g->member[l];
+        if (!coarse[l]) continue;
+        if (pool->trusted[m]) {
+            coarse[l] = 0;
+            continue;
+        }
+        g->wanted[l] = g->size[l] * (off[l] < 1e300 && shrink[l] > 0.2 ? shrink[l] : 0.2);
+        pool->rejected[m] = COARSE;
+        pool->stiff[m] += stiff[l] != 0;
+    }
+    return coarse;
+}
+
+/* Whether output times lie within the steps that are taken. */
+static int seen_within(const Problem *p, const Pool *pool, const Group *g, Mask taken, V last) {
+    for (int64_t l = 0; l < LANES; l++) {
+        int64_t column = taken[l] ? pool->column[g->member[l]] : p->instants;
+        if (column < p->instants && p->times[column] < last[l]) return 1;
+    }
+    return 0;
+}
+
 /* State at a part of the last attempt. */
 static void interpolate(const Problem *p, Group *g, V part, V *target) {
     int64_t width = p->width;

@@ -111,7 +111,7 @@ static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status
             taken[l] = -1;
         } else {
             g->wanted[l] = g->size[l] * (g->error[l] < 1e300 && shrink[l] > 0.2 ? shrink[l] : 0.2);
-            pool->rejected[m] = 1;
+            pool->rejected[m] = INACCURATE;
             int64_t most = pool->steps[m] ? p->refusals : 2 * p->refusals; /* the first size is a guess */
             if (++pool->refused[m] % most == 0 && p->guarded) status[l] = REFUSED;
         }
@@ -127,12 +127,14 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
         double part = 0.9 / __builtin_sqrt(__builtin_sqrt(__builtin_sqrt(error)));
         if (part < factor) factor = part;
     }
-    if (pool->rejected[m] && factor > 1.0) factor = 1.0;
+    int64_t before = pool->rejected[m], shortened = before == COARSE || before == AFTER_COARSE;
+    if (before && before != AFTER_COARSE && factor > 1.0) factor = 1.0;
     g->wanted[l] = g->size[l] * factor;
-    pool->rejected[m] = pool->refused[m] = pool->trusted[m] = 0;
+    pool->rejected[m] = before == COARSE ? AFTER_COARSE : 0;
+    pool->refused[m] = pool->trusted[m] = 0;
     pool->steps[m]++;
     if (pool->known[m] < NODES) pool->known[m]++;
-    pool->stiff[m] = stiff ? pool->stiff[m] + 1 : 0;
+    if (stiff || !shortened) pool->stiff[m] = stiff ? pool->stiff[m] + 1 : 0;
     if (pool->stiff[m] >= p->patience) return STIFF;
     if (g->now[l] < g->end[l] - (g->low[l] - g->begin[l])) return pool->told[m] ? STEPPED : RUNNING;
     int64_t leg = pool->leg[m]++;
@@ -206,15 +208,20 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
     }
     Mask stopped = {0};
     int64_t watched = p->contacts && pool->encounters->watched, happened[LANES];
+    int64_t known = watched || p->room || seen_within(p, pool, g, taken, last);
     V until = splat(1.0);
-    if (watched) {
+    if (known) {
         interpolant(p, g);
+        taken &= ~refuse_coarse(p, pool, g, taken, stiff);
+        if (!any(taken)) return;
+    }
+    if (watched) {
         stopped = find_events(p, g, taken, &until, happened);
         reached = choose(stopped, g->now + until * g->size, reached);
         /* an output time that differs from that of an event by rounding is that of the event */
         last = choose(stopped, reached - 1e-13 * larger(splat(1.0), magnitude(reached)), last);
     }
-    write_outputs(p, pool, g, taken, last, watched);
+    write_outputs(p, pool, g, taken, last, known);
     if (any(stopped)) stop(p, g, stopped, until);
     accept(p, g, taken & ~stopped, reached);
     if (any(g->touching)) stopped |= keep_contacts(p, g, taken & ~stopped, reached, happened);

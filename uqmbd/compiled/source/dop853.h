@@ -26,7 +26,8 @@ enum {
     ROW_MORE = STAGES + 1,    /* three further stages of the interpolant */
     ROW_DENSE = STAGES + 4,   /* its seven coefficients */
     ROW_FIFTH = STAGES + 11,  /* estimates of the error */
-    ROW_THIRD = STAGES + 12
+    ROW_THIRD = STAGES + 12,
+    ROW_BETWEEN = STAGES + 13 /* by what the interpolant misses the last of the further stages */
 };
 
 /* What becomes of a realisation.  All but RUNNING wait for somebody to decide. */
@@ -43,6 +44,10 @@ enum {
     EVENT,   /* a guard has fallen through zero */
     NOTED    /* there might not be room for the marks of another step */
 };
+
+/* Why the last attempt was refused: its error, or its interpolant.  Steps that the latter shortens do not look stiff, so
+   that they do not end a row of stiff steps; nor does the step after. */
+enum { INACCURATE = 1, COARSE, AFTER_COARSE };
 
 typedef struct {
     int64_t terms;                          /* 0: lanes are realisations; else the number of rows of one problem */
@@ -65,6 +70,7 @@ typedef struct {
     double rtol, moving;     /* relative tolerance, number of entries of a state that change */
     double far;              /* an interpolated state that is farther off the constraints is noted */
     double surplus_allowed;  /* a step that leads farther off them, in tolerances, is not taken */
+    double between;          /* greatest error of the interpolant of a step, in tolerances */
     double stiff;            /* step size times the size of the Jacobian from which stability limits the step */
     int64_t patience;        /* so many steps in a row: stiff */
     int64_t refusals;        /* so many refused steps in a row: somebody decides */
@@ -85,7 +91,7 @@ typedef struct {
     double *now, *begin, *wanted, *tried, *floor, *limit; /* (member) */
     int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused, *stiff;
     int64_t *fresh;    /* the rate is to be evaluated anew */
-    int64_t *rejected; /* the last attempt was refused */
+    int64_t *rejected; /* why the last attempt was refused; 0: it was not */
     int64_t *trusted;  /* the next step may stray */
     int64_t *told;     /* stop after each step */
     int64_t *steps, *known; /* accepted steps; how many of the last states are known */

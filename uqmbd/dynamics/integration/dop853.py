@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
+from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members
@@ -44,6 +44,8 @@ REFUSALS = 3
 """Refused steps in a row, and ..."""
 SURPLUS = 4.0
 """... by how many tolerances a step may leave the constraints, before the rank is looked at."""
+BETWEEN = 3.0
+"""Error of an interpolant from which its step is rejected, over the largest of a smooth oscillation."""
 SETTLED = 3
 """Projections by which a state is put on the constraints to rounding."""
 FAR = 1000.0
@@ -89,6 +91,8 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
         refusals=REFUSALS,
         attempts=STEPS if attempts is None else attempts,
         guarded=guarded,
+        # the estimate is of order 7, and steps are chosen for an error of order 8
+        between=BETWEEN * rtol ** (-1 / ORDER),
     )
 
 
