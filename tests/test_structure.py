@@ -33,7 +33,7 @@ STATEMENTS = {
     "uqmbd.new": 230,
     "uqmbd.plugins": 362,
     "uqmbd.progress": 390,
-    "uqmbd.propagation": 6315,
+    "uqmbd.propagation": 6335,
     "uqmbd.randomness": 5240,
     "uqmbd.report": 7295,
     "uqmbd.results": 8590,

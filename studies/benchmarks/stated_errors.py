@@ -12,6 +12,11 @@ should agree.  Alignment does not help for two of the mechanisms.  One is a pend
 and turns in others; the other is a motion of two frequencies, of which a clock follows one.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/stated_errors.py [--verify N ...] [--only NAME ...]``.
+
+With ``--integration`` the stated errors of the time integration are compared instead, for the same mechanisms and four
+more. The true errors are those of all samples against an integration at a thousandth of the tolerance. The root mean
+square is compared at each time, and the share of samples above the stated 99 % quantile is averaged over the times.
+Times at which the true error is below ``ROUNDING`` of the largest standard deviation do not count.
 """
 
 from __future__ import annotations
@@ -19,8 +24,8 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +42,9 @@ from measure import console, table_of
 import uqmbd
 from uqmbd.results import surrogate
 from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneImpact
 from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
 
 FLOOR = 1e-5
@@ -160,6 +167,53 @@ def pendulum(length: Any, speed: Any) -> uqmbd.Mechanism:
     return made
 
 
+def chain() -> uqmbd.Mechanism:
+    """Make three bodies on a line with dampers, whose fast modes decay."""
+    made = uqmbd.Mechanism("chain", uqmbd.Line())
+    before: Any = made.ground
+    for number, (stiffness, damping) in enumerate([(100.0, 10.0), (2e3, 90.0), (5e3, 150.0)]):
+        body = made.body(f"body_{number}", mass=1 + number, position=0.1 * (number + 1))
+        drawn = random(f"k_{number}", chaospy.Uniform(0.8 * stiffness, 1.2 * stiffness), K)
+        made.add(SpringDamper(f"spring_{number}", before, body, 0, 0, stiffness=drawn, damping=damping, free_length=0))
+        before = body
+    made.output("x", before.position[0], units="m")
+    made.output("v", before.velocity[0], units="m/s")
+    made.output("a", before.acceleration[0], units="m/s^2")
+    return made
+
+
+def kink() -> uqmbd.Mechanism:
+    """Make an oscillator whose spring is stiffer on one side."""
+    made = uqmbd.Mechanism("kink", uqmbd.Line())
+    mass = made.body("mass", mass=1, position=random("start", chaospy.Uniform(0.08, 0.12), "m"))
+    stiffness = random("k", chaospy.Uniform(90, 110), K)
+    way = mass.position[0]
+    made.add(PointForce("spring", mass, 0, -stiffness * way - 150 * sympy.Max(way, 0)))
+    made.output("x", way, units="m")
+    made.output("v", mass.velocity[0], units="m/s")
+    return made
+
+
+def friction() -> uqmbd.Mechanism:
+    """Make an oscillator with smoothed dry friction."""
+    made = oscillator(random("k", chaospy.Uniform(90, 110), K), velocity=1.0)
+    mass = made.bodies["mass"]
+    limit = random("limit", chaospy.Uniform(0.1, 0.3), "N")
+    made.add(PointForce("friction", mass, 0, -limit * sympy.tanh(50 * mass.velocity[0])))
+    return made
+
+
+def ball() -> uqmbd.Mechanism:
+    """Make a ball that a spring pulls to a floor, on which it bounces."""
+    made = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-9.81))
+    body = made.body("ball", mass=1, position=random("drop", chaospy.Uniform(0.9, 1.1), "m"))
+    made.add(PlaneImpact("floor", made.ground, body, 0, 0, 1, restitution=0.7))
+    stiffness = random("k", chaospy.Uniform(150, 250), K)
+    made.add(SpringDamper("spring", made.ground, body, 0, 0, stiffness=stiffness, free_length=0))
+    made.output("height", body.position[0], units="m")
+    return made
+
+
 K = "N/m"
 CASES: dict[str, Case] = {
     "oscillator": Case(lambda: oscillator(random("k", chaospy.Uniform(90, 110), K)), 60, 601, {"order": 4}),
@@ -199,6 +253,105 @@ CASES: dict[str, Case] = {
 }  # fmt: skip
 
 
+INTEGRATION: dict[str, Case] = {
+    **{name: replace(case, end=min(case.end, 20.0), count=min(case.count, 201)) for name, case in CASES.items()},
+    "damped chain": Case(chain, 4.0, 201, {}),
+    "spring with a kink": Case(kink, 10.0, 201, {}),
+    "dry friction": Case(friction, 5.0, 201, {}),
+    "bouncing ball": Case(ball, 1.2, 121, {}),
+}
+
+ROUNDING = 1e-10
+"""True error of the time integration, over the largest standard deviation, below which a time does not count."""
+
+
+@dataclass(frozen=True)
+class Integration:
+    """How the stated and the true error of the time integration compare.
+
+    Attributes
+    ----------
+    share : float
+        Part of the times and outputs at which the stated root mean square is 0.5 to 2 times the true one.
+    within : float
+        Part of the times and outputs at which it is within its stated factor.
+    ratios : tuple of float
+        Smallest and largest ratio, over outputs, of the root mean squares over all times.
+    above : float
+        Part of the samples, over times and outputs, whose error exceeds the stated quantile.
+    cost : float
+        Accelerations of the integrations that measure the error, over those of the samples.
+    """
+
+    share: float
+    within: float
+    ratios: tuple[float, float]
+    above: float
+    cost: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the root mean square over time is known to a factor of two, and 98 % of samples are below."""
+        return min(self.ratios) >= 0.5 and max(self.ratios) <= 2.0 and self.above <= 0.02
+
+
+def integrated(case: Case, samples: int = 500, seed: int = 0, rtol: float = 1e-6) -> Integration:
+    """Compute samples, integrate all of them again, and compare the errors."""
+    made, method = case.make(), MonteCarlo(samples=samples, seed=seed + 1)
+    times = np.linspace(0, case.end, case.count)
+    study = uqmbd.Study(made.name, made, times=times, rtol=rtol, propagators=[method])
+    tight = uqmbd.Study(made.name, made, times=times, rtol=1e-3 * rtol, propagators=[method])
+    check = uqmbd.Study(made.name, made, times=times, rtol=1e-2 * rtol, propagators=[method])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        node = study.propagate(method)
+        values = node["samples"]["inputs"].transpose("sample", "input").values
+        first, again, other = (one.problem(method).realise(values) for one in (study, tight, check))
+    names = ("integration_error_rms", "integration_error_factor", "integration_error")
+    rms, factor, quantile = (node["statistics"][name].transpose("output", "time").values for name in names)
+    good = first.good & again.good
+    true = np.abs(first.response[good] - again.response[good])
+    true_rms = np.sqrt((true**2).mean(axis=0))
+    counted = true_rms > ROUNDING * first.response[good].std(axis=0).max(axis=1, keepdims=True)
+    ratio = (rms / np.where(counted, true_rms, 1.0))[counted]
+    whole = [
+        np.sqrt((rms[k][own] ** 2).mean() / (true_rms[k][own] ** 2).mean())
+        for k, own in enumerate(counted)
+        if own.any()
+    ]
+    repeated = node["statistics"]["integration_error"].attrs["realisations"]
+    per = other.counters["accelerations"] / first.counters["accelerations"]
+    return Integration(
+        float(((ratio >= 0.5) & (ratio <= 2.0)).mean()),
+        float((np.abs(np.log(ratio)) <= np.log(factor[counted]) + 1e-9).mean()),
+        (float(min(whole)), float(max(whole))),
+        float((true > quantile).mean(axis=0)[counted].mean()),
+        float(repeated / len(values) * per),
+    )
+
+
+def integration_table(names: Sequence[str], seeds: int) -> None:
+    """Print the table of the errors of the time integration."""
+    columns = (
+        "mechanism",
+        "seed",
+        "rms, stated over true",
+        "times within 0.5 to 2",
+        "within factor",
+        "above 99 %",
+        "cost",
+        "holds",
+    )
+    table = table_of("Stated and true error of the time integration", *columns)
+    for name in names:
+        for seed in range(seeds):
+            found = integrated(INTEGRATION[name], seed=seed)
+            ratios = " to ".join(f"{ratio:.2f}" for ratio in found.ratios)
+            shares = (f"{share:.1%}" for share in (found.share, found.within, found.above, found.cost))
+            table.add_row(name, str(seed), ratios, *shares, "yes" if found.holds else "no")
+    console.print(table)
+
+
 def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
     """Compute the aligned chaos and other realisations, and compare the errors."""
     made = case.make()
@@ -228,12 +381,16 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--verify", type=int, nargs="*", default=[16], help="verification realisations")
-    parser.add_argument("--only", nargs="*", default=list(CASES), help="mechanisms")
+    parser.add_argument("--only", nargs="*", help="mechanisms")
     parser.add_argument("--seeds", type=int, default=1, help="number of repetitions with other points")
+    parser.add_argument("--integration", action="store_true", help="compare the errors of the time integration")
     options = parser.parse_args()
+    if options.integration:
+        integration_table(options.only or list(INTEGRATION), options.seeds)
+        return
     columns = ("mechanism", "verify", "seed", "stated, largest", "true, largest", "times at which they agree", "agrees")
     table = table_of("Stated and true error of aligned chaoses, over the standard deviation", *columns)
-    for name in options.only:
+    for name in options.only or list(CASES):
         for verify in options.verify:
             for seed in range(options.seeds):
                 found = compared(CASES[name], verify, seed)

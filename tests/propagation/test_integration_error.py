@@ -7,10 +7,13 @@ from typing import ClassVar
 import chaospy
 import numpy as np
 import pytest
+import sympy
 import xarray as xr
 
 import uqmbd
-from uqmbd.extend import statistics_dataset
+from uqmbd.extend import Realisations, statistics_dataset
+from uqmbd.propagation.execution import Observed
+from uqmbd.propagation.integration_error import stated_errors
 from uqmbd.results import propagator_node, validate
 from uqmbd.testing.propagators.executors import RecordingExecutor
 from uqmbd.wording import format_percent
@@ -20,7 +23,7 @@ from uqmbd_drivers import RotationDriver
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import SpringDamper
+from uqmbd_springs import PointForce, SpringDamper
 
 TIMES = np.linspace(0, 3, 13)
 OMEGA = 7.0
@@ -266,3 +269,133 @@ def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
     heading, tip = integration_shares(found.to_dataset())
     assert not heading.varies and heading.of_what == "of the mean"
     assert tip.varies and tip.of_what == "of the spread" and 0 <= tip.share < 1e-3
+
+
+def taken(counts):
+    """Return the numbers of the realisations that are integrated again, for chunks of given sizes."""
+    seen, first = Observed(), 0
+    for count in counts:
+        values = np.arange(first, first + count)[:, None]
+        response, status = np.zeros((count, 1, 1)), np.zeros(count, dtype=np.int64)
+        seen.add(Realisations(values, response, status, ("",) * count, {}, 0.0))
+        first += count
+    return np.array(seen.values)[:, 0]
+
+
+@pytest.mark.parametrize("counts", [[20], [64] * 8, [36, 500], [5, 5, 5, 200], [512] * 20, [1] * 100])
+def test_one_of_twenty_is_integrated_again(counts):
+    """At least three, at most a hundred, of the whole population, each once."""
+    found, total = taken(counts), sum(counts)
+    assert len(found) == max(3, min(100, total // 20))
+    assert len(np.unique(found)) == len(found)
+    if 60 <= total <= 2000 and max(counts) > 20:
+        assert np.diff(np.r_[0, np.sort(found), total]).max() <= max(60, max(counts) / 3)
+
+
+@pytest.mark.parametrize("tail", [0.0, 0.5, 1.0])
+def test_errors_of_few_hold_for_their_population(tail):
+    """Of 25 out of a population: lognormal sizes times a normal course over time, whose distribution is known."""
+    random, inside, above = np.random.default_rng(5), [], []
+    shape = np.linspace(0.1, 3, 30)
+    true = shape * np.exp(tail**2)
+    for _ in range(100):
+
+        def drawn(count):
+            sizes = np.exp(tail * random.standard_normal((count, 1, 1)))
+            return np.abs(sizes * random.standard_normal((count, 1, 30)) * shape)
+
+        rms, factor, quantile = stated_errors(drawn(25), np.inf)
+        inside.append((np.abs(np.log(rms / true)) <= np.log(factor)).mean())
+        above.append((drawn(1000) > quantile).mean())
+    assert np.mean(inside) > (0.9 if tail < 1 else 0.7)
+    assert np.mean(above) < 0.02 and np.quantile(above, 0.9) < 0.03
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_errors_scale_with_their_output(factor):
+    wrong = np.abs(np.random.default_rng(2).standard_normal((25, 3, 7)))
+    first, scaled = stated_errors(wrong, 500), stated_errors(factor * wrong, 500)
+    for one, other, by in zip(first, scaled, (factor, 1.0, factor), strict=True):
+        np.testing.assert_allclose(other, by * one, rtol=1e-12)
+
+
+def lopsided(*, names=("k", "extra"), per_metre=1.0):
+    """A mass on a spring that is stiffer on one side; the start has units of its own, and inputs the given names."""
+    mechanism = uqmbd.Mechanism("lopsided", uqmbd.Line())
+    start = uqmbd.RandomVariable("start", chaospy.Uniform(0.08 * per_metre, 0.12 * per_metre), units="m")
+    stiffness = uqmbd.RandomVariable(names[0], chaospy.Uniform(90, 110), units="N/m")
+    extra = uqmbd.RandomVariable(names[1], chaospy.Uniform(100, 200), units="N/m")
+    mass = mechanism.body("mass", mass=1, position=start / per_metre)
+    way = mass.position[0]
+    mechanism.add(PointForce("spring", mass, 0, -stiffness * way - extra * sympy.Max(way, 0)))
+    mechanism.output("x", way, units="m")
+    mechanism.output("x_mm", 1e3 * way + 7e3, units="mm")
+    return mechanism
+
+
+class Given(uqmbd.extend.Propagator):
+    """Realisations at points that are named, whatever the order of the inputs is."""
+
+    name: ClassVar[str] = "given"
+
+    def __init__(self, points):
+        super().__init__()
+        self.points = points
+
+    def propagate(self, problem):
+        found = problem.realise(np.column_stack([self.points[one.name] for one in problem.labels.inputs]))
+        response = found.response
+        data = statistics_dataset(problem.labels, mean=response.mean(axis=0), std=response.std(axis=0))
+        return problem.node(self, data, realisations=len(response), wall_time=found.wall_time)
+
+
+ERRORS = ("integration_error", "integration_error_rms", "integration_error_factor")
+
+
+@pytest.mark.thorough
+def test_units_and_order_of_inputs_and_shifts_of_outputs_change_no_stated_error():
+    random = np.random.default_rng(3)
+    start, stiffness, extra = (
+        random.uniform(0.08, 0.12, 100),
+        random.uniform(90, 110, 100),
+        random.uniform(100, 200, 100),
+    )
+
+    def stated(mechanism, **points):
+        study = uqmbd.Study("s", mechanism, TIMES, [Given(points)])
+        return study.propagate(study.propagators[0])["statistics"]
+
+    first = stated(lopsided(), start=start, k=stiffness, extra=extra)
+    for other in (
+        stated(lopsided(per_metre=1e3), start=1e3 * start, k=stiffness, extra=extra),
+        stated(lopsided(names=("z", "a")), start=start, z=stiffness, a=extra),
+    ):
+        for name in ERRORS:
+            np.testing.assert_allclose(other[name], first[name], rtol=1e-3, atol=1e-12)
+    for name, by in zip(ERRORS, (1e3, 1e3, 1.0), strict=True):
+        plain, scaled = (first[name].sel(output=output).values for output in ("x", "x_mm"))
+        some = first["integration_error"].sel(output="x").values > 1e-10
+        np.testing.assert_allclose(scaled[some], by * plain[some], rtol=1e-2)
+
+
+def closed_form(start, stiffness, extra):
+    """Positions (time,) of the lopsided spring: half periods of sines, on either side with a frequency of its own."""
+    right, left = np.sqrt(stiffness + extra), np.sqrt(stiffness)
+    way = (TIMES + np.pi / (2 * right)) % (np.pi / right + np.pi / left)
+    ahead = way < np.pi / right
+    return start * np.where(ahead, np.sin(right * way), -right / left * np.sin(left * (way - np.pi / right)))
+
+
+@pytest.mark.thorough
+def test_errors_of_a_spring_with_a_kink_are_those_against_its_closed_form():
+    """For all samples: of the root mean square to a factor of two, and at most 2 % of them above the quantile."""
+    node = uqmbd.Study("s", lopsided(), TIMES, [MonteCarlo(samples=300, seed=1)]).propagate(
+        MonteCarlo(samples=300, seed=1)
+    )
+    inputs = node["samples/inputs"]
+    true = np.array([closed_form(*(float(row.sel(input=name)) for name in ("start", "k", "extra"))) for row in inputs])
+    wrong = np.abs(node["samples/response"].sel(output="x").values - true)
+    rms, quantile = (node[f"statistics/{name}"].sel(output="x").values for name in (ERRORS[1], ERRORS[0]))
+    assert node["statistics/integration_error"].attrs["realisations"] == 15
+    assert 0.5 < np.sqrt((rms**2).mean() / (wrong**2).mean()) < 2
+    assert (wrong[:, 1:] > quantile[1:]).mean() < 0.02

@@ -114,7 +114,7 @@ class ExplicitOptions:
     refusals: int  # consecutive rejected steps before the driver returns for a decision
     attempts: int  # maximum of attempted steps of an integration interval
     guarded: bool  # whether the driver returns for a decision on rejected steps and steps off the constraints
-    between: float = np.inf  # error of the interpolant above which a step with output times is rejected, in tolerances
+    between: float = np.inf  # error of the interpolant above which a step is rejected, in tolerances
 
 
 @cache

@@ -1,6 +1,7 @@
-"""The error of the time integration, measured: a few realisations are integrated again at a tighter tolerance.
+"""The error of the time integration, measured: some realisations are integrated again at a tighter tolerance.
 
-Which ones does not depend on who computes: they lie evenly among the first successful ones that a method has computed.
+One of twenty is, at least three. Which ones does not depend on who computes: they are evenly spread over the successful
+realisations of a method.
 Where a method has computed none (it solves for all together), they are the medians of the inputs and two further points
 of their distribution.  The second integration is that of the built-in integrator ``auto``, at a hundredth of the
 tolerance: of realisations that IDA, or the integrator of a plugin, has integrated it is thereby a second route.
@@ -33,9 +34,22 @@ FACTOR = 0.01
 LEAST = 1e-13
 """Tightest tolerance that is of use in double precision."""
 
+LEVEL, TAIL = 0.99, 0.025
+"""Quantile of the errors that is stated, and probability on each side of the interval of their mean square."""
+
+OFTEN = 0.9
+"""Quantile over time of the relative variances of mean squares, of which none counts as smaller."""
+
 GOLDEN = 0.6180339887498949
 
 LONG_NAME = "error of the time integration"
+
+LONG_NAMES = {
+    "integration_error_rms": f"{LONG_NAME}, root mean square over realisations",
+    "integration_error_factor": "factor by which the root mean square of the integration error may be off",
+    "integration_error": LONG_NAME,
+}
+"""Names of the variables in the order of `stated_errors`, with their long names."""
 
 
 def tighter(rtol: float) -> float | None:
@@ -62,11 +76,45 @@ def deviation(first: Array, second: Array, turns: Array) -> Array:
     return np.abs(difference - np.where(turns[:, None] > 0, turn * np.round(difference / turn), 0.0))
 
 
-def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
-    """Add ``statistics/integration_error`` (output, time), in the units of the outputs, to the node of a method.
+def stated_errors(wrong: Array, population: float) -> tuple[Array, Array, Array]:
+    """Return root mean square, its factor of uncertainty and 99 % quantile of errors (K, output, time) at each time.
 
-    It is the largest absolute difference over the realisations that were integrated again; NaN where it is unknown,
-    with the attribute ``reason``.
+    The mean square of a population is between those of its 95 % interval, which the factor describes: mean squares are
+    multiples of chi-square (Box), and those of all of a `population` are certain. Quantiles at single times are not
+    known from few realisations: those of errors over their root mean square are pooled over time.
+
+    >>> found = stated_errors(np.array([[[0.0, 3.0]], [[0.0, 4.0]], [[0.0, 5.0]]]), np.inf)
+    >>> [one.round(2).tolist() for one in found]
+    [[[0.0, 4.08]], [[1.0, 3.73]], [[0.0, 18.57]]]
+    >>> stated_errors(np.array([[[2.0]]]), 1)
+    (array([[2.]]), array([[1.]]), array([[2.]]))
+    """
+    from scipy.special import chdtri
+
+    count, squares = len(wrong), wrong**2
+    mean = squares.mean(axis=0)
+    rms, some = np.sqrt(mean), mean > 0
+    ratios = wrong / np.where(some, rms, 1.0)
+    spread = ((squares - mean) ** 2).sum(axis=0) / max(1, count - 1) / count
+    relative = np.divide(spread, mean**2, out=np.zeros(mean.shape), where=some)
+    largest = np.zeros((len(mean), 1))
+    for output, known in enumerate(some):
+        if known.any():
+            # few realisations underestimate the spread of long tails, mostly where the mean square is too small, too
+            relative[output] = np.maximum(relative[output], np.quantile(relative[output, known], OFTEN))
+            largest[output] = np.quantile(ratios[:, output, known], LEVEL)
+    freedom = np.clip(2 / np.maximum(relative, 2 / count), 1.0, None)
+    factor = np.sqrt(freedom / chdtri(freedom, 1.0 - TAIL)) ** np.sqrt(max(0.0, 1.0 - count / population))
+    factor = np.where(some, factor, 1.0)
+    return rms, factor, np.maximum(rms * largest * factor, wrong.max(axis=0))
+
+
+def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
+    """Add ``integration_error`` (output, time), in the units of the outputs, to the statistics of a method.
+
+    At most 1 % of realisations have a larger error, by an upper limit. ``integration_error_rms`` is the root mean
+    square over the realisations, and ``integration_error_factor`` the factor by which that may be off (95 %). NaN where
+    they are unknown, with the attribute ``reason``.
     """
     if "statistics" not in node.children or (problem.timeless and not problem.model.scalars.needs_motion):
         return node
@@ -77,10 +125,12 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
         return node
     if mean is None or mean.dims != ("output", "time") or mean.shape != shape:
         return node
-    error, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")))
-    error = np.where(np.isfinite(mean.values), error, np.nan)
-    attrs = {"long_name": LONG_NAME, **attrs}
-    node.children["statistics"].dataset = statistics.assign(integration_error=(mean.dims, error, attrs))
+    found, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")))
+    stated = {
+        name: (mean.dims, np.where(np.isfinite(mean.values), error, np.nan), {"long_name": about, **attrs})
+        for (name, about), error in zip(LONG_NAMES.items(), found, strict=True)
+    }
+    node.children["statistics"].dataset = statistics.assign(stated)
     return node
 
 
@@ -89,9 +139,9 @@ def _still(problem: Problem) -> bool:
     return len(problem.times if problem.over is None else problem.over) < 2
 
 
-def _measured(problem: Problem, by: str) -> tuple[Array, dict[str, str | int | float]]:
-    """Return the error (output, time), and how it was found."""
-    unknown = np.full(problem.labels.shape, np.nan)
+def _measured(problem: Problem, by: str) -> tuple[tuple[Array, Array, Array], dict[str, str | int | float]]:
+    """Return the three `stated_errors` (output, time), and how they were found."""
+    unknown = (np.full(problem.labels.shape, np.nan),) * 3
     rtol = tighter(problem.rtol)
     if rtol is None:
         return unknown, {"reason": f"rtol is {problem.rtol:g}, and none that is much tighter is of use"}
@@ -109,8 +159,9 @@ def _measured(problem: Problem, by: str) -> tuple[Array, dict[str, str | int | f
     if not len(good):
         why = again.most_frequent_reason()
         return unknown, {"reason": f"all {len(values)} realisations fail that are integrated with rtol {rtol:g}: {why}"}
-    error = deviation(first[good], again.response[good], problem.labels.turns).max(axis=0)
-    comment = f"largest over {len(good)} realisations that were integrated again, with rtol {rtol:g}"
+    population = problem.runner.observed.counted or np.inf
+    error = stated_errors(deviation(first[good], again.response[good], problem.labels.turns), population)
+    comment = f"of {100 * LEVEL:g} % of realisations, from {len(good)} that were integrated again, with rtol {rtol:g}"
     failed = len(values) - len(good)
     more = f"; {failed} more failed there: {again.most_frequent_reason()}" if failed else ""
     return error, {"comment": comment + more, "realisations": len(good), "rtol": rtol}
@@ -128,8 +179,9 @@ def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
     if seen.values and not others:
         return np.array(seen.values), np.array(seen.responses)
     own = _silent(problem, "once", integrator=others[0] if others else problem.integrator)
-    own.realise(np.array(seen.values) if seen.values else _points(problem))
-    return np.array(own.runner.observed.values), np.array(own.runner.observed.responses)
+    found = own.realise(np.array(seen.values) if seen.values else _points(problem))
+    good = found.status == Status.OK
+    return found.values[good], found.response[good]
 
 
 def _points(problem: Problem) -> Array:

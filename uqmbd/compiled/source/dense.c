@@ -13,9 +13,10 @@ static void interpolant(const Problem *p, Group *g) {
     for (int64_t r = 0; r < DENSE; r++) accumulate(p, g, ROW_DENSE + r, g->size, 0, g->dense + r * width);
 }
 
-/* Refuse steps whose interpolant is too inaccurate, and return them.  Their ends may be accurate: where stability limits
-   the steps, fast modes have decayed at the end of a step, but not within it.  The error is that of the interpolant at
-   its last further stage; it is of order 7, so that it exceeds the error of the interpolant in short steps. */
+/* Refuse steps whose interpolant is too inaccurate, and return them.  Their ends may be accurate:
+   where stability limits the steps, fast modes have decayed at the end of a step, but not within it.  The error is that
+   of the interpolant at its last further stage; it is of order 7, so that it exceeds that of the interpolant in short
+   steps.  What is refused depends on no output time, so that the steps do not depend on them. */
 static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask taken, Mask stiff) {
     accumulate(p, g, ROW_BETWEEN, g->size, 0, g->work);
     V off = root(scaled_squares(p, g, g->work) * ((double)(p->width / p->blocks) / p->moving)) / splat(p->between);
@@ -34,15 +35,6 @@ static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask tak
         pool->stiff[m] += stiff[l] != 0;
     }
     return coarse;
-}
-
-/* Whether output times lie within the steps that are taken. */
-static int seen_within(const Problem *p, const Pool *pool, const Group *g, Mask taken, V last) {
-    for (int64_t l = 0; l < LANES; l++) {
-        int64_t column = taken[l] ? pool->column[g->member[l]] : p->instants;
-        if (column < p->instants && p->times[column] < last[l]) return 1;
-    }
-    return 0;
 }
 
 /* State at a part of the last attempt. */
@@ -121,14 +113,10 @@ static void record(const Problem *p, const Pool *pool, Group *g, Mask taken, V l
     }
 }
 
-/* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
-static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
+/* Write the interpolated states at the output times up to `last`. */
+static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
     int64_t column[LANES];
-    if (p->room) {
-        if (!known) interpolant(p, g);
-        known = 1;
-        record(p, pool, g, taken, last);
-    }
+    if (p->room) record(p, pool, g, taken, last);
     for (int64_t l = 0; l < LANES; l++) column[l] = taken[l] ? pool->column[g->member[l]] : p->instants;
     for (;;) {
         Lanes due, moment = {g->now}, until = {last};
@@ -138,8 +126,6 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
             if (here) moment.of[l] = p->times[column[l]];
         }
         if (!any(due.mask)) break;
-        if (!known) interpolant(p, g);
-        known = 1;
         interpolate_at(p, g, due.mask, moment.all);
         write_results(p, pool, g, due.mask, column);
     }

@@ -22,9 +22,9 @@ from uqmbd.propagation.execution.realisations import (
     Margins,
     Observed,
     Realisations,
-    evenly,
     late_outputs,
     log_realisations,
+    offered,
 )
 from uqmbd.propagation.execution.resumed import study_digest, warn_of_changes
 from uqmbd.propagation.execution.run_folder import claimed, output_folder, set_aside, writable
@@ -55,7 +55,6 @@ __all__ = [
     "chunk_size",
     "claimed",
     "compute_chunk",
-    "evenly",
     "event_histories",
     "executor_for",
     "fingerprint",
@@ -67,6 +66,7 @@ __all__ = [
     "machine_attribute",
     "needs_motion",
     "not_finite_output",
+    "offered",
     "output_folder",
     "explained",
     "opened",

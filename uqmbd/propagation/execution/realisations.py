@@ -16,7 +16,7 @@ from uqmbd.propagation.execution.chunks import Chunk
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["AGAIN", "Margins", "Observed", "Realisations", "evenly", "late_outputs", "log_realisations"]
+__all__ = ["AGAIN", "Margins", "Observed", "Realisations", "late_outputs", "log_realisations", "offered"]
 
 
 @dataclass(frozen=True)
@@ -235,8 +235,15 @@ class Margins:
         return cls(known.values, known.running, known.failed, known.messages, found.counters, found.wall_time)
 
 
-AGAIN = 3
-"""Realisations that are integrated again."""
+AGAIN, MOST = 3, 100
+"""Realisations that are integrated again, at least and at most."""
+
+EACH = 20
+"""Successful realisations per realisation that is integrated again: an integration with a hundredth of the tolerance
+costs up to twice as much."""
+
+NUMBERS = 1 << 24
+"""Numbers in the responses of realisations that are integrated again, at most, except for the first `AGAIN`."""
 
 
 @dataclass
@@ -256,7 +263,7 @@ class Observed:
     def add(self, part: Realisations) -> None:
         """Count those of a chunk, and take some of it, evenly spread, until there are enough."""
         self.count(part, late_outputs(part))
-        chosen = evenly(part.status, AGAIN - len(self.values))
+        chosen = offered(part.status)
         self.take(part.values[chosen], part.response[chosen])
         good = part.response[part.status == Status.OK]
         if len(good):
@@ -274,17 +281,18 @@ class Observed:
         self.failed += part.failures
 
     def take(self, values: Array, responses: Array) -> None:
-        """Take some, until there are enough."""
-        for value, response in zip(values, responses, strict=True):
-            if len(self.values) < AGAIN:
-                self.values.append(value.copy())
-                self.responses.append(response.copy())
+        """Take some of those offered, evenly spread, until there are enough for the realisations so far."""
+        most = min(MOST, NUMBERS // max(1, responses[:1].size), self.counted // EACH)
+        wanted = min(max(AGAIN, most) - len(self.values), len(values))
+        for k in np.linspace(0, len(values) - 1, max(0, wanted)).round().astype(int).tolist():
+            self.values.append(values[k].copy())
+            self.responses.append(responses[k].copy())
 
 
-def evenly(status: Index, wanted: int = AGAIN) -> Index:
-    """Return the indices of some realisations that succeeded, evenly spread."""
+def offered(status: Index) -> Index:
+    """Return the indices of successful realisations of a chunk that may be integrated again, evenly spread."""
     good = np.flatnonzero(status == Status.OK)
-    count = max(0, min(wanted, len(good)))
+    count = min(max(AGAIN, -(-len(status) // EACH)), len(good))
     found: Index = good[np.linspace(0, len(good) - 1, count).round().astype(int)]
     return found
 

@@ -15,8 +15,8 @@ from uqmbd.propagation.execution import (
     Packed,
     Realisations,
     compute_chunk,
-    evenly,
     late_outputs,
+    offered,
 )
 from uqmbd.results.storage import ResponseFile
 from uqmbd.status import Status
@@ -172,7 +172,7 @@ def reduce_chunk(
     part = Realisations.of(values, chunk, 0.0)
     if order.chosen is not None:
         part = part.choosing(packed.value().scalars, order.chosen)
-    seen, result = evenly(part.status), None
+    seen, result = offered(part.status), None
     if not known:
         with one_thread():
             result = order.function(part, order.first, *order.arguments)

@@ -9,7 +9,8 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     |   |                      and quantile_error (probability, output, time) where quantiles are not those of all
     |   |                      samples exactly; where an output is an angle
     |   |                      circular_mean, circular_std (output, time);
-    |   |                      integration_error (output, time), NaN where it is not known
+    |   |                      integration_error, integration_error_rms, integration_error_factor (output, time), NaN
+    |   |                      where they are not known
     |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 

@@ -26,7 +26,15 @@ Role = Literal["output", "output ** 2", "output / s", "output / input", "scalar"
 _ROLES: Mapping[Role, tuple[str, ...]] = {
     "output": (
         *("mean", "std", "quantile", "quantile_error", "std_error_mean", "std_error_std", "smallest", "largest"),
-        *("circular_mean", "circular_std", "integration_error", "response", "verification_response", "output_angle"),
+        *(
+            "circular_mean",
+            "circular_std",
+            "integration_error",
+            "integration_error_rms",
+            "response",
+            "verification_response",
+            "output_angle",
+        ),
         *("coefficients", "segment_coefficients", "constant_coefficients", "cosine_coefficients", "sine_coefficients"),
         *("mean_difference_max", "mean_difference_l2", "std_difference_max", "std_difference_l2"),
         *("quantile_difference_max", "reference_std_max", "wasserstein"),
@@ -48,6 +56,7 @@ _ROLES: Mapping[Role, tuple[str, ...]] = {
             "sobol_total_interval",
             "verification_error",
             "verification_factor",
+            "integration_error_factor",
             "leave_one_out",
         ),
         *("censored", "censored_bound", "verification_weights", "verification_germs", "germs"),

@@ -12,7 +12,7 @@ from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
 from uqmbd.results.schema.nodes import comparable, propagator_nodes
-from uqmbd.results.schema.values import check_probabilities, check_values, place_of
+from uqmbd.results.schema.values import INTEGRATION_ERRORS, check_probabilities, check_values, place_of
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -29,7 +29,7 @@ _REASONS = 2
 """The version of the schema since which each NaN has a reason."""
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
 _TIMELESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
-    "statistics": {name: ("output",) for name in (*_PLAIN, "integration_error")}
+    "statistics": {name: ("output",) for name in (*_PLAIN, *INTEGRATION_ERRORS)}
     | {"quantile": ("probability", "output")},
     "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
     "chaos": {"multi_index": ("term", "input")},
@@ -206,7 +206,7 @@ def _validate_statistics(node: xr.DataTree, end: float, before: bool) -> None:
         _dims(node, name, _OVER_TIME)
     for name in (n for n in ("quantile", "quantile_error") if n == "quantile" or n in node.data_vars):
         _dims(node, name, ("probability", *_OVER_TIME))
-    for name in (n for n in (*_OPTIONAL, *_EXTREMES, *_CIRCULAR, "integration_error") if n in node.data_vars):
+    for name in (n for n in (*_OPTIONAL, *_EXTREMES, *_CIRCULAR, *INTEGRATION_ERRORS) if n in node.data_vars):
         _dims(node, name, _OVER_TIME)
     for name in (n for n in _BY_INPUT if n in node.data_vars):
         _dims(node, name, ("input", *_OVER_TIME))
@@ -225,7 +225,7 @@ def _validate_statistics(node: xr.DataTree, end: float, before: bool) -> None:
 
     whole = node.to_dataset()
     later = whole.sel(time=whole["time"] > end)
-    for name in (*_PLAIN, *(n for n in (*_OPTIONAL, "integration_error") if n in later)):
+    for name in (*_PLAIN, *(n for n in (*_OPTIONAL, *INTEGRATION_ERRORS) if n in later)):
         _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
     check_values(whole, node.path, end=end, before=before)
 

@@ -21,6 +21,7 @@ from uqmbd.typing import Array, Mask
 
 __all__ = [
     "EVERY",
+    "INTEGRATION_ERRORS",
     "check_probabilities",
     "check_values",
     "place_of",
@@ -34,9 +35,12 @@ __all__ = [
 EVERY = "*"
 """Stands for every output in the attribute ``unknown``."""
 
+INTEGRATION_ERRORS = ("integration_error", "integration_error_rms", "integration_error_factor")
+"""Stated errors of the time integration."""
+
 _NOT_NEGATIVE = (
     "std", "variance", "std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std",
-    "quantile_error", "integration_error", "circular_std", "verification_error", "verification_factor",
+    "quantile_error", *INTEGRATION_ERRORS, "circular_std", "verification_error", "verification_factor",
 )  # fmt: skip
 _SHARES = ("censored", "censored_bound")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval")
@@ -167,9 +171,10 @@ def check_values(
     for name in held:
         _check_real(statistics[name], f"{path}/{name}")
     explained = {name: _explained(statistics, name, end, refused) | before for name in held}
-    if {"integration_error", "mean"} <= explained.keys():
-        # of what has no mean the error is not known either
-        explained["integration_error"] |= explained["mean"] & np.isnan(statistics["mean"].values)
+    # of what has no mean the error is not known either
+    for name in INTEGRATION_ERRORS if "mean" in explained else ():
+        if name in explained:
+            explained[name] |= explained["mean"] & np.isnan(statistics["mean"].values)
     for name in held:
         data, where = statistics[name], f"{path}/{name}"
         if name in _INTERVALS:
