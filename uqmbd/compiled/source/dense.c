@@ -17,16 +17,16 @@ static void interpolant(const Problem *p, Group *g) {
    where stability limits the steps, fast modes have decayed at the end of a step, but not within it.  The error is that
    of the interpolant at its last further stage; it is of order 7, so that it exceeds that of the interpolant in short
    steps.  What is refused depends on no output time, so that the steps do not depend on them. */
-static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask taken, Mask stiff) {
+static Mask refuse_coarse(const Problem *p, const Pool *pool, Group *g, Mask whole, Mask stiff) {
     accumulate(p, g, ROW_BETWEEN, g->size, 0, g->work);
     V off = root(scaled_squares(p, g, g->work) * ((double)(p->width / p->blocks) / p->moving)) / splat(p->between);
-    Mask coarse = taken & (off > splat(1.0));
+    Mask coarse = whole & (off > splat(1.0));
     if (!any(coarse)) return coarse;
     V shrink = 0.9 / root(root(root(off)));
     for (int64_t l = 0; l < LANES; l++) {
         int64_t m = g->member[l];
         if (!coarse[l]) continue;
-        if (pool->trusted[m]) {
+        if (pool->trusted[m] || (p->guarded && pool->told[m])) { /* near a singular pose others decide */
             coarse[l] = 0;
             continue;
         }
@@ -113,10 +113,14 @@ static void record(const Problem *p, const Pool *pool, Group *g, Mask taken, V l
     }
 }
 
-/* Write the interpolated states at the output times up to `last`. */
-static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
+/* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
+static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
     int64_t column[LANES];
-    if (p->room) record(p, pool, g, taken, last);
+    if (p->room) {
+        if (!known) interpolant(p, g);
+        known = 1;
+        record(p, pool, g, taken, last);
+    }
     for (int64_t l = 0; l < LANES; l++) column[l] = taken[l] ? pool->column[g->member[l]] : p->instants;
     for (;;) {
         Lanes due, moment = {g->now}, until = {last};
@@ -126,6 +130,8 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
             if (here) moment.of[l] = p->times[column[l]];
         }
         if (!any(due.mask)) break;
+        if (!known) interpolant(p, g);
+        known = 1;
         interpolate_at(p, g, due.mask, moment.all);
         write_results(p, pool, g, due.mask, column);
     }
