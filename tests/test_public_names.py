@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import uqmbd
-from uqmbd import extend, results
+from uqmbd import extend, report, results
 
 MODULES = ("uqmbd", "uqmbd.extend", "uqmbd.laws", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing")
 
@@ -81,6 +81,14 @@ def test_a_renamed_name_is_found_with_a_warning(old, now):
         with pytest.warns(DeprecationWarning, match=rf"uqmbd\.extend\.{now} now") as told:
             assert getattr(module, old) is getattr(extend, now)
         assert [one.filename for one in told] == [__file__]
+
+
+def test_the_renamed_name_of_the_report_is_found_with_a_warning():
+    with pytest.warns(DeprecationWarning, match=r"uqmbd\.report\.series_style now") as told:
+        assert report.style is report.series_style
+    assert [one.filename for one in told] == [__file__]
+    with pytest.raises(AttributeError, match="no attribute 'styles'"):
+        _ = report.styles
 
 
 @pytest.mark.parametrize("module", OLD)

@@ -35,7 +35,7 @@ STATEMENTS = {
     "uqmbd.progress": 390,
     "uqmbd.propagation": 6335,
     "uqmbd.randomness": 5240,
-    "uqmbd.report": 7295,
+    "uqmbd.report": 7300,
     "uqmbd.results": 8590,
     "uqmbd.testing": 1885,
     "uqmbd.units": 285,

@@ -222,8 +222,8 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         "from_urdf: inertia is 'ignore'; expected one of 'refuse'",
     ),
     "errors of another shape": (
-        lambda: extend.doubts(AXES, np.zeros(3), 0.1, np.array([True])),
-        "doubts: errors is .*; expected an error of each output",
+        lambda: extend.find_exceedances(AXES, np.zeros(3), 0.1, np.array([True])),
+        "find_exceedances: errors is .*; expected an error of each output",
     ),
     "rules of no levels": (lambda: extend.combination_coefficients(5), "levels is 5; expected whole numbers in rows"),
     "a level without an end": (lambda: extend.clenshaw_curtis(_space(), 10**400), "level is .*; expected whole"),

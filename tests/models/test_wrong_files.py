@@ -138,7 +138,7 @@ def test_an_older_mujoco_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("keywords", "said"),
-    [({"path": 3}, "path is 3; expected the path of a file"), ({"fuse": 1}, "fuse is 1; expected True")],
+    [({"path": 3}, "path is 3; expected a text or a path"), ({"fuse": 1}, "fuse is 1; expected True")],
 )
 def test_arguments(keywords, said):
     with pytest.raises(uqmbd.StudyError, match=re.escape(said)):

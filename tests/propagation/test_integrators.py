@@ -194,7 +194,9 @@ def test_results_name_who_integrated_and_how_wrong_it_is(propagator):
     assert wrong > 0.01, "it is a poor one"
     assert float(once["integration_error"].max()) == pytest.approx(wrong, rel=1e-3)
     stated = float(node["statistics/integration_error"].max())
-    assert wrong / 1.2 < stated < 1.2 * wrong
+    # the limit of 99 % of realisations from three of them: by a factor of at most 3.73 above the root mean square
+    assert wrong / 1.2 < stated < 4.5 * wrong
+    assert wrong / 1.2 < float(node["statistics/integration_error_rms"].max()) < 1.2 * wrong
     assert once.attrs["integrated_by"] == "backward-euler"
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 from uqmbd.report.charts import Band, Chart, Curve, chart_figure, chart_html, charts_html
 from uqmbd.report.drawing import arrange, axes_grid, figure_html, series_style, with_units, wrapped
 from uqmbd.report.figures import (
@@ -76,3 +79,12 @@ __all__ = [
     "wrapped",
     "write_report",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Find an old name with a warning, until 0.2."""
+    if name != "style":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    text = "uqmbd.report.style is uqmbd.report.series_style now; the old name is removed in version 0.2."
+    warnings.warn(text, DeprecationWarning, stacklevel=2)
+    return series_style

@@ -182,7 +182,7 @@ def test_a_function_that_cannot_be_sent_is_told():
 
     assert uqmbd.simulate(wheel(locked), [0, 0.2])["speed"][-1] > 0  # it need not be
     with pytest.raises(uqmbd.StudyError, match="Controller 'controller': its function cannot be sent .*cannot pickle"):
-        uqmbd.Study("wheel", wheel(locked), [0, 0.2]).propagate(Collocation(order=1))
+        uqmbd.Study("wheel", wheel(locked), [0, 0.2]).propagate(Collocation(order=1), workers=2)
 
 
 def test_another_function_is_another_model():

@@ -107,7 +107,7 @@ def test_none_is_forgotten() -> None:
         "chart_html",
         "charts_html",
         "figure_html",
-        "style",
+        "series_style",
         "with_units",
         "wrapped",
     }

@@ -22,7 +22,7 @@ def require_format(path: Path) -> None:
     >>> require_format(Path("crank.docx"))
     Traceback (most recent call last):
         ...
-    uqmbd.errors.StudyError: --figure crank.docx: a picture is written as .png, .svg or .pdf.
+    uqmbd.errors.StudyError: --figure crank.docx: expected a file name that ends in .png, .svg or .pdf.
     """
     if path.suffix.lower() not in FORMATS:
         raise StudyError(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import sympy
 
-from uqmbd.arguments import Size, typechecked
+from uqmbd.arguments import Bounds, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.declared.output import Output
 from uqmbd.mechanism.declared.recorded import require_recordable
@@ -70,7 +70,7 @@ class Requirement:
     relation: str
     over_time: bool
     at_the_end: bool = False
-    open: Size = 0
+    open: Annotated[int, Bounds(-1, 1)] = 0
 
     @property
     def words(self) -> str:

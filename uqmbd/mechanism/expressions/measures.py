@@ -62,7 +62,7 @@ def product(one: Measure, other: Measure) -> Measure:
     """Return the measure of a product.
 
     >>> product(Number(2.0, seen=True), MeasuredProduct(Unit()))
-    Known(unit=Unit(dimension=(...), factor=1.0), constant=2.0, free=True)
+    MeasuredProduct(unit=Unit(dimension=(...), factor=1.0), constant=2.0, free=True)
     """
     if one is None or other is None:
         return None

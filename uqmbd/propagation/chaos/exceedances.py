@@ -101,8 +101,8 @@ def find_exceedances(labels: Labels, errors: Array, limit: float, loud: Mask) ->
     """
     if labels.times is None or errors.shape != labels.shape or loud.shape != labels.shape[:1]:
         raise StudyError(
-            f"doubts: errors is {shown(errors)} and loud is {shown(loud)}; expected an error of each output at each "
-            f"time and a truth value of each output, for {len(labels.outputs)} outputs over time."
+            f"find_exceedances: errors is {shown(errors)} and loud is {shown(loud)}; expected an error of each output "
+            f"at each time and a truth value of each output, for {len(labels.outputs)} outputs over time."
         )
     found = []
     for row, (output, error) in enumerate(zip(labels.outputs, errors, strict=True)):

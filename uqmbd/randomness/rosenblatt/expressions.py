@@ -86,7 +86,7 @@ def decoded(data: Any) -> Expression:
     """Return the expression from its :func:`encoded` form.
 
     >>> decoded(["product", 0.2, 0])
-    Operation(kind='product', left=0.2, right=Column(place=0))
+    Operation(kind='product', left=0.2, right=MemberValue(place=0))
     """
     if isinstance(data, list):
         kind, left, right = data

@@ -47,7 +47,7 @@ def design_of(attrs: Mapping[Any, Any]) -> SamplingPlan:
     """Return the design from the attributes of a propagator's node; without any, samples are independent.
 
     >>> design_of({"options": '{"sampling": "sobol", "replicates": 8}'})
-    Design(name='sobol', replicates=8)
+    SamplingPlan(name='sobol', replicates=8)
     >>> design_of({}).independent
     True
     """
