@@ -24,7 +24,7 @@ STATEMENTS = {
     "uqmbd": 776,
     "uqmbd.arguments": 440,
     "uqmbd.cli": 1600,
-    "uqmbd.clusters": 267,
+    "uqmbd.clusters": 269,
     "uqmbd.compiled": 2020,
     "uqmbd.dynamics": 13410,
     "uqmbd.exchange": 240,

@@ -237,9 +237,9 @@ def test_report_and_table_of_a_run_say_which_clock_was_taken(tmp_path, capsys):
     save(tree, tmp_path / "results.nc")
     write_report(load(tmp_path / "results.nc"), tmp_path / "report.html")
     text = html.unescape((tmp_path / "report.html").read_text())
-    assert "realisations are compared at equal phase of the angle 'disc'" in text
-    assert f"makes {least:.3g} to {most:.3g} turns until the last output time" in text
-    assert f"followed {node.attrs['longer']:.3g} times as long" in text
+    assert "realisations are compared at equal phases of the angle 'disc'" in text
+    assert f"with {least:.3g} to {most:.3g} turns until the last output time" in text
+    assert f"integrated for {node.attrs['longer']:.3g} times the duration" in text
     assert f"in about {node.attrs['standing']:.1%} of them it stands" in text
 
 

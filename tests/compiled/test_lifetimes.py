@@ -35,16 +35,16 @@ RUN = """
 import gc, threading
 import numpy as np
 import symengine
-from uqmbd.compiled import Dynamics, Method, Program, Realisations, Writer, compile_kernel
+from uqmbd.compiled import Dynamics, ExplicitOptions, IntegrationState, Program, ProgramWriter, compile_kernel
 
 THREADS, END = 4, 2.0
 q, v, t, zero, p = symengine.symbols("q v t zero p")
-kernel, writer = compile_kernel([q, v, t, zero, p], [-p * q]), Writer(5)
+kernel, writer = compile_kernel([q, v, t, zero, p], [-p * q]), ProgramWriter(5)
 (force,) = writer.call(kernel, np.arange(5)[None]).ravel()
 part, rate = writer.part(), np.array([1, force])
 program = Program(part, 5, writer.size, np.array([force]))
 dynamics = Dynamics(1, 1, 2, 1, part, rate, None, writer.size, 2)
-method = Method(1e-9, 1e-3, 4.0, 6.1, 15, 3, 20_000, guarded=False)
+method = ExplicitOptions(1e-9, 1e-3, 4.0, 6.1, 15, 3, 20_000, guarded=False)
 random = np.random.default_rng(0)
 p, z, times = random.uniform(1, 50, 40), random.normal(size=(40, 2)), np.linspace(0, END, 9)
 w, barrier, found, bound = np.sqrt(p)[:, None], threading.Barrier(THREADS), {}, {}
@@ -52,7 +52,7 @@ arguments = random.normal(size=(40, 5))
 
 def work(k):
     barrier.wait()
-    run = Realisations(dynamics, method, z, p[:, None], times, [((END, np.inf, False),)], np.full(40, 1e-9))
+    run = IntegrationState(dynamics, method, z, p[:, None], times, [((END, np.inf, False),)], np.full(40, 1e-9))
     run._problem, run._pool
     out = np.empty((40, 1))
     call = program.bound(arguments, out=out)

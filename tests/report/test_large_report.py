@@ -115,7 +115,7 @@ def test_nothing_is_left_out_silently(tmp_path: Path, page: Path, outputs: int) 
     assert len(re.findall(r"<details open>\s*<summary><h3>", section)) == 6
     assert names[:3] == ["output_00", "output_01", "output_02"]  # planted: the spread falls with the number
     assert f"The 6 most uncertain of {outputs} outputs" in text
-    assert text.count("of the 6 most uncertain outputs") == 2  # influence, trust
+    assert text.count("The figures show the 6 most uncertain outputs") == 2  # influence, trust
     summary = text[text.index('<section id="summary"') : text.index('<section id="influence">')]
     assert "Statistics by every method" in summary and f"All verdicts ({5 * outputs} rows)" in text
 

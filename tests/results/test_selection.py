@@ -73,6 +73,7 @@ def test_a_variable_says_its_unit_where_it_has_one(tree):
     """Of numbers in statistics and samples: pure numbers have units, those of outputs where one output is chosen."""
     pure = {"skewness", "kurtosis", "sobol_first", "sobol_total", "verification_error", "verification_factor"}
     pure |= {"sobol_first_interval", "sobol_total_interval", "leave_one_out", "censored", "censored_bound"}
+    pure |= {"integration_error_factor"}
     for label in METHODS:
         for name, units in UNITS.items():
             found = output(tree[label], name)

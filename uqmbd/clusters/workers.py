@@ -122,6 +122,8 @@ class Workers:
 def _require_kind(where: str, name: str, value: Any, declared: Any) -> None:
     """Refuse a value that does not fit an annotation."""
     # imported here, since commands name `Workers` in their parameters, and `uqmbd --help` would wait for NumPy
+    if type(value) in typing.get_args(declared) or type(value) is declared:
+        return
     from uqmbd.arguments import fits, refusal
 
     if not fits(value, declared):

@@ -40,7 +40,7 @@ def test_a_run_tells_and_leaves_with_the_status_of_its_requirements(command_line
     for one in answers(nodes)["low enough"].values():
         assert one.lower <= PROBABILITY <= one.upper
     page = (tmp_path / "results" / "report.html").read_text()
-    assert "below the ceiling, 1 m" in page and "to 2 requirements with 2 methods" in page
+    assert "below the ceiling, 1 m" in page and "to 2 requirements, by 2 methods" in page
     assert page.index("below the ceiling, 1 m") < page.index('<section id="requirements"'), "on the first screen"
     monkeypatch.setattr("uqmbd.cli.run.run.write", lambda tree, path, **_: path)  # once is enough
     status, out, err = command_line("run", "fall.py", "--out", "again", "--require", "40%")

@@ -159,7 +159,7 @@ def test_command_sets_results_aside_and_says_so(
     first = (out / "results.nc").read_bytes()
     assert "previous" not in capsys.readouterr().err
     run_study(script(tmp_path, samples=70), out=out)
-    assert f"{out / 'previous'} now" in capsys.readouterr().err
+    assert f"moved to {out / 'previous'}." in capsys.readouterr().err
     assert (out / "previous" / "results.nc").read_bytes() == first
     assert load(out / "results.nc")["monte-carlo"].attrs["realisations"] == 70
     assert {p.name for p in out.iterdir()} == {p.name for p in (out / "previous").iterdir()} | {"previous"}

@@ -183,8 +183,10 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     largest = size.max()
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
     stated = np.full(mean.shape, np.nan)
-    if "integration_error" in statistics:
-        stated = over_time(statistics["integration_error"].values)
+    # the root mean square where it is known: limits of the largest errors are beyond it
+    named = next((name for name in ("integration_error_rms", "integration_error") if name in statistics), "")
+    if named:
+        stated = over_time(statistics[named].values)
     # of other units, where nothing is known of the error
     unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
     rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)
