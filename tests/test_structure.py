@@ -6,6 +6,7 @@ Every import counts: those for types alone and those inside functions, too.  Wha
 
 import ast
 import functools
+import pkgutil
 import re
 import tomllib
 from pathlib import Path
@@ -298,6 +299,34 @@ def test_tests_use_no_private_names():
         for path in sorted((ROOT / "tests").rglob("*.py"))
         for line, name in _private_uses(path.read_text(encoding="utf-8"))
     ]
+    assert not wrong, "\n".join(wrong)
+
+
+MISSPELT = {"uqmbd.Mechansim", "uqmbd.laws.lenght", "uqmbd.results.lode"}
+"""Names in scripts of tests that are wrong on purpose."""
+
+
+def _imported_in_texts(text: str) -> set[str]:
+    """Names of the core that scripts in the strings of a module import: checkers do not read them."""
+    strings = [node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant)]
+    found = re.findall(r"from (uqmbd(?:\.\w+)*) import ([\w, ]+)", "\n".join(x for x in strings if isinstance(x, str)))
+    return {
+        f"{module}.{one.split(' as ')[0].strip()}" for module, names in found for one in names.split(",") if one.strip()
+    }
+
+
+def test_scripts_in_strings_import_what_there_is():
+    assert _imported_in_texts("RUN = 'from uqmbd.results import load, save as s; load()'") == {
+        "uqmbd.results.load",
+        "uqmbd.results.save",
+    }
+    wrong = []
+    for path in sorted([*(ROOT / "tests").rglob("*.py"), *(ROOT / "studies").rglob("*.py")]):
+        for name in sorted(_imported_in_texts(path.read_text(encoding="utf-8")) - MISSPELT):
+            try:
+                pkgutil.resolve_name(name)
+            except (ImportError, AttributeError):
+                wrong.append(f"{path.relative_to(ROOT)}: {name}")
     assert not wrong, "\n".join(wrong)
 
 

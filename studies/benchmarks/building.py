@@ -55,8 +55,15 @@ FIRST = (
 )
 """Script of the first integration in a process, which loads the kernels and the driver."""
 
-DRIVER = "import uqmbd.compiled.driver as c, llvmlite.binding; " + BEGIN + "c.driver(); " + CLOCK
-"""Script that compiles the driver once for a processor, or loads it; models are built with a compiled driver."""
+DRIVER = (
+    "import uqmbd.compiled.driver as c, llvmlite.binding; load = getattr(c, 'load_driver', None) or c.driver; "
+    + BEGIN
+    + "load(); "
+    + CLOCK
+)
+"""Script that compiles the driver once for a processor, or loads it; models are built with a compiled driver.
+
+In earlier versions the function is `driver`."""
 
 PEER = "import peers; " + BEGIN + "peers.CasadiPeer(peers.PEERS[{name!r}][0](), np.linspace(0, 1, 401), 1e-6); " + CLOCK
 

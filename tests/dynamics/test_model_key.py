@@ -366,7 +366,7 @@ def test_what_only_some_integrators_take_is_compiled_for_them(tmp_path: Path, mo
 
 KEY = """
 import uqmbd
-from uqmbd.dynamics.model_key import model_key
+from uqmbd.dynamics.model_key import compute_model_key
 from uqmbd_springs import SpringDamper
 
 mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
@@ -374,7 +374,7 @@ body = mechanism.body("cart", mass=2, position=(1, 0))
 mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), 5))
 mechanism.output("x", body.position[0])
 {after}
-print(model_key(mechanism))
+print(compute_model_key(mechanism))
 """
 
 

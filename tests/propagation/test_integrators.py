@@ -113,12 +113,12 @@ def spring(stiffness=25.0, damping=0.0):
 def test_no_ball_falls_through_the_floor(integrator, tmp_path):
     """Whoever cannot follow events is told before anything is computed, in every way to a result."""
     study = uqmbd.Study("drops", ball(), TIMES, [MonteCarlo(samples=4, seed=1)], integrator=integrator)
-    crew = RecordingExecutor()
+    workers = RecordingExecutor()
     ways = [
         lambda: uqmbd.simulate(study.mechanism, TIMES, integrator=integrator),
-        lambda: study.run(crew, folder=tmp_path),
-        lambda: study.propagate(MonteCarlo(samples=4, seed=1), crew),
-        lambda: study.converge(MonteCarlo(seed=1), samples=[4, 8], workers=crew),
+        lambda: study.run(workers, folder=tmp_path),
+        lambda: study.propagate(MonteCarlo(samples=4, seed=1), workers),
+        lambda: study.converge(MonteCarlo(seed=1), samples=[4, 8], workers=workers),
         lambda: uqmbd.report.motion(study, samples=2, frames=3),
     ]
     for way in ways:
@@ -128,7 +128,7 @@ def test_no_ball_falls_through_the_floor(integrator, tmp_path):
         assert f"the integrator {integrator!r} cannot follow impacts and other events (floor: impact)" in words
         assert "integrator='auto'" in words and "'hopeful'" in words and "'ida'" not in words.split("Use")[1]
         assert ("does not declare events=True" in words) == (integrator == "backward-euler")
-    assert crew.chunks == 0 and BackwardEuler.calls == 0
+    assert workers.chunks == 0 and BackwardEuler.calls == 0
 
 
 def test_the_command_check_tells_it(tmp_path, capsys):

@@ -114,10 +114,11 @@ def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str,
         declared = parameter.annotation
         if isinstance(declared, str):
             try:
+                # an annotation is code of a module that is imported already; nothing that users give is evaluated
                 declared = eval(declared, known)  # noqa: S307 - text of this package
             except NameError:
                 names = _for_checkers(function) if names is None else names
-                declared = eval(declared, {**names, **known})  # noqa: S307
+                declared = eval(declared, {**names, **known})  # noqa: S307 - the same
         if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
             found.append((name, declared, parameter))
     return found
