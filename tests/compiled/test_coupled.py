@@ -54,7 +54,9 @@ class Saddle:
         psi, adjoint = basis(random, nodes, terms)
         mass, gradient = random.normal(size=(n, n)), random.normal(size=(constraints, n))
         a = np.zeros((nodes, size, size))
-        a[:, :n, :n] = mass @ mass.T + n * np.eye(n) + spread * random.normal(size=(nodes, n, n))
+        # positive definite at every node, as masses are: the iteration relies on it
+        masses = mass + spread * random.normal(size=(nodes, n, n))
+        a[:, :n, :n] = masses @ masses.transpose(0, 2, 1) + n / 10 * np.eye(n)
         a[:, n:, :n] = gradient + spread * random.normal(size=(nodes, constraints, n))
         a[:, :n, n:] = a[:, n:, :n].transpose(0, 2, 1)
         right = random.normal(size=size) + spread * random.normal(size=(nodes, size))
@@ -106,13 +108,14 @@ def test_solutions_are_those_of_the_assembled_system(seed, nodes, part, coordina
     systems, state = saddle.systems, np.zeros((terms, 2 * coordinates))
     whole = np.einsum("ik,krc,kj->irjc", saddle.adjoint, saddle.matrices, saddle.psi)
     condition = np.linalg.cond(whole.reshape(terms * systems.systems.size, -1))
-    worst = max(condition, np.linalg.cond(saddle.matrices).max())
+    scales = np.linalg.svd(saddle.matrices, compute_uv=False)
+    worst = max(condition, scales.max() / scales.min())  # of all nodes together: one nearly singular node is enough
     if worst > 1e6:  # the iteration follows changes, which say less of the error
         return
     expected = saddle.solved(saddle.right)
     for _ in range(3):  # again: from the correction of the last solution
         found, _ = systems.rate(0.0, state)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=5e-11 * worst * np.abs(expected).max())
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-12 * worst * np.abs(expected).max())
     for found, side in zip(systems.excess(0.0, state), saddle.drift, strict=True):
         expected = saddle.solved(side)
         scale = np.abs(expected).max()
