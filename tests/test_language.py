@@ -6,6 +6,7 @@ The list holds what a search can judge; the rest is left to readers.
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 import subprocess
 from collections.abc import Iterator
@@ -136,7 +137,7 @@ def test_allowed_words_are_in_their_files() -> None:
 
 
 MOST_WORDS = 25
-"""Words of a sentence that a user sees; a name in code, a formula and the address of a link count as one or none."""
+"""Words of a sentence; a name in code, a formula and the address of a link count as one or none."""
 
 LONG: dict[str, str] = {
     "docs/change.md": "cells of its table are lists of folders",
@@ -175,6 +176,62 @@ def _messages(text: str) -> Iterator[str]:
             yield node.value
         elif isinstance(node, ast.JoinedStr):
             yield "".join(str(x.value) if isinstance(x, ast.Constant) else "x" for x in node.values)
+
+
+def _prose(docstring: str) -> str:
+    """Return a docstring without examples and literal blocks, its entries and their descriptions as paragraphs."""
+    lines: list[str] = []
+    example, literal, before = False, -1, 0
+    for line in inspect.cleandoc(docstring).splitlines():
+        indent = len(line) - len(line.lstrip())
+        example = (example and bool(line.strip())) or line.lstrip().startswith(">>>")
+        if line.strip() and indent <= literal:
+            literal = -1
+        if not line.strip() or example or literal >= 0 or re.fullmatch(r"\s*-{3,}", line):
+            lines.append("")
+        else:
+            lines += ["", line] if indent != before and not re.match(r"[-*] ", lines[-1].lstrip()) else [line]
+            literal, before = (indent if line.endswith("::") else -1), indent
+    return re.sub(r"(?::\w+:)?`+([^`]*)`+", "`code`", "\n".join(lines))
+
+
+def _docstrings(text: str) -> Iterator[str]:
+    """Yield the docstrings of a module, also those of its constants and fields."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.value.value
+
+
+def test_long_sentences_of_docstrings_are_found() -> None:
+    words = "word " * MOST_WORDS
+    for text in (
+        f"{words} word.",
+        f"Short.\n\n{words}\nword.",
+        f"Doc.\n\n- {words}\n  word.",
+        f"Doc.\n\nx : int\n    {words}word",
+    ):
+        assert _long(_prose(text)), text
+    for text in (
+        f"{words}.",
+        f"Doc.\n\nx : {words.rsplit(maxsplit=1)[0]}\n    A number.",
+        f"Doc.\n\nSo::\n\n    {words} word",
+        f"Doc.\n\n>>> f()\n{words} word",
+    ):
+        assert not _long(_prose(text)), text
+    assert list(_docstrings('"""One."""\nX = "no"\n"""Two."""\ndef f():\n    """Three."""')) == [
+        "One.",
+        "Two.",
+        "Three.",
+    ]
+
+
+def test_no_sentence_of_a_docstring_is_long() -> None:
+    wrong = {}
+    for name in _files():
+        if name.endswith(".py") and name.startswith(("uqmbd/", "plugins/")):
+            text = (ROOT / name).read_text(encoding="utf-8")
+            wrong[name] = [found for one in _docstrings(text) for found in _long(_prose(one))]
+    assert not any(wrong.values()), "\n".join(f"{name}: {line}" for name, lines in wrong.items() for line in lines)
 
 
 def test_long_sentences_are_found() -> None:

@@ -1,15 +1,15 @@
 """Log messages of uqmbd by the standard library's `logging`: silent unless a program listens.
 
-Loggers are ``uqmbd.methods`` (what begins and ends, and fails), ``uqmbd.realisations`` (chunks, and what failed in
-them), ``uqmbd.refinement`` (orders, sparse grids, elements), ``uqmbd.kernels`` (compiled, or taken from the cache),
-``uqmbd.derivation`` (parts of a mechanism whose equations are derived) and ``uqmbd.results`` (files that were read
-without a digest).
-INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations, kernel and part.
+Loggers are ``uqmbd.methods`` (beginnings, ends and failures), ``uqmbd.realisations`` (chunks and their failures),
+``uqmbd.refinement`` (orders, sparse grids, elements) and ``uqmbd.kernels`` (compiled, or taken from the cache). Further
+ones are ``uqmbd.derivation`` (derivation of equations, by parts of a mechanism) and ``uqmbd.results`` (files that were
+read without a digest). INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations,
+kernel and part.
 
 Their messages in worker processes reach this one with the results (uqmbd/propagation/execution/transport/said.py).
 
-The logger ``uqmbd`` has a level of its own: chaospy, when it is imported, gives the root logger the level DEBUG and a
-handler that writes to nowhere, so that all messages would be made, for nobody.
+The logger ``uqmbd`` has a level of its own: on import, chaospy sets the root logger to the level DEBUG and adds a
+handler that discards everything. Without its own level, uqmbd would format all messages in vain.
 """
 
 from __future__ import annotations

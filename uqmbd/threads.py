@@ -1,8 +1,8 @@
 """Linear algebra on one thread.
 
 :func:`threadpoolctl.threadpool_limits` reads the list of the libraries of the process each time, which takes 1 to 3 ms:
-more than some chunks of realisations take.  Here that list is read when a library has been loaded since, and a limit is
-kept until the last of the threads that want it has ended.
+more than some chunks of realisations take. This module reads that list only after a library has been loaded. A limit
+stays until the last of its threads has ended.
 """
 
 from __future__ import annotations

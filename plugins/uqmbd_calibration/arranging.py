@@ -51,8 +51,8 @@ def arrange(
 ) -> Arrangement:
     """Arrange records.
 
-    Raise StudyError if an input of a group of dependent ones is known or individual alone, an input cannot be found,
-    or records do not go with the study.
+    Raise StudyError if an input of a group of dependent ones is known or individual alone. Raise it also if an input is
+    unknown, or records do not fit the study.
     """
     inputs = study.mechanism.inputs
     _check_groups(study, records, individual)

@@ -83,7 +83,7 @@ def calibrate(
     -----
     uqmbd.StudyWarning
         If the mechanism does not confirm the posterior, chains have not converged, the posterior has other maxima, or
-        a record is not one that the model gives.
+        the model cannot explain a record.
 
     Examples
     --------

@@ -104,8 +104,8 @@ class Given:
     def plan(self, space: uqmbd.extend.GermSpace, label: str) -> GivenProjection:
         """Convert to a projection in the germs; raise StudyError if polynomials and rule do not fit the inputs.
 
-        They do not fit with another number of inputs, dependent inputs, nodes outside a distribution, polynomials of an
-        input that is no affine function of its germ, or polynomials that do not belong to the distributions.
+        They do not fit another number of inputs, dependent inputs, or nodes outside a distribution. Polynomials must
+        belong to the distributions, and each input must be an affine function of its germ.
         """
         if len(self.nodes) != space.dimension or len(self.polynomials.powers[0]) > space.dimension:
             raise uqmbd.StudyError(

@@ -67,19 +67,18 @@ class Collocation(uqmbd.extend.Propagator):
         Of a design of samples; default twice the number of terms; for sparse regression not more than 100, or than
         terms.
     adaptive : {"no", "order", "dimension"}
-        Raise the order from `order` on, or refine a sparse grid input by input, until mean and standard deviation
-        change by less than `tolerance`, and the verification realisations agree.  No realisation is computed twice.
-        Higher orders need all realisations of lower ones again for ``sobol``, ``halton``, ``random`` and (with levels
-        that double) ``clenshaw-curtis``, most of them for ``smolyak``; Gauss tensors share their middle nodes only.
+        Raise the order from `order` on, or refine a sparse grid input by input. The refinement ends when mean and
+        standard deviation change by less than `tolerance`, and the verification realisations agree. No realisation is
+        computed twice. Higher orders reuse all realisations of lower ones for ``sobol``, ``halton``, ``random`` and
+        (with levels that double) ``clenshaw-curtis``, and most for ``smolyak``. Gauss tensors share middle nodes only.
     tolerance : float
         Of a refinement: relative to the largest standard deviation of each output over time.
     max_realisations : int
-        Most different realisations, verification included; of several families of alignment, those of each.  What is
-        followed anew, for longer or at more times, is the same realisation: the results' ``realisations`` count it
-        again.
+        Most different realisations of each alignment, verification included. A realisation that is integrated again,
+        for longer or at more times, counts once here, but again in ``realisations`` of the results.
     elements : int or "adaptive", optional
-        Split the germ space into so many boxes, or until `threshold` is met, each with a chaos of its own: where the
-        response jumps or has a kink (contact, friction, locking).  A split element is computed anew.
+        Split the germ space into so many boxes, or until `threshold` is met, each with a separate chaos. This suits
+        responses that jump or have a kink (contact, friction, locking). A split element is computed anew.
     max_elements : int
         Most elements of an adaptive refinement.
     threshold : float
@@ -139,9 +138,9 @@ class Collocation(uqmbd.extend.Propagator):
         them are spread like the inputs, half like squares of polynomials of these, which are large in the tails; the
         mean square error is weighted for the inputs' own distribution (:class:`uqmbd.extend.VerificationPoints`).
         The points are the same for every order, and never enter coefficients.  They end a refinement, so that after
-        one the stated error is a little more likely to be small than without.  Sixteen state the error to within a
-        factor of two for nearly all seeds, 32 also where it grows fast in the tails of several inputs; the statistic
-        ``verification_factor`` is the factor by which it may be off, and verdicts say where that is more than two.
+        one the stated error is a little more likely to be small than without. Sixteen state the error to within a
+        factor of two for nearly all seeds. 32 do so even if the error grows fast in the tails of several inputs. The
+        statistic ``verification_factor`` states the factor; verdicts name outputs for which it is more than two.
     seed : int
         Of designs and of the verification points.
     label : str, optional

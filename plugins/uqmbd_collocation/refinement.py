@@ -83,8 +83,8 @@ def missed_share(
 ) -> float:
     """Return by how much the standard deviation is too small because of the error of the chaos at verification points.
 
-    A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is
-    too small by e^2 / (2 s). Two steps of a refinement can agree though both miss the same terms (an even function, an
+    A surrogate with the root-mean-square error e misses a variance of about e^2. So the standard deviation s is too
+    small by e^2 / (2 s). Two steps of a refinement can agree though both miss the same terms (an even function, an
     interaction without main effects); realisations elsewhere reveal it. The value is the largest over the outputs, over
     the largest standard deviation over time; 0 without points.
     """

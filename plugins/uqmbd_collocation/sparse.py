@@ -41,13 +41,13 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
     """Fit few of the terms `psi` (K, P) to responses (K, O, T).
 
     Return coefficients (P, O, T) and leave-one-out errors (O, T). Each time is fitted separately. scikit-learn gives
-    the order in which terms enter (`solver`: orthogonal matching pursuit or least-angle regression); of the
-    least-squares fits on the first n of them, the one with the smallest corrected leave-one-out error is taken (Blatman
-    and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse the order of an earlier time
-    while the responses hardly change direction, so that an output at 400 times needs some dozen orders. No fit depends
-    on later times: a failure there does not affect earlier results. Errors are relative to the variance of the samples,
-    0 where they agree; as the same samples chose the terms, they can be several times too small where the expansion is
-    not sparse.
+    the order in which terms enter (`solver`: orthogonal matching pursuit or least-angle regression); a least-squares
+    fit follows on the first n of them, for each n. The one with the smallest corrected leave-one-out error is taken
+    (Blatman and Sudret, Journal of Computational Physics 230 (2011) 2345-2367). Later times reuse the order of an
+    earlier time while the responses hardly change direction. So an output at 400 times needs some dozen orders. No fit
+    depends on later times: a failure there does not affect earlier results. Errors are relative to the variance of the
+    samples, 0 where they agree; as the same samples chose the terms, they can be several times too small where the
+    expansion is not sparse.
     """
     samples, outputs, times = response.shape
     coefficients = np.zeros((psi.shape[1], outputs, times))

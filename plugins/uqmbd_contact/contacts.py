@@ -102,8 +102,9 @@ class RoadContact(_Contact, OnRoad):
     """A point of body j on a road that lies in body i: forward is its first axis, up its last one.
 
     The profile is an expression in ``uqmbd_contact.distance``, the forward coordinate of the point, which is the same
-    symbol as ``uqmbd_springs.distance``, and in `uqmbd.t`; random variables may enter it.  The gap is that along the
-    normal of the road below the point, right where the depth of contact is small beside the radius of curvature.
+    symbol as ``uqmbd_springs.distance``, and in `uqmbd.t`; random variables may enter it. The gap is that along the
+    normal of the road below the point. This is accurate if the depth of contact is small compared with the radius of
+    curvature.
 
     Examples
     --------

@@ -50,7 +50,7 @@ SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
 class ContactLaw:
     """A law of compliant contact, for the argument ``law`` of `PlaneContact` and its kin.
 
-    It is written in ``uqmbd_contact.depth`` (m, positive in contact), ``depth_rate`` (m/s, positive while the bodies
+    Its symbols are ``uqmbd_contact.depth`` (m, positive in contact), ``depth_rate`` (m/s, positive while the bodies
     approach each other) and ``speed`` (m/s, of the sliding; never less than the contact's ``slow``); in the numbers of
     the contact, ``stiffness``, ``exponent``, ``damping`` and ``friction``; and in `uqmbd.t` and random variables.
 
@@ -70,8 +70,8 @@ class ContactLaw:
 
     Examples
     --------
-    The law of Lankarani and Nikravesh (Journal of Mechanical Design 112 (1990) 369-376) at a restitution of 0.8 and an
-    impact of 2 m/s, with a friction that falls with the speed:
+    The law of Lankarani and Nikravesh (Journal of Mechanical Design 112 (1990) 369-376). The restitution is 0.8 and the
+    impact speed 2 m/s. Its friction falls with the speed:
 
     >>> from uqmbd_contact import depth, depth_rate, friction, speed, stiffness
     >>> loss = 3 * (1 - 0.8**2) / 4 * depth_rate / 2

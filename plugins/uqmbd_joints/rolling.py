@@ -21,9 +21,8 @@ class RollingWheel(uqmbd.Component):
     it rolls on a line.  It neither lifts off nor slips: `reaction_force`, which acts on the wheel where it touches the
     plane, tells whether it would.  A disc that comes to lie flat is in a singular pose: there its motion ends.
 
-    With the height ``h`` of the centre over the plane, its unit normal ``n`` and the axis ``a`` of the wheel
-    ``h = R w``, where ``w = |n x a|``, and the point of contact is ``-R (n - (n . a) a) / w`` from the centre
-    [1]_.
+    Let ``h`` be the height of the centre over the plane, ``n`` its unit normal and ``a`` the axis of the wheel. Then
+    ``h = R w``, where ``w = |n x a|``. The point of contact is ``-R (n - (n . a) a) / w`` from the centre [1]_.
 
     References
     ----------

@@ -1,11 +1,11 @@
 r"""Inertia tensors that no body has: refused, taken as stated, or replaced by the nearest one that a body can have.
 
-A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass,
-``S = tr(J) / 2 1 - J`` (the integral of ``x x^T`` over the mass), is positive semi-definite.  In principal axes that is
-the triangle inequality: no moment exceeds the sum of the others.  The nearest body is the one whose S is nearest in
-the Frobenius norm, with the same mass and centre of mass.  It is S with its negative eigenvalues set to zero: the
-projection onto the cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103,
-1988, 103-118, theorem 2.1).
+A tensor J about the centre of mass belongs to a body if its matrix of second moments of mass, ``S = tr(J) / 2 1 - J``,
+is positive semi-definite. S is the integral of ``x x^T`` over the mass. In principal axes that is the triangle
+inequality: no moment exceeds the sum of the others. The nearest body is the one whose S is nearest in the Frobenius
+norm, with the same mass and centre of mass. It is S with its negative eigenvalues set to zero: the projection onto the
+cone of positive semi-definite matrices (N. J. Higham, Linear Algebra and its Applications 103, 1988, 103-118, theorem
+2.1).
 """
 
 from __future__ import annotations

@@ -95,8 +95,8 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
 def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _Looked) -> None:
     """Look at a file of the model; one that is not found is left to MuJoCo, which names it.
 
-    What a file asks for grows with its copies: one that was looked at with as many is not looked at again, else files
-    that include each other twice would take twice as long with each level.
+    What a file asks for grows with its copies: a file that was examined with as many copies is not examined again.
+    Otherwise files that include each other twice would take twice as long with each level.
     """
     file = Path(path).parent / element.get(INCLUDES[element.tag])
     name = str(file.resolve())

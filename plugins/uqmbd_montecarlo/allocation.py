@@ -14,10 +14,10 @@ MOST = 1000.0
 def equal_budget(left: float, ratio: float, cost: float) -> float:
     """Return the variance of plain Monte Carlo over that with a low-cost control model, on an equal budget.
 
-    With l = `left`, the share of the variance that the control leaves (one less the squared correlation), r = `ratio`,
-    its realisations for each sample (those at the samples included), and w = `cost`, that of its realisation over that
-    of a sample, this is 1 / ((l + (1 - l) / r) (1 + w r)) (Peherstorfer, Willcox and Gunzburger, SIAM Journal on
-    Scientific Computing 38 (2016) A3163-A3194).
+    Let l = `left` be the share of the variance that the control leaves (one less the squared correlation). Let r =
+    `ratio` be its realisations for each sample (those at the samples included). Let w = `cost` be the cost of its
+    realisation over that of a sample. The result is 1 / ((l + (1 - l) / r) (1 + w r)): Peherstorfer, Willcox and
+    Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194.
     """
     return 1.0 / ((left + (1.0 - left) / ratio) * (1.0 + cost * ratio))
 

@@ -78,17 +78,17 @@ def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments |
     it is independent of the fold, so the estimate is unbiased for any surrogate (Avramidis and Wilson, A splitting
     scheme for control variates, 1993; Glasserman, Monte Carlo Methods in Financial Engineering, 2003, section 4.1). The
     second moment is estimated likewise with the controls z and z^2 - 1; the square of the mean (with the same
-    controls), less its own variance, is subtracted, so that the variance is unbiased but for the error of that last
-    term. Standard errors come from the residuals, each with the factors of the other folds. The errors of the variance
-    come from fourth powers: with heavy tails they are too small, more often so where the surrogate is good everywhere
-    but in the tails.
+    controls), less its own variance, is subtracted. So the variance is unbiased except for the error of that last term.
+    Standard errors come from the residuals, each with the factors of the other folds. The errors of the variance come
+    from fourth powers: with heavy tails they are too small, more often so where the surrogate is good everywhere but in
+    the tails.
 
-    Where the expectations of the controls are unknown, their means over `further` (moments of `controls` at two or more
-    independent realisations of the surrogate) replace them: approximate control variates (Gorodetsky et al., Journal of
-    Computational Physics 408 (2020) 109257), two levels of multifidelity Monte Carlo (Peherstorfer, Willcox and
-    Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194). With n samples and N further realisations
-    the best factors are those above times N / (n + N), and the variance of these means is added to that of the
-    estimate.
+    If the expectations of the controls are unknown, their means over `further` replace them. These are moments of
+    `controls` at two or more independent realisations of the surrogate: approximate control variates (Gorodetsky et
+    al., Journal of Computational Physics 408 (2020) 109257). With two levels they are multifidelity Monte Carlo
+    (Peherstorfer, Willcox and Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194). With n samples
+    and N further realisations the best factors are those above times N / (n + N). The variance of these means is added
+    to that of the estimate.
 
     Where samples failed, responses and successes are estimated alike, and divided: the statistics are those of the
     inputs that do not fail, as without a control, though the surrogate's expectation is known over all inputs only.

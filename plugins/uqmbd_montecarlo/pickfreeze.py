@@ -78,16 +78,16 @@ def mixed_inputs(a: Array, b: Array) -> Array:
 class PickFreeze:
     """Sums of squares over rows of the design, from which Sobol' indices are estimated; sums of further rows merge.
 
-    With the responses f_A and f_B to two independent samples, and f_AB to the first with input i from the second,
-    Jansen's estimators (Computer Physics Communications 117 (1999) 35-43) are S_i = 1 - sum (f_B - f_AB)^2 / sum (f_B -
-    f_A)^2 and T_i = sum (f_A - f_AB)^2 / sum (f_B - f_A)^2. Both are exact where an output depends on a single input,
-    for this input and for all others, and do not depend on the mean of the response. The design, N (d + 2)
+    Let f_A and f_B be the responses to two independent samples, and f_AB those to the first with input i from the
+    second. Jansen's estimators (Computer Physics Communications 117 (1999) 35-43) are S_i = 1 - sum (f_B - f_AB)^2 /
+    sum (f_B - f_A)^2; T_i = sum (f_A - f_AB)^2 / sum (f_B - f_A)^2. If an output depends on a single input, both are
+    exact for this input and for all others. They do not depend on the mean of the response. The design, N (d + 2)
     realisations, is that of Saltelli et al., Computer Physics Communications 181 (2010) 259-270. Intervals are those of
-    a jackknife that leaves out a block of rows at a time (Efron and Stein, Annals of Statistics 9 (1981) 586-596), with
-    Student's t: all realisations of a row are left out together. Rows of a sampling design depend on each other: their
-    blocks are its independent replicates. On Ishigami's function (N = 500, 2000, 10,000) and a pendulum (N = 200), 200
-    times each, intervals contain 94.4, 94.7, 95.2 and 95.3 % of the indices; those of a bootstrap, which must hold all
-    rows, 94.6, 94.5, 94.7 and 94.3 %.
+    a jackknife with Student's t. It leaves out a block of rows at a time (Efron and Stein, Annals of Statistics 9
+    (1981) 586-596): all realisations of a row are left out together. Rows of a sampling design depend on each other:
+    their blocks are its independent replicates. They were tried 200 times on Ishigami's function (N = 500, 2000,
+    10,000) and on a pendulum (N = 200). Intervals contain 94.4, 94.7, 95.2 and 95.3 % of the indices; those of a
+    bootstrap, which must hold all rows, 94.6, 94.5, 94.7 and 94.3 %.
     """
 
     sums: Array  # (2 d + 1, blocks, C) of squares over that of `scale`, in each block of rows and each of C columns

@@ -83,11 +83,11 @@ class MonteCarlo(uqmbd.extend.Propagator):
         quantiles) are those of the samples.
     sobol_indices : bool
         Estimate Sobol' indices of first order and total ones, with 95 % jackknife intervals, by pick-freeze: the
-        samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input, N (d + 2) in
-        all for d inputs, of which no more than `keep` are held at once.  For inputs that do not depend on each other.
-        The pairs of a design whose points are not independent (Sobol', Halton, Latin hypercube) are the halves of the
-        coordinates of points in 2 d dimensions, and intervals come from its replicates.  The other statistics are those
-        of the samples, of random sampling the same as without this option.  An output that does not happen in some
+        samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input. These are N
+        (d + 2) in all for d inputs, of which at most `keep` are in memory at once. For inputs that do not depend on
+        each other. If points depend on each other (Sobol', Halton, Latin hypercube), the pairs are the halves of the
+        coordinates of points in 2 d dimensions. Intervals then come from its replicates. The other statistics are those
+        of the samples, of random sampling the same as without this option. An output that does not happen in some
         realisations has statistics, and no indices (NaN, with the reason): given that it happens inputs are not
         independent.
     label : str, optional

@@ -76,8 +76,8 @@ def run_sobol(
     `responses` returns those (K, output, time) from one index to another, NaN where they failed. `replicates` is the
     number of equal, mutually independent parts of the pairs; 0: all pairs are independent. An output that does not
     occur in some realisations has no indices (NaN, with the reason): given that it occurs, inputs are not independent,
-    so that shares of its variance do not add up, and pick-freeze, which changes a single input, leaves the realisations
-    in which it occurs. Raise IntegrationError if the share of failures exceeds `max_failures`.
+    so shares of its variance do not add up. Pick-freeze changes a single input, and so leaves the realisations in which
+    it occurs. Raise IntegrationError if the share of failures exceeds `max_failures`.
     """
     count, dimension = len(values) // 2, len(problem.inputs)
     names, nothing = [output.name for output in problem.labels.outputs], (0, count, 0, 0, "", dict[str, float](), 0.0)

@@ -73,9 +73,9 @@ def _check(chaos: PolynomialChaos, problem: uqmbd.extend.Problem) -> None:
 class ChaosControl:
     """Polynomial chaos at the uniform numbers (S, input) of samples, as a control variate.
 
-    As it is evaluated at the uniform numbers from which the inputs are made, its expectation over the samples is that
-    of its coefficients exactly, for any distribution: a chaos that does not fit the inputs reduces the variance less,
-    but causes no bias.
+    It is evaluated at the uniform numbers from which the inputs are made. So its expectation over the samples is
+    exactly that of its coefficients, for any distribution: a chaos that does not fit the inputs reduces the variance
+    less, but causes no bias.
     """
 
     words = "a polynomial chaos"

@@ -53,8 +53,8 @@ def tail_index(weights: Array) -> float:
     """Return the shape of a generalised Pareto distribution fitted to the largest weights.
 
     This is the estimator of Zhang and Stephens, Technometrics 51 (2009) 316, shrunk to 0.5 with the weight of ten
-    observations, as in Pareto smoothed importance sampling (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72): SciPy's
-    fit by maximum likelihood fails on samples as small as these.
+    observations. Pareto smoothed importance sampling does the same (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72):
+    SciPy's fit by maximum likelihood fails on samples as small as these.
     """
     ordered = np.sort(weights[weights > 0])[::-1]
     tail = int(min(len(ordered) / 5, 3 * np.sqrt(len(ordered))))
@@ -149,8 +149,8 @@ def _bounds(weights: Array, standard: int) -> tuple[float, float]:
 def derivatives(violations: Array, scores: Array, failures: Array) -> tuple[Array, Array]:
     """Return the derivatives (2, d) of a probability by two parameters of each input, and their covariance (2, 2, d).
 
-    The derivative of a probability is the expectation of the scores (N, 2, d), the derivatives of the logarithm of the
-    density of the inputs, over the violations: no further realisation is needed. Violations and failures (N,) are
+    Scores (N, 2, d) are the derivatives of the logarithm of the density of the inputs. The derivative of a probability
+    is their expectation over the violations: no further realisation is needed. Violations and failures (N,) are
     weights.
     """
     kept = max(1.0 - float(failures.mean()), 1e-12)

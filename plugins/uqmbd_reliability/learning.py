@@ -1,8 +1,8 @@
 """From a surrogate to the real mechanism: real realisations near the limits, and a correction by those that it missed.
 
 The search, the splitting and the sampling of `uqmbd_reliability.analysis` go over the surrogate, which costs nothing;
-their proposal gives a population of weighted points.  Real realisations are computed where the sign of a margin is in
-doubt, a Gaussian process (scikit-learn's) of what the surrogate leaves of them corrects it, and so again.  Then it is
+their proposal gives a population of weighted points. Realisations are computed where the sign of a margin is uncertain.
+A Gaussian process (scikit-learn's) of the residuals of the surrogate corrects it, and the two steps repeat. Then it is
 frozen, and
 
     P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation),

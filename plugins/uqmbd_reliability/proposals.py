@@ -51,8 +51,8 @@ class Proposal:
 def from_design_point(point: DesignPoint) -> Region:
     """Return the region behind a design point: for a plane, the violations are beyond it by 1 / beta in the mean.
 
-    There a normal distribution of this mean and deviation, with a blunt one beside it, needs 420 realisations for a
-    standard error of 5 %, at any beta above 2.
+    A normal distribution of this mean and deviation, with a wider one next to it, needs 420 realisations for a standard
+    error of 5 %. This applies at any beta above 2.
     """
     beta, unit = point.beta, point.direction
     depth = 1.0 / max(beta, 1.0)

@@ -1,10 +1,10 @@
 """Design points: the points of the limits that are nearest to the origin, from several starts at once.
 
-OpenTURNS's FORM asks for the gradient at a point in one stack, but for one start after the other, and for single
-points in between (11 calls and 20 points for a plane in two dimensions, 26 and 50 for a parabola, 415 points for a
-plane in 40 dimensions), and it cannot go on where a realisation fails; its MultiFORM raises where branches are
-symmetric. Here all starts and all requirements go in one stack, and with many inputs gradients are updated rather
-than computed again.
+OpenTURNS's FORM evaluates the gradient at a point in one stack, but one start after the other, and single points in
+between. It needs 11 calls and 20 points for a plane in two dimensions, and 26 and 50 for a parabola. A plane in 40
+dimensions takes 415 points. It cannot continue if a realisation fails; its MultiFORM raises where branches are
+symmetric. Here all starts and all requirements go in one stack, and with many inputs gradients are updated rather than
+computed again.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ class NonlinearSpringDamper(uqmbd.extend.TypedComponent):
     """A force along the line between two points, by any law of length and rate; positive pulls the points together.
 
     The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
-    enter it.  On a line the length is counted towards the side on which point j is drawn, and is negative where the
-    ends have passed each other; ends that are drawn at one place need a law that is odd: that changes its sign with
-    length and rate.
+    enter it. On a line the length is positive towards the side on which point j is drawn, and negative when the ends
+    have passed each other; ends that are drawn at one place need a law that is odd: that changes its sign with length
+    and rate.
 
     Examples
     --------

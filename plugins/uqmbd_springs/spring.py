@@ -17,8 +17,8 @@ __all__ = ["SlidingSpringDamper", "SpringDamper"]
 class SpringDamper(uqmbd.extend.TypedComponent):
     """A linear spring and damper along the line between two points.
 
-    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.  On a line it is counted
-    towards the side on which point j is drawn, is negative where the ends have passed each other, and the force stays
+    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined. On a line it is positive
+    towards the side on which point j is drawn, and negative when the ends have passed each other. The force stays
     linear there; ends that are drawn at one place need ``free_length=0``.
 
     Examples

@@ -16,8 +16,8 @@ __all__ = ["StudyFiles"]
 class StudyFiles:
     """Gives scripts to all workers, to those that come later too.
 
-    Dask's own plugin imports a file on each worker, which runs a study where nothing of it is needed, and fails where
-    it imports a module beside it.
+    Dask's own plugin imports a file on each worker. That would run a study although the worker needs nothing of it, and
+    fails if the study imports a module next to it.
 
     `contents`: text of the scripts by file name; `folders`: where they are: what they import from beside them is
     found by workers that see these folders.

@@ -1,7 +1,7 @@
 """Poses and speeds of the least change that satisfy sparse equations: tables for the driver's ``assembly.c``.
 
-The order of elimination is found here: SciPy's orderings cannot leave rows that may be dependent to the last, and to
-import SuperLU takes longer than to order the rows of a chain of a hundred links.
+The order of elimination is found here: SciPy's orderings cannot put rows that may be dependent last. Importing SuperLU
+takes longer than ordering the rows of a chain of a hundred links.
 """
 
 from __future__ import annotations

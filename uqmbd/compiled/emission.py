@@ -59,7 +59,7 @@ def operations_text(
     """Return the LLVM IR of a function that performs the operations of an elimination.
 
     Each operation makes one value, numbered from `first` on; `reads` and `writes` are the numbers of the arguments and
-    results in order, and `native` is the number of lanes that the processor computes at once.
+    results in order. `native` is the number of lanes that the processor computes at once.
     """
     w = FunctionWriter()
     values = {x: k for k, x in enumerate(reads)}

@@ -1,7 +1,7 @@
 """Steps of an explicit integration, recorded by the driver, and what expressions do along steps.
 
-Steps are divided and evaluated in the driver: in NumPy the same takes fifteen times as long, most of it for copies of
-states and for the order of the parts after each round.
+Steps are divided and evaluated in the driver: NumPy takes fifteen times as long, mostly to copy states and to reorder
+the parts after each round.
 """
 
 from __future__ import annotations

@@ -28,10 +28,10 @@ class Store:
     """Bytes by key, in a folder that belongs to its user alone.
 
     The folder is made with mode 0700 on the first write; the mode of an existing folder is never changed.  A file holds
-    a header (a mark, the length, and the SHA-256 digest of key and content) and the content.  A file that fails the
-    check, belongs to another user, or may be written by others counts as missing, and content that cannot be written is
-    not stored; a process warns once of each reason.  A digest detects damage, not intent: owner and mode protect
-    against that.
+    a header (a mark, the length, and the SHA-256 digest of key and content) and the content. A file counts as missing
+    if it fails the check, belongs to another user, or may be written by others. Content that cannot be written is not
+    stored; a process warns once of each reason. A digest detects damage, not intent: owner and mode protect against
+    that.
     """
 
     folder: Path

@@ -37,8 +37,8 @@ class Check:
     apart : tuple of tuple of str
         Groups of bodies that no component connects with each other or the ground.
     moved : tuple of Move
-        Bodies that assembly moved by more than 1 % of the size of the mechanism from where they were drawn, or turned
-        by more than 1 degree.
+        Bodies that assembly displaced from their drawn pose by more than 1 % of the size of the mechanism, or turned by
+        more than 1 degree.
     conditions : tuple of (condition, kind)
         What holds at the start only, of ``position`` or ``velocity``.
     controllers : tuple of (name, timing, measured, commands)

@@ -47,9 +47,10 @@ class HeldSymbol(Symbolic, Symbol):
 class Controller:
     """A sampled controller: a Python function of measured outputs that is called `rate` times a second.
 
-    It is added by `Mechanism.add`.  Its commands (`command`) are symbols for the parameters of components that take
-    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``, also inside expressions, and for outputs.
-    They are held from one sample to the next (zero-order hold), so they are constants to the equations of motion.
+    It is added by `Mechanism.add`. Its commands (`command`) are symbols for the parameters of components that take
+    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``. They may also occur inside expressions and
+    in outputs. They are held from one sample to the next (zero-order hold), so they are constants to the equations of
+    motion.
 
     The function is called once per sample for a group of realisations: ``function(time, measured, state)``, without
     `state` where the controller has none, with
@@ -59,12 +60,12 @@ class Controller:
     - `measured`: array, shape (realisation, measured), in the order of `measured`; as they are right before the sample;
     - `state`: array, shape (realisation, state), in the order of `state`.
 
-    It returns the commands, an array of shape (realisation, commanded), or with a state the pair of the commands and
-    the new state, of shape (realisation, state).  A single command may be a row of shape (realisation,), and a number
-    holds for all realisations; a state likewise.
+    It returns the commands, an array of shape (realisation, commanded). With a state it returns the pair of the
+    commands and the new state, of shape (realisation, state). A single command may be a row of shape (realisation,),
+    and a number holds for all realisations; a state likewise.
 
-    Which realisations make up a group is not promised, so each row of the result must depend on the same row of the
-    arguments alone, and on nothing else that changes: what is to be remembered is the `state`.  That is tried out by
+    uqmbd does not promise which realisations form a group. So each row of the result must depend only on the same row
+    of the arguments, and on nothing else that changes: what is to be remembered is the `state`. That is tried out by
     further calls with parts of the group, single rows at each sample; a function that mixes realisations, draws random
     numbers or remembers something itself is an error.
 

@@ -273,8 +273,9 @@ def from_urdf(
     -----
     A link without ``<inertial>`` has no mass, as URDF defines it; nothing is inferred from its shape.
 
-    ``inertia="repair"`` keeps the mass and the centre of mass.  Of the matrix of second moments of mass about that
-    centre, ``tr(J) / 2 1 - J``, it sets the negative eigenvalues to zero, which is nearest in the Frobenius norm.
+    ``inertia="repair"`` keeps the mass and the centre of mass. It takes the matrix of second moments of mass about that
+    centre, ``tr(J) / 2 1 - J``, and sets its negative eigenvalues to zero. This is the nearest matrix in the Frobenius
+    norm.
 
     Examples
     --------

@@ -202,8 +202,8 @@ class Mechanism:
 
         An angle that is known only up to whole turns, e.g. ``sympy.atan2(...)``, jumps by a turn, and where samples
         stand on both sides of the jump a plain mean means nothing.  Declared with ``angle=True`` it is unwrapped in
-        every realisation: whole turns are added so that it is continuous over the output times and starts within half a
-        turn of the angle of the mechanism at the means of its inputs.  Mean, standard deviation, quantiles, Sobol'
+        every realisation: whole turns are added. Then it is continuous over the output times. It starts within half a
+        turn of the angle of the mechanism at the means of its inputs. Mean, standard deviation, quantiles, Sobol'
         indices and all else in results and reports are then those of the unwrapped angle, which counts turns; beside
         them stand ``circular_mean`` and ``circular_std``, those of the direction, to which turns do not matter.
 

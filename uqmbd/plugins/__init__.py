@@ -1,7 +1,7 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
-A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-eight hooks, each of which returns classes::
+A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of eight
+hooks, each of which returns classes::
 
     import uqmbd
 

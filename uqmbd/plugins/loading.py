@@ -61,10 +61,9 @@ def load(
 ) -> Registry:
     """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
 
-    `entry_points`: the plugins. Those of uqmbd itself are registered first, then the others by distribution and name,
-    so that it does not depend on the order of installation who keeps a name that two plugins want; `disabled`: names
-    of entry points or distributions that are not loaded; `group`: group of the entry points, which says the hooks
-    that they may implement.
+    `entry_points`: the plugins. Those of uqmbd are registered first, then the others by distribution and name. So the
+    order of installation does not decide which of two plugins owns a name; `disabled`: names of entry points or
+    distributions that are not loaded; `group`: group of the entry points, which says the hooks that they may implement.
     """
     manager = plugin_manager()
     classes: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}

@@ -205,9 +205,9 @@ class Existence:
 def existence_of(mechanism: Mechanism) -> Existence:
     """Find the outputs whose moments do not all exist.
 
-    Every output is taken to grow, in proportion at most, with every input that enters the motion, unless its expression
-    is bounded whatever the motion is: orientations, and bounded functions.  An input that enters outputs only counts
-    for those.
+    The check assumes that every output grows, in proportion at most, with every input that enters the motion.
+    Exceptions are expressions that are bounded for every motion: orientations, and bounded functions. An input that
+    enters outputs only counts for those.
     """
     inputs = mechanism.inputs
     heavy = {name: order for name, order in moment_orders(inputs).items() if not exists(4, order)}

@@ -56,8 +56,8 @@ def write_report(
         Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
         and the reason, and a `uqmbd.extend.PluginWarning`. One that returns an empty text is left out.
     folder : path-like, optional
-        Where every figure of the sections of the core is written as a file, too (SVG, the animation as GIF), under its
-        output's name and its own; one that cannot be drawn is a warning. Default: nowhere.
+        Folder for a file of every figure of the core's sections (SVG, the animation as GIF). The name of a file
+        consists of the names of output and figure; one that cannot be drawn is a warning. Default: nowhere.
 
     Returns
     -------

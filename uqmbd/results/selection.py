@@ -105,8 +105,8 @@ def by_output(data: xr.Dataset | xr.DataTree | xr.DataArray, variable: str = "me
     Parameters
     ----------
     data : xarray.DataTree, xarray.Dataset or xarray.DataArray
-        The node of a method (its outputs without a time are there, too, with no dimension ``time``), one of its
-        datasets, or a variable along ``output``.
+        The node of a method, one of its datasets, or a variable along ``output``. A node also contains its outputs
+        without a time, with no dimension ``time``.
     variable : str
         Of the statistics or the dataset, as ``mean`` or ``response``; not needed for a DataArray.
 

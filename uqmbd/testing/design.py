@@ -26,7 +26,7 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
 
     - It has a name, and declares whole numbers and truths.
     - The same seed gives the same bits, other seeds other points, and so do seeds of NumPy's sequences of seeds.
-    - Each point is uniform in each of its coordinates, over the seeds (a test of Kolmogorov and Smirnov), and its
+    - Each point is uniform in each of its coordinates, over the seeds (a test of Kolmogorov and Smirnov). Its
       coordinates are neither the same for all points of a seed nor alike.
     - An extendable design continues where it ended, and gives any part of its points alone.
 

@@ -1,9 +1,9 @@
 """The units that a mechanism is described in, as a table.
 
-The algebra of units is pint's.  The table is our own because of time: on the machine of measure ``import pint`` takes
-0.2 to 0.6 s and its registry 0.5 s (0.05 s from its cache on disk), where a whole run of the slider-crank has 4 s and
-``uqmbd --help`` 0.15 s; the table takes less than a millisecond.  pint is asked for what is not in it.  A test compares
-every entry with pint.
+The algebra of units is pint's. The table is our own because of time: on the machine of measure ``import pint`` takes
+0.2 to 0.6 s and its registry 0.5 s. From its cache on disk the registry takes 0.05 s. A whole run of the slider-crank
+takes 4 s and ``uqmbd --help`` 0.15 s; the table takes less than a millisecond. pint is asked for what is not in it. A
+test compares every entry with pint.
 """
 
 from __future__ import annotations

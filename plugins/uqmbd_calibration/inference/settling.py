@@ -79,8 +79,8 @@ class _Followed:
 def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
     """Follow the best maxima of the surrogate on the mechanism; the predictions are moved to the best of them.
 
-    Returns the maxima, the best first, the vector (N,) to start from, and the number of maxima of the surrogate that
-    are about as likely as the best one and were not followed.
+    Returns the maxima, the best first, and the vector (N,) to start from. Also returns the number of maxima of the
+    surrogate that are about as likely as the best one and were not followed.
     """
     found: list[_Followed] = []
     mass = -peaks.cost - 0.5 * np.linalg.slogdet(peaks.hessian)[1]

@@ -264,9 +264,9 @@ class Record:
         Raises
         ------
         uqmbd.StudyError
-            If an output or a known input is not one of the study, units are others, an output has times here and none
-            there, times lie before the start of the study, a known value is one that its input cannot have, values
-            are too large to compute with, or the noise is below their rounding errors.
+            If the study has no such output or known input, units differ, or an output has times in one of them only.
+            Also if times precede the start of the study. Also if a known value is impossible for its input, values are
+            too large to compute with, or the noise is below their rounding errors.
 
         Warns
         -----

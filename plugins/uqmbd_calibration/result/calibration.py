@@ -88,14 +88,13 @@ class Calibration:
         """What was checked.
 
         ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
-        widen the posterior; ``surrogate``: those checks one after another, with the effective ``share`` of the weights
-        of their ``draws``, the largest ``shift`` of a mean in standard deviations and the standard error of each shift,
-        ``chance``; ``converged``, ``rhat``, ``ess``;
-        ``modes``: shares of the maxima of the posterior that were found, the one that was sampled first, ``unsampled``
-        of those that no draws are about, and ``unseen``, how many of the surrogate were not followed; ``far``: inputs
-        that are found far from their priors; ``model``:
-        for each output of each record whether it may have come from the model, ``p``, ``where`` in time it did not,
-        ``outliers``, and ``doubted``.
+        widen the posterior; ``surrogate``: those checks one after another. Each has the effective ``share`` of the
+        weights of its ``draws``. Each also has the largest ``shift`` of a mean in standard deviations, and the standard
+        error of a shift, ``chance``; ``converged``, ``rhat``, ``ess``; ``modes``: shares of the maxima of the posterior
+        that were found, the sampled one first. ``unsampled`` are the shares of those without draws, and ``unseen`` the
+        number of maxima of the surrogate that were not followed; ``far``: inputs that are found far from their priors;
+        ``model``: for each output of each record whether it may have come from the model, ``p``, ``where`` in time it
+        did not, ``outliers``, and ``doubted``.
         """
         return dict(json.loads(self.tree.attrs["checks"]))
 

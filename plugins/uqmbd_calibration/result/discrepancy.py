@@ -66,9 +66,9 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     `parameters`: how many unknowns were fitted to these values. Return ``record``, ``output``, ``values``;
     ``chi_square``, the probability of residuals that are at least as large, where the noise is known; ``correlation``
     of neighbours with the probability ``correlation_p``; ``segments``, each with its ends in s and its probability;
-    ``p``, that of all, corrected for their number; ``where``, the times that are strange; ``outliers``, how many
-    values are far away, and ``strays``, the farthest of them if they are few, each with its time in s or number, its
-    value and its deviations; ``doubted``.
+    ``p``, that of all, corrected for their number; ``where``, the times that are strange; ``outliers``, how many values
+    are far away, and ``strays``, the farthest of them if they are few. Each has its time in s or number, its value and
+    its deviations; ``doubted``.
     """
     block, z = found.block, found.normal
     count = len(z)

@@ -70,8 +70,8 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
 def curvature(normal: Array) -> Array:
     """Return how far pairs of normal variables (K, d) are from a Gaussian copula, (d, d), by their joint moments.
 
-    The largest of the mean of the square of one times the other, which is zero of a copula, and of what the mean of
-    the product of both squares lacks, where they hardly correlate.
+    The larger of two moments. The first is the mean of the square of one times the other, which is zero for a copula.
+    The second is what the mean of the product of both squares lacks, for pairs that hardly correlate.
 
     >>> x, y = np.random.default_rng(0).standard_normal((2, 4000))
     >>> round(float(curvature(np.stack([x, y], axis=1))[0, 1]), 1)

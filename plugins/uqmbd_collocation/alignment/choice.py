@@ -14,8 +14,8 @@ from uqmbd.typing import Array
 __all__ = ["Runs", "chosen_over_time", "runs_in_words", "taken_values"]
 
 NEAR, REST = 1.25, 9e-4
-"""A family may be taken at a time if its error is at most `NEAR` times the least, plus `REST` of the largest standard
-deviation over time: errors from few verification realisations that differ by less are not distinguished."""
+"""A family is a candidate at a time if its error is at most `NEAR` times the least, plus `REST` of the largest standard
+deviation: errors from few verification realisations that differ by less are not distinguished."""
 
 EQUAL = 1e-6
 """Error, over the largest standard deviation of an output, below which none is better than another."""

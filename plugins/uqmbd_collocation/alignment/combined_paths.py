@@ -77,8 +77,8 @@ class _PhaseHistory:
 class CombinedPaths:
     """Realisations from marker to marker, where markers are both events and phases.
 
-    They are those of the events. They are integrated anew where their points do not resolve the motion between events,
-    or where no event ends the last segment and others reach a phase earlier.
+    They are those of the events. They are integrated anew if their points do not resolve the motion between events. So
+    are they if no event ends the last segment and others reach a phase earlier.
     """
 
     problem: uqmbd.extend.Problem

@@ -39,9 +39,9 @@ MARGIN = 0.1
 class EventPaths:
     """Realisations from event to event, each computed once.
 
-    Last segments, which no event ends, last until `longer` times the range of the output times, in all realisations to
-    the same time after the last event of all. Otherwise their end would not be a smooth function of the inputs: the
-    last output time where the last event is before it, and a separate time where it is not.
+    Last segments, which no event ends, last until `longer` times the range of the output times. In all realisations
+    they end at the same time after the last event of all. Otherwise their end would not be a smooth function of the
+    inputs: the last output time where the last event is before it, and a separate time where it is not.
     """
 
     problem: uqmbd.extend.Problem

@@ -1,7 +1,7 @@
 """Frequencies and harmonics that realisations have in common, found in one of them and followed to the others.
 
-The same combination of frequencies must have the same place in all realisations: from the nearest one that is known,
-the fit goes from a short window, in which frequencies may be far off, to the whole one, in which they are sharp.
+The same combination of frequencies must have the same place in all realisations: the fit starts from the nearest known
+one. It proceeds from a short window, in which frequencies may be inaccurate, to the whole one, in which they are sharp.
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ def bases(lines: SpectralLines, resolution: float) -> list[Base]:
     """Return the simplest base of one frequency, where all lines are multiples, then that of two, if there is one.
 
     The simplest has the least sum of orders of all lines. Its frequencies are lines, differences of two, or halves of
-    these, as a base frequency need not be a line (the height of a pendulum has even combinations only). `resolution` is
-    2 pi / length, rad/s.
+    these. A base frequency need not be a line (the height of a pendulum has even combinations only). `resolution` is 2
+    pi / length, rad/s.
     """
     f = lines.frequencies
     pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]

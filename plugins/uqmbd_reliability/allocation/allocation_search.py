@@ -139,9 +139,9 @@ def allocate(
         Of a violation, allowed: from 1e-5 to 0.5.
     cost : mapping, optional
         What tolerances cost, by the names of the inputs that may be changed: a number ``c`` for ``c / t``, with the
-        half width t of the tolerance in the units of the input, or a function of t that grows as t gets smaller.  The
-        tolerance of an input that states none is three standard deviations.  By default every input that is made by
-        `uqmbd.tolerance` or `uqmbd.iso286` may be changed, and costs the inverse of what is left of it.
+        half-width t of the tolerance in the units of the input. Alternatively a function of t that grows as t gets
+        smaller. The tolerance of an input that states none is three standard deviations. By default every input that is
+        made by `uqmbd.tolerance` or `uqmbd.iso286` may be changed, and costs the inverse of what is left of it.
     verify : int
         Real realisations that verify a surrogate, for each of at most five.
     narrowest, loosest : float

@@ -49,8 +49,8 @@ class MarginSamples:
     def centres(self) -> Array | None:
         """Germs of the points that inputs are drawn together to, (n,); None where a germ is no affine map of its input.
 
-        Where all are, as of normal, truncated and uniform inputs, germs are drawn together as inputs are, which takes a
-        hundredth of the time of mapping them.
+        If all are affine, as for normal, truncated and uniform inputs, the germs are contracted like the inputs. This
+        takes a hundredth of the time of mapping them.
         """
         few, columns = self.germs[:AFFINE], self.tightened.columns
         ones = np.ones(len(columns))

@@ -4,8 +4,8 @@ The way follows the constraints.  Each step is the smallest change that meets th
 first order (Gauss-Newton); it is bounded, and the constraints are closed again before it counts.  So no joint jumps to
 a mirror image on the way, and angles can be followed over any number of turns.
 
-Auxiliary states that count angles follow as well: the value that their component states at a pose is known up to whole
-turns, and the turns are those that were made on the way.
+Auxiliary states that count angles follow as well: their component states their value at a pose up to whole turns; the
+number of turns follows from the motion of the assembly.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Dead centres: poses in which constraints, or what is stated of velocities, depend on each other, and only there.
 
-There a linear combination of the equations, the left singular vector of a singular value that vanishes, is in the left
-null space of the Jacobian.  Equations that follow from others have such a combination, too, but in every pose.  A dead
+At such a pose a linear combination of the equations is in the left null space of the Jacobian: the left singular vector
+of a vanishing singular value. Equations that follow from others have such a combination, too, but in every pose. A dead
 centre is recognised by the curvature of the residual along the remaining motions, or by what can be realised near it.
 """
 

@@ -1,6 +1,6 @@
 """Newton's law of restitution and Coulomb's law of friction at one collision: which impulses satisfy both.
 
-Of each contact that collides, with the normal impulse N, the tangential one T, and the speeds n and s after the
+For each colliding contact, let N and T be the normal and the tangential impulse. Let n and s be the speeds after the
 collision across and along the surface (n0 before it)::
 
     N >= 0,  n + e n0 >= 0,  N (n + e n0) = 0
@@ -177,8 +177,8 @@ def _in_plane(collision: Collision) -> Iterator[Array]:
 def _one_in_space(collision: Collision) -> Iterator[Array]:
     """Candidates of one contact with two tangents.
 
-    Where it slips in the direction of angle a, that the sliding has this direction is an equation of second order in
-    cos(a) and sin(a), of fourth order in exp(i a).
+    If it slips in the direction of angle a, this direction satisfies an equation of second order in cos(a) and sin(a).
+    It is of fourth order in exp(i a).
     """
     (touch,), size = collision.touches, len(collision.before)
     n, t = touch.normal, list(touch.tangents)

@@ -138,9 +138,9 @@ def _direction(sliding: Array, heading: Array) -> Array:
 def lasting_contacts(contacts: ContactQuantities, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
     """Find which of the closed contacts `near` last at one state, and their modes and motion; None if no forces exist.
 
-    Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero.  The laws of
-    accelerations and forces are those of speeds and impulses, without restitution, but the friction of a sliding
-    contact already has a known direction.  No forces satisfy the laws where friction wedges a sliding body.
+    Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws of
+    accelerations and forces equal those of speeds and impulses, without restitution. However, the friction of a sliding
+    contact already has a known direction. No forces satisfy the laws where friction wedges a sliding body.
     """
     headings: dict[int, Array] = {}
     for k in near:

@@ -1,8 +1,8 @@
 """Which contacts slip of those whose friction comes to its limit at the same time.
 
-There the forces of sticking and of slipping are the same, and so are the accelerations: the rates decide.  Of each
-contact at its limit, with the rates of the reserve of friction, r, and of the acceleration along the direction in which
-it would slide, a::
+There the forces of sticking and of slipping are the same, and so are the accelerations: the rates decide. For each
+contact at its limit, let r be the rate of the reserve of friction. Let a be the rate of the acceleration along the
+direction of the impending sliding::
 
     r >= 0,  a >= 0,  r a = 0
 
@@ -155,8 +155,8 @@ def _turned(
 class _Rates(NamedTuple):
     """Accelerations of C contacts along their headings, if all contacts that have headings slip.
 
-    `rate` (C,), its `response` (C, C) to reserves of friction, directions `along` (C, direction), and the friction
-    `across` the heading of each contact in space that has one, which keeps it from sliding there.
+    `rate` (C,), its `response` (C, C) to reserves of friction, and directions `along` (C, direction). `across` is the
+    friction across the heading of a contact in space: it keeps the contact from sliding in that direction.
     """
 
     rate: Array

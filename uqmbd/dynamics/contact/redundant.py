@@ -1,9 +1,9 @@
 """Forces of redundant contacts: of all that give the same motion, those with the most room inside the laws.
 
-A table stands on four legs, a disc is wedged in a corner: the forces are not unique.  The bodies stay as long as some
-forces satisfy the laws of contact and friction, and those farthest from the limits of the laws last longest.  They
+A table stands on four legs, a disc is wedged in a corner: the forces are not unique. The bodies stay at rest as long as
+some forces satisfy the laws of contact and friction. Forces far from the limits of these laws stay valid longest. They
 maximise the least reserve of all contacts, a second-order cone problem, which an interior-point method with a
-logarithmic barrier solves [1]_.  SciPy has none of this kind; a contact has few unknowns.
+logarithmic barrier solves [1]_. SciPy has none of this kind; a contact has few unknowns.
 
 References
 ----------

@@ -2,8 +2,8 @@
 
 No derivative is written by hand.
 
-With ``psi = d Phi / dt`` (the constraints at velocity level) and ``D = d psi / d v``, which is ``Phi_q`` for geometric
-constraints and stays right where a constraint or a potential contains an auxiliary state, the stabilised index-2 form
+Let ``psi = d Phi / dt`` be the constraints at velocity level, and ``D = d psi / d v``. ``D`` is ``Phi_q`` for geometric
+constraints, and stays right if a constraint or a potential contains an auxiliary state. The stabilised index-2 form
 (Gear, Leimkuhler and Gupta, 1985) is::
 
     0 = q' - v + D^T mu

@@ -6,8 +6,8 @@ comparison depends on nothing but the realisation, and is made seldom: where ste
 again where there are several times as many.
 
 What looks stiff is left to IDA without one, for at most what the whole motion is expected to cost explicitly: a
-pendulum with a light ball on a stiff, damped bushing takes 0.2 s explicitly, and IDA, whose steps are held to small
-tolerances, 30 s.
+pendulum with a light ball on a stiff, damped bushing takes 0.2 s explicitly. IDA needs small tolerances for its steps,
+and takes 30 s.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What integrations cost, by counts: operations, factorisations, looks at the rank; not by a clock.
 
-The unit is an operation on a row of eight realisations.  The weights were measured on governors, slider-cranks and
-masses on springs, as processor time over that of an operation of their kernels (0.5 to 1 ns), and rounded: which
-integrator is chosen depends on factors of eight, not of two.
+The unit is an operation on a row of eight realisations. The weights were measured on governors, slider-cranks and
+masses on springs. Each is processor time divided by that of an operation of their kernels (0.5 to 1 ns), and rounded:
+which integrator is chosen depends on factors of eight, not of two.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
 
-Realisations of a stack share the steps.  The error norm of IDA averages over them, so that a realisation that is much
-harder than the others gets less accuracy than it would alone, by its roughness over the mean roughness at most.  Where
-that is too much it is taken out and integrated alone.
+Realisations of a stack share the steps. The error norm of IDA averages over them. So a realisation that is much harder
+than the others gets less accuracy than alone, at most by its roughness over the mean roughness. Where that is too much
+it is taken out and integrated alone.
 
 IDA holds the tolerance in each step, and in the mean over all unknowns.  A motion without damping forgets none of the
 errors of its steps: those of the velocities add up, over a hundred steps for each turn of a body, and their sum shifts

@@ -3,8 +3,8 @@
 A spline is smooth but for its third derivative, which jumps at the knots.  Methods of variable order follow that; the
 error estimate of an explicit method of high order does not see it, as it does not lie at its stages: without further
 ado a force through 300 samples is integrated to 1e-6 at a tolerance of 1e-9.  So such steps end at the knots at which
-the jump counts.  Where realisations that share their steps have knots at times of their own, too many together, steps
-over knots are so short that the jump does not count.
+the jump counts. Realisations that share their steps may have different knots, too many in total. Then steps over knots
+are so short that the jump does not count.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class TimedTable:
     def step(self, rtol: float) -> float:
         """Return the length of a step, s, over any knot at which the jump does not count.
 
-        A step of the length h over a knot beside intervals of the length d sees the fourth power of h/d of the
-        deviation that one of the length d sees.
+        Let h be the length of a step over a knot, and d that of the intervals next to the knot. The step sees (h/d)^4
+        times the deviation that a step of length d sees.
         """
         with np.errstate(divide="ignore"):
             share = np.minimum(1.0, (COUNTS * rtol / self.table.deviations) ** 0.25)

@@ -1,12 +1,12 @@
 """Passing over singular poses, and choosing other equations where the kept ones become dependent.
 
 In a singular pose branches of motions meet, and the equations of motion do not say which one is taken: the motion that
-comes is continued smoothly, as momentum has it.  So the last states before the pose are continued by the polynomial
-that has their rates, too [1]_, to as far behind the pose as they are before it, and put on the constraints there.  That
-is done from so near that polynomials of degree 9 and 7 (or 7 and 5) agree within the tolerance; a motion that ends in
-the pose (a mechanism that locks up) has no such polynomial.  Next to the pose rounding is magnified by the inverse
-square of the distance: where it hides the tolerance, the continuation with the least difference is taken, if that is
-small enough.
+comes is continued smoothly, as momentum has it. So a polynomial that has the rates of the last states before the pose
+as well continues them [1]_. It reaches as far behind the pose as these states are before it, and is projected onto the
+constraints there. That is done from so near that polynomials of degree 9 and 7 (or 7 and 5) agree within the tolerance;
+a motion that ends in the pose (a mechanism that locks up) has no such polynomial. Next to the pose rounding is
+magnified by the inverse square of the distance: where it hides the tolerance, the continuation with the least
+difference is taken, if that is small enough.
 
 References
 ----------
@@ -128,8 +128,8 @@ class SingularPoseWatcher:
     def look(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
         """Return how to continue from the last node at time `now`, s; None: as before.
 
-        The arguments are the last times (N,), s, and states (N, width), the size of the difficult step, s, and the time
-        until which nothing jumps, s.
+        The arguments are the last times (N,), s, states (N, width), the length of the difficult step, s, and the time
+        of the next jump.
         """
         times, states = known
         z = states[-1]

@@ -1,10 +1,10 @@
 """The motion between output times by integrators that do not return their steps: through states at more times.
 
 A realisation is integrated at even times of stretches, first those between its breaks.  A stretch is resolved where
-polynomials of degree 7 through every second of its states agree with the others.  Where states jump between two times,
-as velocities do in an impact, the stretch is cut on both sides of the jump, and what is between is searched again until
-it is short: there the motion is a straight line from before the jump to after it.  Any other stretch that is not
-resolved has twice as many times.
+polynomials of degree 7 through every second of its states agree with the others. If states jump between two times, as
+velocities do in an impact, the stretch is divided on both sides of the jump. The part between is divided again until it
+is short: there the motion is a straight line from before the jump to after it. Any other stretch that is not resolved
+has twice as many times.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class _IntervalRun(NamedTuple):
 def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
     """Integrate K realisations by `method`, and find their motion between the output times (T,), s.
 
-    Warns with UserWarning if the motion of a realisation that has not failed is not resolved by the largest number of
-    times, or the integrator fails at a larger number of them: the motion found before remains valid.
+    Warns with UserWarning if the largest number of times does not resolve the motion of a realisation that has not
+    failed. It also warns if the integrator fails at a larger number of them: the motion found before remains valid.
     """
     count, counters, notes = len(ensemble), Counters(), list[str]()
     kept, coarse = dict[int, tuple[_IntervalRun, int]](), np.zeros(count)

@@ -165,8 +165,8 @@ class ProjectedEnsemble(ProjectedEquations):
         Parameters
         ----------
         rates : callable
-            The clock: from times (K,), s, and states (K, 2 coordinate + state) of the nodes to the rates (K,) of the
-            phases there, rad/s, which are positive.
+            The clock: maps times (K,), s, and states (K, 2 coordinate + state) of the nodes to the positive rates (K,)
+            of their phases, rad/s.
         times : array, shape (T,)
             Output times, s, to look at functions of time; the first is the start.
         rtol : float

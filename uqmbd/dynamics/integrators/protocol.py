@@ -61,8 +61,8 @@ class Capabilities:
     bounded_steps : bool
         Its steps respect ``ensemble.pace(times, rtol)``: a longest step, and times at which it restarts.
     stoppable : bool
-        ``integrate_projected`` takes ``watch=``: None, or a function that receives the coefficients (P, T, width) so
-        far, NaN from the present time on, and returns true where the integration is to stop.
+        ``integrate_projected`` takes ``watch=``: None, or a function of the coefficients (P, T, width) so far, which
+        are NaN from the present time on. It returns true if the integration is to stop.
     delegates : bool
         It may leave realisations to ``dop853`` or ``ida``, and names these in its counters.
     sampled_control : bool

@@ -1,9 +1,9 @@
 """Elimination of large systems by blocks: code for each kind of block, compiled once and used for all of them.
 
-A front is a unit of a mechanism at its elimination: with its block ``A``, what couples it to its neighbours ``B`` and
-its right-hand side ``b``, it leaves ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the neighbours, and finds its unknowns when
-theirs are known, ``x = A^-1 b - A^-1 B y`` [1]_.  Fronts of one pattern share their code, and those of one round are
-computed together, for all realisations: neither the time of compilation nor the number of calls grows like the system.
+A front is a unit of a mechanism at its elimination: Let ``A`` be its block, ``B`` its coupling to its neighbours and
+``b`` its right-hand side. It leaves ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the neighbours. When theirs are known, its
+unknowns are ``x = A^-1 b - A^-1 B y`` [1]_. Fronts of one pattern share their code, and those of one round are computed
+together, for all realisations: neither the time of compilation nor the number of calls grows like the system.
 
 References
 ----------

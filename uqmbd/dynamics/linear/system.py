@@ -222,8 +222,8 @@ def index1_system(model: Model, typical: Array | None) -> System:
 def _structural_rank(system: System) -> int:
     """Find the largest rank of matrices of the system's pattern.
 
-    The matching that SciPy looks for takes exponentially long in some orders of rows and columns, those of long chains
-    among them, and next to nothing in a random one.
+    SciPy's matching takes exponentially long for some orders of rows and columns, those of long chains among them. In a
+    random order its time is negligible.
     """
     random, size = np.random.default_rng(0), system.size
     rows, columns = (random.permutation(size)[which] for which in (system.rows, system.columns))

@@ -1,17 +1,17 @@
 """A projected ensemble with a phase as the independent variable, in place of the time.
 
-Realisations are compared at equal phase of a clock instead of at equal time.  With the rate ``w(q, v, t) > 0`` of the
-phase and the pace ``p = 1 / w`` the equations of a realisation are, with a dash for the derivative by the phase,::
+Realisations are compared at equal phase of a clock instead of at equal time. Let ``w(q, v, t) > 0`` be the rate of the
+phase, ``p = 1 / w`` the pace, and a dash the derivative by the phase. The equations of a realisation are::
 
     q' = p v,   M v' + D^T (p lambda) = p (Q - h),   D v' = p gamma,   t' = p
 
-and the time is a state.  States and multipliers, ``p lambda``, are expanded in the basis and each equation is projected
-by the nodes and weights of the projection in time, where it is ``Psi^T W r``; constraints ``Phi(q, t) = 0`` and their
-rates hold as ``E[Phi psi_j] = 0``, to which each step is put back.
+and the time is a state. States and multipliers, ``p lambda``, are expanded in the basis. The nodes and weights project
+each equation where the projection in time gives ``Psi^T W r``; constraints ``Phi(q, t) = 0`` and their rates hold as
+``E[Phi psi_j] = 0``, to which each step is put back.
 
-The phase counts from the start.  Where realisations start at different phases of the clock, each is slowed down or
-sped up at first, ``w`` times a number, until all have reached the same phase of the clock at the same phase from the
-start; from then on both are alike.
+The phase counts from the start. Realisations may start at different phases of the clock. At first each is slowed down
+or sped up, ``w`` times a number. This ends when phases of the clock are equal at equal phases from the start; from then
+on both are alike.
 
 SciPy's DOP853 makes the steps: the clock is an output, and outputs are evaluated by Python, not by the driver.
 """

@@ -4,15 +4,15 @@ Solved for are coordinates and multipliers with ``Q(q, v = 0, t0) = D^T lambda``
 is a Newton step within the tangent space of the constraints, whose stiffness ``K`` is the exact Jacobian, ``(D^T
 lambda)_q`` included.  Directions of negative stiffness are taken with its absolute value, so that the iteration
 descends to stable equilibria (saddle-free Newton: Dauphin et al., 2014) even from poses where the stiffness vanishes,
-such as a horizontal pendulum; directions without stiffness get the step of smallest norm, which is none.  The step
-follows the constraints (Runge-Kutta of order 4, then put right), its length is bounded, and it is halved until the
-forces have done work along it (Armijo's rule, with work in place of the loss of energy, so that forces without a
-potential are welcome).
+such as a horizontal pendulum; directions without stiffness get the step of smallest norm, which is none. The step
+follows the constraints (Runge-Kutta of order 4, then a projection), and its length is bounded. It is halved until the
+forces have done work along it. This is Armijo's rule, with work in place of the loss of energy, so it admits forces
+without a potential.
 
 Auxiliary states are carried along: the angle of a torsion spring is that at the start and what the bodies turned on the
-way, any number of turns.  Where the value that the component states for the start follows the pose too (as angles do),
-it is recomputed at the new pose, up to whole turns, so that no error of the way remains.  States that relax take the
-value at which their rate vanishes; states that time alone drives keep their initial values.  A state that is known by
+way, any number of turns. The value that the component states for the start may follow the pose too (as angles do). Then
+it is recomputed at the new pose, up to whole turns. So no error of the iterations remains. States that relax take the
+value at which their rate vanishes; states that time alone drives keep their initial values. A state that is known by
 its way alone is right to about 1e-7 of its change.
 
 Where constraints bind velocities alone, bodies roll on the way, and do not slip.  Such constraints have equilibria in

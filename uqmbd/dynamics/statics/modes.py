@@ -1,7 +1,7 @@
 """Eigenfrequencies and damping of a constrained mechanism, linearised about a pose at rest.
 
-Small motions within the constraints are ``dq = N x`` with a basis ``N`` of the null space of ``D``, so that neither
-multipliers nor the length of a quaternion give modes of their own::
+Small motions within the constraints are ``dq = N x``, with a basis ``N`` of the null space of ``D``. So neither
+multipliers nor the length of a quaternion add modes::
 
     M x'' + C x' + K x + F s = 0        s' = A x + B x' + E s
 

@@ -1,7 +1,7 @@
 """The equations of motion at rest, and their exact derivatives: what statics and linearisation are made of.
 
-At rest, at one time, the equations of the unknown coordinates ``q``, the auxiliary states ``s`` and the multipliers
-``lambda`` of the stabilised index-2 form are::
+The unknowns at rest, at one time, are the coordinates ``q``, the auxiliary states ``s`` and the multipliers ``lambda``
+of the stabilised index-2 form. Their equations are::
 
     0 = -Q(q, s) + D(q, s)^T lambda        s' = g(q, s)        0 = Phi(q, s)
 

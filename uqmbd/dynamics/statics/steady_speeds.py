@@ -1,9 +1,9 @@
 """Velocities of a steady motion: drivers go on, stated velocities hold, and nothing else moves relative to its carrier.
 
-A steady motion keeps its shape.  So of all velocities that the constraints, the drivers and stated velocities allow
-those are taken in which bodies move least relative to the bodies that components connect them with: a pendulum hinged
-on a shaft goes round with it and does not swing.  Where the shaft and the ground pull a body in different ways either
-may win; both are tried (`ORDERS`), and what is no steady motion is found out by the equations of motion.
+A steady motion keeps its shape. The constraints, the drivers and stated velocities leave a space of velocities. Of
+these the motion is chosen in which connected bodies move least relative to each other: a pendulum hinged on a shaft
+goes round with it and does not swing. Where the shaft and the ground pull a body in different ways either may win; both
+are tried (`ORDERS`), and what is no steady motion is found out by the equations of motion.
 """
 
 from __future__ import annotations

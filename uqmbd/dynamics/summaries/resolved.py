@@ -1,9 +1,9 @@
 """Expressions along a motion, resolved: polynomials on parts of steps, which are divided where they are not accurate.
 
-A step of an integrator is long: an output of the states may have a peak or a kink within it.  So an expression is
-evaluated at interpolated states, at eight Chebyshev points of a part of a step, and the part is divided until the last
-coefficients of its polynomial are small, where that can change what is asked for.  All realisations are divided
-together, and each by what is its own.
+A step of an integrator is long: an output of the states may have a peak or a kink within it. So an expression is
+evaluated at interpolated states, at eight Chebyshev points of a part of a step. The part is divided until the last
+coefficients of its polynomial are small, if the rest can change the result. All realisations are divided together, and
+each by what is its own.
 """
 
 from __future__ import annotations

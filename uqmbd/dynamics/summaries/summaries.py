@@ -150,8 +150,9 @@ def summarised(
 ) -> tuple[Array, list[MissingReason | None]]:
     """Summarise the motions of realisations (M,) that were integrated to the last time.
 
-    Return values (M, summary), NaN where a value is not reached or undefined, and for each member the reason if one of
-    the values is undefined, else None.  The trajectories hold the motion between output times where that is needed.
+    Return values (M, summary), NaN if a value is not reached or undefined. Also return for each member the reason if
+    one of the values is undefined, else None. The trajectories hold the motion between output times where that is
+    needed.
     """
     found, reasons = np.full((len(members), len(seen.names)), np.nan), list[MissingReason | None]([None] * len(members))
     if seen.ending.names and len(members):
@@ -279,8 +280,8 @@ def _resolve(
 ) -> None:
     """Resolve outputs along the motions of members, some at once, and hand them on.
 
-    With them go their rows among the members, the tolerances of the polynomials, and since when what is in some columns
-    is no finite real number, of each realisation (R, column).
+    Also return their rows among the members and the tolerances of the polynomials. For each realisation, also return
+    the time since which each column is no finite real number (R, column).
     """
     if not members.size:  # all have failed, and there is no motion
         return

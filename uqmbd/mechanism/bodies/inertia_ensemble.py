@@ -36,8 +36,8 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     A tensor of inertia is that of a body only if no principal moment is more than the sum of the other two: if the
     second moments of mass :math:`S = \tfrac{1}{2} \operatorname{tr}(J) I - J` are positive semi-definite.  This is the
     distribution of largest entropy among those with a given mean, a given dispersion, and an inverse of finite
-    variance: :math:`S = F G F^T` with :math:`F F^T` the mean second moments and :math:`G` a random matrix of mean
-    :math:`I` (a Wishart matrix of any real number of degrees of freedom).
+    variance: :math:`S = F G F^T`. Here :math:`F F^T` are the mean second moments, and :math:`G` is a random matrix of
+    mean :math:`I`. It is a Wishart matrix of any real number of degrees of freedom.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
         six entries ``(Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)`` or a 3 x 3 matrix for a spatial one.  Plain numbers.
     dispersion : float
         :math:`\delta = \sqrt{E \lVert G - I \rVert^2 / \lVert I \rVert^2}`, in Frobenius norms.  In the plane it is the
-        coefficient of variation of the moment of inertia.  In space the second moments have the covariance
+        coefficient of variation of the moment of inertia. In space the second moments have the covariance
         :math:`\operatorname{cov}(S_{ij}, S_{kl}) = \frac{\delta^2}{4} (S_{ik} S_{jl} + S_{il} S_{jk})` (a third for a
-        flat body), so that each moment of inertia of a ball has a coefficient of variation of :math:`\delta / 2`.
+        flat body). So each moment of inertia of a ball has a coefficient of variation of :math:`\delta / 2`.
     name : str
         Beginning of the names of the random variables; every body needs its own.
 
@@ -78,7 +78,7 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     dynamics", Probabilistic Engineering Mechanics 15 (2000) 277-294.  There, mass, centre of mass and second moments
     over mass are independent; where the mass is random as well, multiply all entries by mass over mean mass.
 
-    At the means of the random variables, where single simulations run, the tensor is smaller than its mean by about
+    Single simulations use the means of the random variables. There the tensor is smaller than its mean by about
     :math:`\delta^2 / 4`, since it is quadratic in them.
 
     Examples

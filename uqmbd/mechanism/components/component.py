@@ -85,9 +85,9 @@ class Component:
     spaces it makes sense in in `spaces`, declares each `Parameter` as a class attribute, and yields terms.  Everything
     else (equations of motion, Jacobians, reactions) is derived.
 
-    Instead of `point_i` and `point_j` one point in the world may be given, ``at=``, and instead of `axis_i` and
-    `axis_j` (or the one that there is) one axis in the world, ``axis=``: as the bodies are drawn, and no random ones.
-    A component whose points or axes do not coincide leaves the keyword out of `drawn_by`.
+    Instead of `point_i` and `point_j`, ``at=`` gives one point in the world. Instead of `axis_i` and `axis_j` (or the
+    only one), ``axis=`` gives one axis in the world: as the bodies are drawn, and no random ones. A component whose
+    points or axes do not coincide leaves the keyword out of `drawn_by`.
 
     Parameters
     ----------

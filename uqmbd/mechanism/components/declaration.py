@@ -40,7 +40,7 @@ def declare(component: type[Declared]) -> None:
     """Check the declaration of a component class, and write it into its signature and its docstring.
 
     Raises `uqmbd.StudyError` if its symbol is unknown, a parameter hides an attribute of `Local`, or a parameter refers
-    to a body or point that is not declared.
+    to an undeclared body or point.
     """
     name, bodies, parameters = component.__name__, component.bodies, component.parameters()
     if component.symbol and component.symbol not in SYMBOLS:

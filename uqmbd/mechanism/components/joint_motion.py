@@ -324,8 +324,8 @@ def motion_quantities(component: HasMotion) -> dict[str, tuple[sympy.Expr, str]]
 def motion_quantity(component: HasMotion, name: str) -> sympy.Expr:
     """Return the expression of a motion quantity of a component by name.
 
-    Raises AttributeError, with the known names, if there is no such quantity, and `uqmbd.StudyError` if the component
-    has not been added to a mechanism, or its `motion` is invalid.
+    Raises AttributeError, with the known names, if there is no such quantity. Raises `uqmbd.StudyError` if the
+    component has not been added to a mechanism, or its `motion` is invalid.
     """
     kind = type(component).__name__
     found = motion_quantities(component) if component.settled else {}
@@ -350,8 +350,8 @@ def motion_values(
 ) -> dict[str, tuple[sympy.Expr, str]]:
     """Return the motion quantities of a component, for each name an expression and its units.
 
-    Raises `uqmbd.StudyError` if an expression contains a symbol that is neither a coordinate of one of the bodies
-    `frames` nor random, or if two quantities have one name.
+    Raises `uqmbd.StudyError` if a symbol of an expression is neither random nor a coordinate of one of the bodies
+    `frames`. Raises it also if two quantities have one name.
     """
     flow = {x: dx for frame in frames for x, dx in zip(frame.q, frame.v, strict=True) if x.is_Symbol}
 

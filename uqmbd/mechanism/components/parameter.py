@@ -81,8 +81,8 @@ class Parameter(Generic[Given]):
         the frame of `body_i`), else the first.
     about : str
         Name of the point about which the number is the radius of a sphere or wheel, as figures draw it; empty: that of
-        no point, but where no parameter of the component states one, `radius_i` is about `point_i`, and `radius` about
-        the points of the last body.
+        no point. However, if no parameter of the component states one, `radius_i` is about `point_i`, and `radius`
+        about the points of the last body.
     axes : str
         Axes of a vector or a moment: ``world`` or ``body``.
     dimensions : int

@@ -63,11 +63,11 @@ def mode_shape(number: int, quantity: Any, over: Any, at: At = "equilibrium", pa
     the factor leaves the ratio of two of them: of positions, angles, distances.  An output with it has one value per
     realisation and no time.
 
-    *Numbering* is that of `uqmbd.eigenfrequency`, and belongs to the place in the order of frequencies: where two modes
-    exchange places within the range of the inputs, the ratio jumps from that of one mode to that of the other, which no
-    polynomial follows.  Where frequencies are equal any mix of their modes is a mode: a realisation in which another
-    one comes within a ten-millionth of the frequency, so that the ratio is not determined, has failed, with a status
-    and the reason.  So has one in whose mode the reference does not move.
+    *Numbering* is that of `uqmbd.eigenfrequency`, and belongs to the place in the order of frequencies: if two modes
+    exchange places within the range of the inputs, the ratio jumps from one mode to the other. No polynomial follows
+    that. Where frequencies are equal any mix of their modes is a mode: if another frequency comes within a
+    ten-millionth of this one, the ratio is not determined. The realisation has then failed, with a status and the
+    reason. So has one in whose mode the reference does not move.
 
     *Damping*: with none, or in proportion to mass and stiffness, the ratio is a real number.  Otherwise the quantities
     pass their extremes one after the other, and the ratio is complex: its real part is what moves in phase with the

@@ -51,8 +51,8 @@ class Requirement:
     at_the_end : bool
         Whether that is made at the end of the motion only, as of an integral.
     open : {-1, 0, 1}
-        Where a first time, or an event, in it does not happen, the margin is above (1) or below (-1) that at the end of
-        the motion.
+        If a first time or event does not occur, the margin exceeds that at the end of the motion (1), or is below it
+        (-1).
 
     Examples
     --------

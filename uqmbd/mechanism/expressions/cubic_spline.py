@@ -35,8 +35,8 @@ CLOSED = 1e-9
 class Spline(OwnFunction):
     """A spline of an argument: ``Spline(x, table, order, *terms)``, with `order` that of a derivative.
 
-    Its value is the spline through the first values of the table, plus that of each term times the spline through the
-    values that belong to it.  A call puts another argument in the place of its own.
+    Its value is the spline through the first values of the table. Each term contributes its product with the spline
+    through the values of the term. A call puts another argument in the place of its own.
 
     Examples
     --------
@@ -171,10 +171,11 @@ def spline(
 
     Notes
     -----
-    The third derivative jumps at the knots, which the error estimate of ``dop853`` does not see.  Where the argument is
-    linear in time, with random numbers or without, its steps end at the knots that count at the tolerance, or are short
-    there.  Where the argument is a state, such as the angle of a cam, the error estimate alone controls the steps: with
-    a table that is not smooth take a smaller `rtol`, or ``integrator="ida"``, whose estimate sees the knots.
+    The third derivative jumps at the knots, which the error estimate of ``dop853`` does not see. If the argument is
+    linear in time, with random numbers or without, steps of ``dop853`` end at the knots that count at the tolerance. If
+    there are too many, steps are short. Where the argument is a state, such as the angle of a cam, the error estimate
+    alone controls the steps: with a table that is not smooth take a smaller `rtol`, or ``integrator="ida"``, whose
+    estimate sees the knots.
 
     The coefficients of a spline are linear in its values, so that random values cost little more than numbers.  That of
     the ends ``not-a-knot`` is the default of `scipy.interpolate.CubicSpline` [1]_.

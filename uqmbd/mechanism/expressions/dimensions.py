@@ -4,15 +4,14 @@ What is decided is decided for sure, but for one thing: a number in an expressio
 does not stay in a product.  So
 
 - a number that is added fits everything, as in ``position - 0.3``;
-- a product with another number than 1 and -1 has an unknown dimension, as ``9.81 * height``, but the same number in
-  two terms of a sum has the same one, unless it is 1.0;
+- a product with another number than 1 and -1 has an unknown dimension, as ``9.81 * height``. The same number in two
+  terms of a sum has the same dimension, unless it is 1.0;
 - values of sine, exponential and other functions count as numbers, quaternions as unknown: before them radii of 1 m
   stand unseen, and a rate of 1/s before the time;
 - where a mechanism has numbers that are 1, such as a mass, one of them may have been in a product.
 
-pint has no expressions to walk, and SymPy's own units know neither free constants nor symbols of one's own classes
-(its check of a sum raises at the first constant), so the walk is written here; the algebra of units is that of
-`uqmbd.units`.
+pint has no expressions to walk. SymPy's units know neither free constants nor symbols of other classes: its check of a
+sum raises at the first constant. So the walk is written here; the algebra of units is that of `uqmbd.units`.
 """
 
 from __future__ import annotations

@@ -177,9 +177,9 @@ def minimum(expression: Any) -> sympy.Expr:
 def time_of_maximum(expression: Any) -> sympy.Expr:
     """Return when an expression is largest in the motion of a realisation, in s, for use in an output.
 
-    Of several peaks that are the same within ten times the tolerance of the integration (`rtol`), as a part of the
-    largest value, it is the first.  Where another peak becomes the largest one within the range of the inputs, the time
-    jumps: a surrogate of it has a discontinuity there.
+    If several peaks are equal within ten times the tolerance of the integration (`rtol`), relative to the largest
+    value, it is the first. Where another peak becomes the largest one within the range of the inputs, the time jumps: a
+    surrogate of it has a discontinuity there.
 
     Parameters
     ----------

@@ -173,9 +173,9 @@ def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
         About which pose, at rest, with time held at the first output time: ``equilibrium``: the realisation's own
         static equilibrium, found from where it starts (a realisation without one has failed); ``start``: the pose in
         which it starts, which is the assembled drawing, or the equilibrium with ``Study(start="equilibrium")``.
-        ``steady``: about the steady motion (see `uqmbd.at_steady`), in which drivers go on.  Frequencies are seen from
-        the world wherever the coefficients of small motions are constant there (a rotor in its bearings), else from
-        the frame that turns with the bodies (a pendulum on a turning shaft).
+        ``steady``: about the steady motion (see `uqmbd.at_steady`), in which drivers go on. Frequencies are seen from
+        the world if the coefficients of small motions are constant there (a rotor in its bearings). Otherwise they are
+        seen from the frame that turns with the bodies (a pendulum on a turning shaft).
 
     Raises
     ------

@@ -212,8 +212,9 @@ class Line(_Turnless):
     Points, positions, velocities, forces and the gravity are single numbers (or sequences of one); an axis is ``1`` or
     ``-1``.  ``body.position`` is a column of one.  What makes sense on a line says so in its `Component.spaces`.
 
-    Two points have a side there: which of them is ahead of the other as drawn.  Lengths of springs, distances and gaps
-    of spheres are counted towards that side, become negative where the points pass each other, and have no kink there.
+    Two points have a side there: which of them is ahead of the other as drawn. Lengths of springs, distances and gaps
+    of spheres are positive towards that side. They become negative when the points pass each other, and have no kink
+    there.
 
     Parameters
     ----------

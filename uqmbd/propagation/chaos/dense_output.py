@@ -198,8 +198,8 @@ def _largest(wrong: Array) -> float:
 def _next(count: int, coarser: float, error: float, most: int) -> int | None:
     """Return how many times are tried next, after so many with their error, and that of half as many; none: enough.
 
-    Smooth outputs follow the order of the splines.  Where errors fall so slowly that no number of times that there may
-    be resolves them (kinks), so many are enough as make them acceptable, if any do.
+    Smooth outputs follow the order of the splines. Errors may fall so slowly that no admissible number of times
+    resolves them (kinks). Then the number is chosen that makes them acceptable, if any does.
     """
     if error <= RESOLVED or count >= most:
         return None

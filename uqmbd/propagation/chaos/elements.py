@@ -207,11 +207,11 @@ def refine_elements(
 ) -> ElementRefinement[Any]:
     """Split the germ space where a chaos says that it is not enough.
 
-    In each round the error of every element is estimated: at each output and time the larger of the energy of its top
-    order and of the mean square at its verification realisations, times its probability.  Those with the largest
-    contributions are split at the median along the input that has most of the energy of the top order (where the
-    error is more than a tenth of the local standard deviation, the local variance counts as much), and replaced by
-    their halves, which are computed from the start.  The result does not depend on who computes.
+    In each round the error of every element is estimated: at each output and time, it is the larger of the energy of
+    its top order and of the mean square at its verification realisations. It is weighted by the probability of the
+    element. Those with the largest contributions are split at the median along the input that has most of the energy of
+    the top order. The local variance counts as much if the error is more than a tenth of the local standard deviation.
+    The halves replace them, and are computed from the start. The result does not depend on who computes.
 
     Parameters
     ----------

@@ -77,8 +77,8 @@ def event_histories(
     """Integrate each row of inputs (K, input) from event to event, on all workers.
 
     `run` executes tasks like `uqmbd.extend.Problem.run`; `times` are first and last, s; `points` is the number in a
-    segment. Motions are continued beyond the last output time until they have `least` segments, and a last segment that
-    no event ends until `longer` times the range of the output times; both at most to eight times this range. The
+    segment. Motions are continued beyond the last output time until they have `least` segments. A last segment that no
+    event ends continues until `longer` times the range of the output times; both at most to eight times this range. The
     integrator declares ``segments``.
     """
     tasks = [(row, times, rtol, points, least, integrator, longer) for row in np.ascontiguousarray(values, dtype=float)]

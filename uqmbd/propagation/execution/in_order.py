@@ -1,7 +1,7 @@
 """Pieces of work done here, or by many workers: in order, and each kept as soon as it is finished.
 
-The work of the process that hands them out does not grow with what is finished, and per piece it is a fraction of a
-millisecond, whatever the number of workers.
+The main process does little: per piece a fraction of a millisecond, for any number of workers, and no more when many
+pieces are finished.
 """
 
 from __future__ import annotations
@@ -68,12 +68,11 @@ def run_in_order(
 ) -> Generator[Result, None, None]:
     """Yield the results of pieces of work, in their order; without an executor they are computed in this process.
 
-    A piece whose worker dies is tried once elsewhere. One that takes much longer than others (by at least `patience`,
-    s) is given to a second worker when there is nothing else to do, and the first answer counts: both have the same
-    bits. `known` returns a result that need not be computed, `work` the function and its arguments (some may be
-    `Packed`), `keep` the value to yield from a result and its time, s. `lost` returns the result of a piece whose
-    second worker died, or raises, by default an error. Raise IntegrationError if no worker has the versions of this
-    process, or a piece is lost.
+    A piece whose worker dies is tried once elsewhere. If one takes much longer than others (by at least `patience`, s),
+    an unoccupied worker repeats it, and the first answer counts: both have the same bits. `known` returns a result that
+    need not be computed. `work` returns the function and its arguments (some may be `Packed`), and `keep` the value to
+    yield from a result and its time, s. `lost` returns the result of a piece whose second worker died, or raises, by
+    default an error. Raise IntegrationError if no worker has the versions of this process, or a piece is lost.
     """
     if executor is None:
         return _here(pieces, known, work, keep)

@@ -1,9 +1,9 @@
 """The script that is run, as worker processes see it: they import it only where they need something that it defines.
 
-Processes of `multiprocessing` import the main script of their parent when they start, and a script that starts
-processes must keep them from starting more by ``if __name__ == "__main__":``.  The workers of uqmbd need the script
-only where a function or class of its own is a part of the work, which is rare.  So they start without it, and where it
-is needed it is run as far as the line that started the work; what it defines before that line is there.
+Processes of `multiprocessing` import the main script of their parent when they start. So a script that starts processes
+must guard this by ``if __name__ == "__main__":``. The workers of uqmbd need the script only where a function or class
+of its own is a part of the work, which is rare. So they start without it, and where it is needed it is run as far as
+the line that started the work; what it defines before that line is there.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ class Realisations:
         Outputs without a time: `values` (K, scalar) with a `status` and `messages` of their own, where the mechanism
         has some.
     margins : MarginValues, optional
-        Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) of the whole motion, below
-        zero where the requirement is violated, and `failed` (K,), where the mechanism has some.
+        Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) of the whole motion, negative
+        if the requirement is violated, and `failed` (K,). It is None without requirements.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Who computes: this process, threads or processes of our own, or whoever the user brings.
 
-Threads start in no time, share what is compiled and hand over results without a copy, but only one of them at a time
-can work in Python: they do what is computed outside of it, and processes the rest.
+Threads start at once, share compiled code and return results without a copy. However, only one of them at a time can
+run Python: they do what is computed outside of it, and processes the rest.
 """
 
 from __future__ import annotations

@@ -36,8 +36,7 @@ class Propagator(ABC):
     Raises
     ------
     uqmbd.StudyError
-        If it is given an option that it does not have, or a value of another type than the option has, or a label that
-        cannot name its results.
+        If an option is unknown or has a value of a wrong type, or if the label cannot name the results of the method.
 
     Examples
     --------

@@ -297,8 +297,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
 def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree:
     """Return the result of a method after validation of its type, name and axes.
 
-    Raise StudyError if it is no node with mean and standard deviation of the outputs at the times of the problem, or if
-    a statistic has an impossible value, such as a negative standard deviation, or a mean that is NaN without a reason.
+    Raise StudyError if it is no node with mean and standard deviation of the outputs at the times of the problem. Raise
+    it also if a statistic is impossible, such as a negative standard deviation, or a mean that is NaN without a reason.
     Warn if shape statistics or standard errors are NaN without a reason: they get the default one.
     """
     kind = type(propagator)

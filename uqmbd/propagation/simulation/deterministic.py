@@ -87,10 +87,10 @@ def simulate(
         One variable for each output, with its units, over the dimension ``time`` (:func:`uqmbd.results.by_output` gives
         statistics of methods the same form).  Angles are unwrapped, as in a
         study, and have the length of a turn as an attribute.  Outputs without a time have no dimension; where there are
-        no others, and statics tells them, nothing is integrated.  With `check` the coordinate ``integration_error``
-        (output, time) is the absolute error of each output, in its units (``output_units``), and
-        ``scalar_integration_error`` (scalar) that of outputs without a time (``scalar_units``); NaN where it is not
-        known, with the attribute ``reason``.  Where an output has one of these names, an underscore is appended.
+        no others, and statics tells them, nothing is integrated. With `check` the coordinate ``integration_error``
+        (output, time) is the absolute error of each output, in its units (``output_units``).
+        ``scalar_integration_error`` (scalar) is that of outputs without a time (``scalar_units``); NaN where it is not
+        known, with the attribute ``reason``. Where an output has one of these names, an underscore is appended.
 
         Of requirements it holds ``requirement_margin`` (requirement, time), the smallest margin until each time, and
         ``requirement_met`` (requirement).

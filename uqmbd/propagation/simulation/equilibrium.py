@@ -106,8 +106,8 @@ def eigenfrequencies(
     xarray.Dataset
         Over the dimension ``mode``, sorted: ``frequency``, ``|eigenvalue| / 2 pi``, Hz;
         ``damping_ratio``, ``-Re(eigenvalue) / |eigenvalue|``; ``eigenvalue_real`` and ``eigenvalue_imaginary``, 1/s.
-        A degree of freedom that is damped too much to oscillate has two modes of damping ratio 1, an unstable one
-        a mode of damping ratio -1; a rigid-body mode has frequency and damping ratio 0.
+        A degree of freedom that is damped too much to oscillate has two modes of damping ratio 1. An unstable one has a
+        mode of damping ratio -1; a rigid-body mode has frequency and damping ratio 0.
 
     Raises
     ------

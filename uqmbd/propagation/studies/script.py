@@ -31,8 +31,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
     The script runs as a module named like the file, with its folder first on ``sys.path``, as if it had been started by
     Python; afterwards the folder stays last on ``sys.path``, so that worker processes can import the functions that the
-    script defines. A file that is named like an installed module gets another module name, and what it defines can then
-    be used by worker processes only where these are forked.
+    script defines. A file with the name of an installed module gets another module name. Worker processes can then use
+    its functions and classes only if these processes are forked.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def adopt_distribution(where: str, distribution: Any) -> Any:
 
     Those of scipy.stats are frozen, or of its new infrastructure. `where` stands before messages. Raise StudyError for
     a distribution without its parameters, several at once, discrete values that are no whole numbers, or a dependence
-    that chaospy does not know.
+    unknown to chaospy.
 
     >>> import scipy.stats
     >>> adopt_distribution("here", scipy.stats.norm(0.15, 0.003))

@@ -82,8 +82,8 @@ def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
 
     Infinite ends, or those of the support, are no condition. The coordinate stays that of the germ, so that maps to
     inputs hold. A uniform germ keeps Legendre polynomials, in closed form; others get polynomials of a Stieltjes
-    procedure on their density, or on their quantile function where only that is known (Wan and Karniadakis, SIAM
-    Journal on Scientific Computing 28 (2006) 901-928). A discrete germ keeps the values above `lower`, up to and with
+    procedure on their density, or on their quantile function if no density is known. See Wan and Karniadakis, SIAM
+    Journal on Scientific Computing 28 (2006) 901-928. A discrete germ keeps the values above `lower`, up to and with
     `upper`. Raise StudyError if the interval is empty, or too improbable for any computation.
     """
     low, high = max(float(lower), germ.bounds[0]), min(float(upper), germ.bounds[1])

@@ -1,8 +1,8 @@
 """Rosenblatt's transform of joint distributions: conditional members, copulas, vectors, mixtures.
 
-chaospy has such transforms, of which several are wrong (copulas of Gumbel, Joe and Student, vectors
-of Student, truncated and discrete members), and others change from call to call.  Here they are computed from the
-structure of its distributions, verified, and stored as text.
+chaospy has such transforms. Several are wrong (copulas of Gumbel, Joe and Student, vectors of Student, truncated and
+discrete members), and others change from call to call. Here they are computed from the structure of its distributions,
+verified, and stored as text.
 """
 
 from __future__ import annotations

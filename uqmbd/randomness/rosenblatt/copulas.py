@@ -1,8 +1,8 @@
 """Copulas on the unit cube, by their conditional distributions.
 
-Those of chaospy for Gumbel, Joe and Student are no copulas: their marginal distributions are not uniform (the generator
-of Gumbel has the sign of an exponent wrong, Student's multiplies variables whose sum is not Student distributed), and
-the inverse of Clayton's is a search with random steps.
+Those of chaospy for Gumbel, Joe and Student are no copulas: their marginal distributions are not uniform. The generator
+of Gumbel has an exponent of the wrong sign, and Student's multiplies variables whose sum is not Student distributed.
+The inverse of Clayton's is a search with random steps.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Copula(Protocol):
 class Archimedean:
     """Copula psi(psi^-1(v_1) + ... + psi^-1(v_n)) of the family "clayton", "gumbel" or "joe".
 
-    Given the components before it, a component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s), with
-    the sum s of theirs (Joe, Dependence Modeling with Copulas, 2014, section 3.4). With a shorter variable for each
+    Given the components before it, a component has the distribution function psi^(k)(s + psi^-1(v)) / psi^(k)(s). Here
+    s is the sum of theirs (Joe, Dependence Modeling with Copulas, 2014, section 3.4). With a shorter variable for each
     family, the derivatives are polynomials. Raise StudyError, with a part of a sentence, if the parameter is invalid.
     """
 

@@ -1,7 +1,7 @@
 """Distributions of chaospy of independent variables that are rewritten where they are given.
 
-chaospy takes a whole number that is doubled, shifted or cut for a continuous variable, arithmetic of independent
-variables has no components, and quantiles of mixtures are searched for with random steps.
+chaospy treats a whole number that is doubled, shifted or truncated as a continuous variable. Its arithmetic of
+independent variables has no components, and it searches for quantiles of mixtures with random steps.
 """
 
 from __future__ import annotations

@@ -158,8 +158,8 @@ class Transform:
     def flaw(self) -> str:
         """Say why it is the transform of no distribution; empty where it is one.
 
-        Values must be finite and vary, those of a component must increase with its uniform variable whatever the others
-        are, and the transform of values must be the uniform variables that they come from.
+        Values must be finite and vary. Those of a component must increase with its uniform variable for all values of
+        the others. The transform must map the values back to the uniform variables.
         """
         for k in self.law.order:
             if found := self._flaw_of(k):

@@ -70,9 +70,9 @@ def dependent_part(
 def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> float:
     """Solve Nataf's integral equation: the correlation of two standard normals whose images have `correlation`.
 
-    The double integral over the bivariate normal density is a power series in the unknown by Mehler's formula, with the
-    Hermite coefficients of the two maps from a Gauss-Hermite rule (Liu and Der Kiureghian, Probab. Eng. Mech. 1 (1986)
-    105; Xiao, Struct. Saf. 49 (2014) 33). Raise StudyError if no Gaussian copula gives that correlation.
+    By Mehler's formula, the double integral over the bivariate normal density is a power series in the unknown. A
+    Gauss-Hermite rule gives the Hermite coefficients of the two maps (Liu and Der Kiureghian, Probab. Eng. Mech. 1
+    (1986) 105; Xiao, Struct. Saf. 49 (2014) 33). Raise StudyError if no Gaussian copula gives that correlation.
     """
     from scipy.optimize import brentq
 

@@ -94,11 +94,11 @@ class GermSpace:
     def of(cls, inputs: JointInput, transform: str = "rosenblatt") -> GermSpace:
         """Find germs, polynomials and maps for the inputs of a study.
 
-        Independent inputs get polynomials that are orthonormal for their own distribution: Hermite, Legendre, Jacobi,
-        Laguerre where the distribution is one of Askey's scheme, polynomials of a discretised Stieltjes procedure on
-        the affinely standardised input where it is not.  An input whose upper or lower tail is too heavy for
-        polynomials (lognormal and its like: all moments exist, but do not determine the distribution) becomes a
-        function of a standard normal germ.
+        Independent inputs get polynomials that are orthonormal for their own distribution: Hermite, Legendre, Jacobi or
+        Laguerre polynomials if the distribution is one of Askey's scheme. Otherwise a discretised Stieltjes procedure
+        on the affinely standardised input gives them. An input whose upper or lower tail is too heavy for polynomials
+        (lognormal and its like: all moments exist, but do not determine the distribution) becomes a function of a
+        standard normal germ.
 
         Parameters
         ----------

@@ -26,9 +26,9 @@ STEP = 2e-3
 class CorrelatedTransform:
     """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
 
-    With a lower triangular factor (up to the order of conditioning) of a correlation matrix and standard normal germs
-    this is a Gaussian copula, and at the same time its Rosenblatt transform. A single input has the factor 1 and any
-    germ.
+    With standard normal germs and a factor of a correlation matrix that is lower triangular in the order of
+    conditioning, this is a Gaussian copula. It is also the Rosenblatt transform of that copula. A single input has the
+    factor 1 and any germ.
     """
 
     columns: tuple[int, ...]  # of the inputs, and of the germs

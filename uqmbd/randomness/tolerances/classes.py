@@ -152,10 +152,10 @@ def iso286(
 
     Notes
     -----
-    Limits are those of the tables of ISO 286-1:2010, with the correction of holes K, M, N up to grade 8 and P to ZC up
-    to grade 7.  Zones js are half the standard tolerance to either side, without the rounding to whole micrometres
-    that some tables of grades 7 to 11 have.  Not given, and refused: sizes up to 1 mm, the letters cd, ef and fg above
-    10 mm, and holes K to ZC of grades below 3.
+    Limits are those of the tables of ISO 286-1:2010. They include the correction of holes K, M, N up to grade 8 and P
+    to ZC up to grade 7. Zones js are half the standard tolerance to either side, without the rounding to whole
+    micrometres that some tables of grades 7 to 11 have. Not given, and refused: sizes up to 1 mm, the letters cd, ef
+    and fg above 10 mm, and holes K to ZC of grades below 3.
 
     Examples
     --------

@@ -67,9 +67,9 @@ def density(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Estimate a density with Gaussian kernels.
 
-    The width of the kernels is Silverman's, from the smaller of the standard deviation and the interquartile range (as
-    of a normal distribution), so that far values and several peaks do not blur it. It is widened, up to three times,
-    as long as a dip between two peaks is less than two and a half standard errors of the estimate deep. At ends, what
+    The width of the kernels is Silverman's. It uses the smaller of the standard deviation and the interquartile range
+    (as of a normal distribution). So far values and several peaks do not blur the estimate. It is widened, up to three
+    times, while a dip between two peaks is shallower than two and a half standard errors of the estimate. At ends, what
     the kernels would put beyond is reflected.
 
     `values` (S,); `points`: where to evaluate: as many points, from three widths below the smallest value to three

@@ -155,8 +155,9 @@ def _strands(path: OutputPaths, chosen: Array) -> Strands:
 def _bends(lines: Array, most: int, tolerance: float) -> NDArray[np.intp]:
     """Choose points such that straight lines between them stand for lines, shape (R, 2, T).
 
-    Points are added where a line departs most, until none departs by more than the tolerance, as a share of the extent
-    of all lines along each axis, or there are ``most``: the rule of Ramer, Douglas and Peucker for many lines at once.
+    Points are added where a line departs most. This ends at ``most`` points, or when none departs by more than the
+    tolerance, relative to the extent of all lines along each axis: the rule of Ramer, Douglas and Peucker for many
+    lines at once.
     """
     extent = np.ptp(lines, axis=(0, 2))
     scaled = lines / np.where(extent > 0, extent, 1.0)[:, None]
@@ -195,10 +196,10 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
     """Draw an output over another one: each realisation is a curve in the plane of both, run through in time.
 
     Where the other output only grows, or only falls, in every realisation, the curves are functions of it: their mean
-    and the bands that hold 50 % and 95 % of them at each of its values are drawn, over the values that all of them
-    pass.  Else (a wheel that goes up and down) single realisations are drawn as lines, and the means of both outputs,
-    which are taken at each time.  Curves of a polynomial chaos are samples of it.  With several methods the first has
-    filled bands, or lines; of the others the mean and the edges of the 95 % band are drawn.
+    and the bands that contain 50 % and 95 % of them at each of its values are drawn. They are drawn over the values
+    that all curves pass. Otherwise (a wheel that goes up and down) single realisations are drawn as lines. So are the
+    means of both outputs at each time. Curves of a polynomial chaos are samples of it. With several methods the first
+    has filled bands, or lines; of the others the mean and the edges of the 95 % band are drawn.
 
     Parameters
     ----------

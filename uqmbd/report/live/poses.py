@@ -1,12 +1,12 @@
 """Poses of a mechanism's bodies as functions of the germs, for its player: `pose_surrogate`, `packed_poses`.
 
 Poses have the germs of the method whose surrogate is in the page.  Where that is one polynomial for all germs, so are
-they: its terms are fitted by least squares to the coordinates of the bodies, at the frames of the motion, of twice as
-many further realisations as it has terms, and their error is that at another 16.  It costs these realisations, and no
-statistics.  Elsewhere the method runs once more, with every coordinate of the bodies as an output, so that poses follow
-the same elements, events and phases; it costs that method again, and is left out where that is much of the whole run.
-The realisations of the motion alone would cost nothing, and do not do: twenty do not determine the 28 terms of order 2
-of six inputs.
+they: its terms are fitted by least squares to the coordinates of the bodies, at the frames of the motion. The fit uses
+twice as many further realisations as it has terms, and another 16 measure its error. It costs these realisations, and
+no statistics. Elsewhere the method runs once more, with every coordinate of the bodies as an output, so that poses
+follow the same elements, events and phases; it costs that method again, and is left out where that is much of the whole
+run. The realisations of the motion alone would cost nothing, and do not do: twenty do not determine the 28 terms of
+order 2 of six inputs.
 
 Points in the frames of bodies are functions of the inputs, too.  Polynomials are fitted to them, without realisations.
 """
@@ -225,8 +225,8 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
 def packed_poses(node: xr.DataTree) -> dict[str, Any]:
     """Return surrogates of poses as data of a page, which `poses.js` evaluates.
 
-    `node`: of `pose_surrogate`. Return ``bodies``, their names; ``size``, numbers of a body's pose, the first
-    ``dimension`` of which are its position, the others a quaternion (in the plane the cosine and sine of an angle);
+    `node`: of `pose_surrogate`. Return ``bodies``, their names; ``size``, the length of a body's pose: the first
+    ``dimension`` numbers are its position, the others a quaternion (in the plane the cosine and sine of an angle);
     ``upright``; ``coordinates`` and ``points``, each as of `packed_surrogate`, the latter None where nothing is drawn
     but bodies.
     """

@@ -119,9 +119,9 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
 def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str, Any]:
     """Return a surrogate as plain data.
 
-    Its coefficients are compressed.  At no output and time the compression changes it, as a root mean square over
-    `PROBES` germ points, by more than a tenth of the stated error, or a millionth of the standard deviation where that
-    is more; `shipped` returns the remaining difference.
+    Its coefficients are compressed. At every output and time, the root mean square of the change over `PROBES` germ
+    points is at most a tenth of the stated error. If a millionth of the standard deviation is larger, that is the
+    limit; `shipped` returns the remaining difference.
 
     `stated` (O, T): its stated error, where that is known: of some kinds it takes seconds, for the standard
     deviation. Return what `json_script` takes: ``outputs``, ``times``, ``inputs``, ``germs``, ``parts``;

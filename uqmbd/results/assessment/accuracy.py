@@ -80,17 +80,17 @@ def stated_accuracy(
     rtol : float
         Tolerance of the integration, which decides which outputs do not vary.
     of : {"moments", "probabilities"}
-        ``moments``: half-widths of the mean and of the standard deviation of each output at each time, each by itself,
-        relative to the largest standard deviation of that output over time; of an output without a time relative to
-        its standard deviation.  Half a width is 1.96 standard errors (of replicates those of Student's t), and of a
-        surrogate the bound of its error that its verification tells.  What does not vary counts for nothing.  The
-        error of the integration, which no number of realisations makes smaller, is stated apart from it.
+        ``moments``: half-widths of the mean and of the standard deviation of each output at each time, relative to the
+        largest standard deviation of that output; of an output without a time relative to its standard deviation. The
+        half-width is 1.96 standard errors (for replicates, the quantile of Student's t replaces
+        1.96). For a surrogate it is the bound of its error by its verification. What does not vary counts for nothing.
+        The error of the integration, which no number of realisations makes smaller, is stated apart from it.
 
         ``probabilities``: the longer side of the 95 % interval of each probability that a requirement is violated,
         relative to that probability.
     usual : bool
-        By the usual standard errors, which fall with the root of the number of samples, where those that are stated are
-        wider for few independent samples.
+        By the usual standard errors, which fall with the root of the number of samples. The stated ones are wider for
+        few independent samples.
 
     Returns
     -------

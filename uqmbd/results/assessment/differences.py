@@ -37,10 +37,10 @@ ROUNDING = 1e-9
 def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float, Bounds(0)] = 0.0) -> str:
     """Choose the method to compare the others with: the most converged one that can say so.
 
-    Methods whose results end before the last time come last, and before them surrogates in which an output has no
-    spread to which others give one (not those whose stated error is above 10 %), such as a chaos of order 0. First come
-    samples that tell the standard deviation to within 15 %, for their standard errors hold whatever the mechanism; then
-    surrogates whose stated error is below 10 %; then others that state an error; then those that state none. Among
+    Methods whose results end before the last time come last. Before them come surrogates, such as a chaos of order 0,
+    in which an output has no spread although others give one. Those whose stated error is above 10 % are exempt. First
+    come samples that tell the standard deviation to within 15 %, for their standard errors hold whatever the mechanism;
+    then surrogates whose stated error is below 10 %; then others that state an error; then those that state none. Among
     equals the one of the least own error, the one with the most successful realisations, and the one that was given
     first.
 
@@ -132,14 +132,14 @@ def compare(
         ``std_relative_l2``, the latter over that of the reference itself; ``quantile_difference_max``, over times and
         probabilities. ``reference_std_max (output)`` is a scale for them.
 
-        ``verdict`` is the one statement on an output, what is worst first: what differs from the reference beyond the
-        errors that both state, that the method is under-resolved or has too few samples, or the error that it states
-        itself and that it agrees.  ``verdict_kind`` says it in a word: ``reference``, ``agrees``, ``differs``,
-        ``under-resolved``, ``too few samples`` or ``no spread``, which counts for nothing: the output does not vary
-        beyond the integration error. ``detectable`` is how large a difference of standard deviations would go
-        unnoticed, ``own_error`` a bound of the error that a method states of its standard deviation, averaged over
-        time, and ``stated_error_max`` its largest stated error over time, at ``stated_error_time`` (s), all relative to
-        the standard deviation (infinite: none is stated). The attribute ``recommendation`` says which method to use.
+        ``verdict`` is the one statement on an output, what is worst first: the output differs from the reference beyond
+        both stated errors; the method is under-resolved or has too few samples; or it agrees, with its own stated
+        error. ``verdict_kind`` says it in a word: ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few
+        samples`` or ``no spread``, which counts for nothing: the output does not vary beyond the integration error.
+        ``detectable`` is the smallest difference of standard deviations that would be noticed. ``own_error`` is a bound
+        of the error that a method states for its standard deviation, averaged over time. ``stated_error_max`` is its
+        largest stated error over time, at ``stated_error_time`` (s). All three are relative to the standard deviation
+        (infinite: none is stated). The attribute ``recommendation`` says which method to use.
 
         ``wasserstein`` (in units) and ``ks`` ``(method, output, comparison_time)``: distances of the distributions,
         from samples, or from 4096 samples of a chaos; NaN where there are none; ``ks_by_chance (method)``: which of the

@@ -92,8 +92,8 @@ class OwnError:
     def informed(self, other: OwnError) -> OwnError:
         """Return the same with the standard errors of the standard deviation that follow from the other's kurtosis.
 
-        Where something rare happens (a few realisations that hit what the others miss), samples that hold none of it
-        do not know how wrong they are; a surrogate does, or other samples do.
+        Something rare may occur in a few realisations only. Samples that contain none of these do not know how wrong
+        they are; a surrogate does, or other samples do.
         """
         if not self.samples:
             return self

@@ -89,9 +89,10 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
 def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     """Recommend a method, in sentences that can be read in a minute.
 
-    The cheapest whose every output that varies is known at all times and agrees with the reference, and whose own error
-    is at most 1 % of the standard deviation, or at most 5 %, or the least; then the state of the others.  Of
-    methods that differ by chance only, in cost and error, none is preferred.
+    The method with the lowest cost whose outputs are known at all times and agree with the reference. Its own error
+    must be at most 1 % of the standard deviation. If there is none, the limit is 5 %, then the least error. Only
+    outputs that vary count; then the state of the others. Of methods that differ by chance only, in cost and error,
+    none is preferred.
 
     Parameters
     ----------

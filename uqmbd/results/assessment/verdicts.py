@@ -206,8 +206,8 @@ def _rare(
 ) -> tuple[NDArray[np.bool_], str]:
     """Find the times (T,) at which samples do not vary, and may well have missed what does; say whose.
 
-    Something that happens with probability p makes a kurtosis of at least about 1 / p, and n samples hold none of it
-    with probability (1 - p)^n.
+    Something that happens with probability p causes a kurtosis of at least about 1 / p. Samples of size n contain none
+    of it with probability (1 - p)^n.
     """
     times, said = np.zeros(found.std.shape[1], dtype=bool), ""
     for method, other, name in ((found, base, names[0]), (base, found, names[1])):

@@ -33,9 +33,9 @@ ROUNDING = 1e-12
 class AlignedChaos(Surrogate):
     """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
 
-    The times of landmarks and the outputs between them, each in its own normalised time, are smooth in the inputs where
-    the outputs at a fixed time jump, or where phases drift apart; they are expanded separately, and put together at a
-    sample.  Statistics come from samples of this surrogate.  Behind the last landmark of a sample there is NaN: phases
+    At a fixed time, outputs may jump as functions of the inputs, or phases may drift apart. The times of landmarks, and
+    the outputs between them in normalised time, remain smooth; they are expanded separately, and put together at a
+    sample. Statistics come from samples of this surrogate. Behind the last landmark of a sample there is NaN: phases
     are known as far as nearly all samples of the inputs get within the times.
 
     Parameters

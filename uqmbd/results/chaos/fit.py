@@ -103,8 +103,8 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
 
     The leave-one-out error needs no further fits: with the diagonal :math:`h` of the hat matrix, the residual of a
     sample that is left out is :math:`r_k / (1 - h_k)` (PRESS). Its mean square over the variance of the samples is
-    multiplied by :math:`\frac{K}{K-P} \left(1 + \operatorname{tr}(\Psi^T \Psi)^{-1}\right)`, the correction for few
-    samples of [1]_ (after Chapelle, Vapnik and Bengio). The result does not depend on the number of threads, to the
+    multiplied by :math:`\frac{K}{K-P} \left(1 + \operatorname{tr}(\Psi^T \Psi)^{-1}\right)`. This is the correction for
+    few samples of [1]_ (after Chapelle, Vapnik and Bengio). The result does not depend on the number of threads, to the
     bit.
 
     Parameters
@@ -121,8 +121,8 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
     Raises
     ------
     StudyError
-        If the basis is larger than the number of samples, the samples cannot tell its terms apart, shapes do not fit,
-        or a number is not finite.
+        If the basis is larger than the number of samples, or the samples cannot distinguish its terms. Also if shapes
+        do not fit, or a number is not finite.
 
     References
     ----------
@@ -199,9 +199,9 @@ def regress_on_nodes(
 ) -> NodeRegression | None:
     """Fit the nodes of a quadrature that did not fail, where its projection does not hold any more.
 
-    Where they do not determine all terms (of a tensor rule often all nodes of one coordinate fail) those of the highest
-    total degrees are left out.  Each node counts by its weight where all weights are positive, else by the inverse of
-    the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
+    If they do not determine all terms, those of the highest total degrees are left out. In a tensor rule, all nodes of
+    one coordinate often fail. If all weights are positive, each node counts by its weight. Otherwise it counts by the
+    inverse of the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
 
     Parameters
     ----------

@@ -223,8 +223,8 @@ class Surrogate(SurrogateContainer):
 
         The samples are N points of a scrambled Sobol' sequence of the germs, the next power of two; outputs and times
         go block by block, so that memory does not grow with them.  The probability of what is found differs from that
-        asked for by less than 2 / N where there is one germ.  Where there are several it has a random error whose
-        standard deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
+        asked for by less than 2 / N where there is one germ. With several germs it has a random error. Its standard
+        deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
 
         Parameters
         ----------
@@ -359,9 +359,9 @@ class Surrogate(SurrogateContainer):
         xarray.Dataset
             As of :func:`uqmbd.extend.statistics_dataset`, with Sobol' indices of inputs where these are independent;
             else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
-            known, and `circular_mean` and `circular_std` where an output is an angle.  Where skewness and kurtosis are
-            those of samples, or a surrogate of very many terms allows fewer samples than are asked for, the attribute
-            ``samples`` of the variable says how many there are, and its ``comment`` why.
+            known, and `circular_mean` and `circular_std` where an output is an angle. Skewness and kurtosis may be
+            those of samples, and a surrogate of very many terms may allow fewer samples than requested. Then the
+            attribute ``samples`` of the variable states their number, and its ``comment`` the reason.
 
         Examples
         --------

@@ -36,17 +36,17 @@ class PolynomialChaos(Surrogate):
     come from samples of the surrogate, which cost no run of the mechanism. It never changes.
 
     *Independent inputs*: germ k belongs to input k, and ``sobol_first``, ``sobol_total``, ``sobol_second`` are
-    indices of inputs. *Dependent inputs*: a germ as "b | a" stands for what b adds once a is known, so the shares of
-    the variance depend on the order of the inputs and belong to no input. Then those three raise an error,
+    indices of inputs. *Dependent inputs*: a germ as "b | a" represents what b adds once a is known. So the shares of
+    the variance depend on the order of the inputs and belong to no input. Then those three raise an error.
     ``sobol_first_germ``, ``sobol_total_germ`` and ``sobol_second_germ`` give the indices of the germs (in the order of
-    ``germ_names``), and the dataset of statistics has them under these names, with a dimension ``germ``. An output
-    that does not vary, or by rounding of its mean only, has the indices 0, the skewness 0 and the kurtosis 3.
+    ``germ_names``). The dataset of statistics has them under these names, with a dimension ``germ``. An output that
+    does not vary, or by rounding of its mean only, has the indices 0, the skewness 0 and the kurtosis 3.
 
     *Memory* beyond the coefficients, P x O x T x 8 bytes: some 20 MB for each of variance, indices, and skewness with
     kurtosis, which go block by block over outputs and times. For many inputs the last need a table of products of
-    polynomials, 140 bytes for each while it is made: 10 inputs of order 3 (286 terms, 67,000 products for normal
-    inputs) 9 MB, 20 inputs of order 3 (1771 terms, 2.2 million products) 310 MB; instead of more than 5 million
-    products samples of the surrogate are taken. Quantiles take P x 8 bytes for each sample, and 65 MB.
+    polynomials, 140 bytes for each while it is made: 9 MB for 10 inputs of order 3 (286 terms, 67,000 products for
+    normal inputs). For 20 inputs of order 3 it is 310 MB (1771 terms, 2.2 million products); instead of more than 5
+    million products samples of the surrogate are taken. Quantiles take P x 8 bytes for each sample, and 65 MB.
 
     Parameters
     ----------
@@ -219,9 +219,9 @@ class PolynomialChaos(Surrogate):
         Returns
         -------
         xarray.Dataset
-            `energy` (order, output, time), the sum of squared coefficients of each total degree, and `energy_germ`
-            (germ, degree, output, time), that of each degree in a germ, both in squared units; `rate` (output, time),
-            by how many decades the remaining standard deviation falls with each order (NaN: unknown).
+            `energy` (order, output, time), the sum of squared coefficients of each total degree, in squared units.
+            `energy_germ` (germ, degree, output, time), that of each degree in a germ, in the same units; `rate`
+            (output, time), by how many decades the remaining standard deviation falls with each order (NaN: unknown).
 
         Examples
         --------

@@ -1,18 +1,19 @@
 """Probabilities of violation from a surrogate of margins, with what its error adds to their intervals.
 
 A million samples of a surrogate give a wrong probability as precisely as a right one.  Its error is measured at
-realisations that did not enter it, its verification realisations.  Their residuals are taken over a growth
-function, since the error of polynomials grows where the margin is far from its median, and limits are there: with the
-normal score :math:`u` of the margin in its own distribution, the mean of :math:`He_i(u)^2 / i!` up to one above the
-degree of the surrogate, as of an error made of all polynomials up to that degree.  The root mean square of the
-residuals, times the quantile of Student's t distribution with as many degrees of freedom as there are residuals, is a
-band about the limit; by the weights of the realisations, or all alike, whichever is wider.  Samples within it may be
-violations, or not.
+realisations that did not enter it, its verification realisations. Their residuals are divided by a growth function,
+since the error of polynomials grows with the distance of the margin from its median. Limits are far from the median:
+the function is the mean of :math:`He_i(u)^2 / i!` up to one above the degree of the surrogate. Here :math:`u` is the
+normal score of the margin in its own distribution. An error that consists of all polynomials up to that degree grows
+like this. The root mean square of the residuals is multiplied by the quantile of Student's t distribution with as many
+degrees of freedom as residuals. The result is a band about the limit; by the weights of the realisations, or all alike,
+whichever is wider. Samples within it may be violations, or not.
 
-Residuals tell nothing of a margin that the surrogate does not follow at all, as one that jumps, or one whose only
-change lies between all realisations.  Where they are beyond `FOLLOWED` of the spread of the samples, or where nothing
+Residuals contain no information on a margin that the surrogate does not follow at all. Such a margin jumps, or its only
+change is between all realisations. Where they are beyond `FOLLOWED` of the spread of the samples, or where nothing
 varies, the interval also holds what the signs alone tell: the probability that a verification realisation and the
-surrogate lie on different sides of the limit, by Clopper and Pearson, with as many trials as the weights are worth.
+surrogate are on different sides of the limit. Its interval is that of Clopper and Pearson, with the effective number of
+trials of the weights.
 """
 
 from __future__ import annotations
@@ -69,9 +70,9 @@ def sampled_requirements(
 
     `late` (requirement,): whose margins are known at the end only; `at_end`, `over_time`: of the running margins: at
     the last output time, and at all of them; `lost`: share of the realisations that failed; `seed`: of the samples.
-    Return with ``uncertain (requirement)``, the share of samples so near the limit that the error of the surrogate
-    can move them over it, and the attributes ``samples``, ``verification`` (realisations), ``failed`` (share).
-    Without verification realisations every interval is that from 0 to 1.
+    Return ``uncertain (requirement)``: the share of samples so near the limit that the error of the surrogate can move
+    them over it. Its attributes are ``samples``, ``verification`` (realisations) and ``failed`` (share). Without
+    verification realisations every interval is that from 0 to 1.
     """
     margins = _sampled(at_end, SAMPLES, seed)[:, :, 0]
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
@@ -186,8 +187,8 @@ def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[n
 def _reach(square: Array, weights: Array) -> float:
     """Return how far errors reach whose squares are known at some points, by weights that sum to 1.
 
-    Where a few of the squares are nearly all of their sum, as near a jump, the root of their mean is known as poorly as
-    from so few: of normal errors a third of them are, so to say.
+    A few of the squares may be nearly all of their sum, as near a jump. Then the root of their mean is known as poorly
+    as from so few: of normal errors a third of them are, so to say.
     """
     from scipy.special import stdtrit
 

@@ -192,8 +192,8 @@ propagator_nodes = methods
 def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Return the nodes whose inputs are distributed alike: as in the study; where none are, as in the first of them.
 
-    A method that gives inputs other distributions than the study says of which population its results are, by the
-    attribute ``population`` of its node, a text: where the distributions come from.
+    If a method uses other distributions than the study, the attribute ``population`` of its node is a text: where the
+    distributions come from.
 
     `nodes`: propagator nodes by label.
 

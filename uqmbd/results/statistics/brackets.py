@@ -1,9 +1,9 @@
 """Brackets about order statistics of many columns, and how many samples lie in each part of them.
 
-Numbers between fixed edges, rather than a sketch: of a hundred thousand samples of 201 columns, the KLL sketches of
-Apache's ``datasketches`` (k = 2000) took 58 ns a number and left ranks uncertain by 9e-4, its t-digest (k = 1000) 98 ns
-and 4e-3; sketches of the same samples gave other bits in each process, for they draw random numbers.  These take some
-15 ns, give the same bits in any order, and bounds that hold with certainty.
+Numbers between fixed edges, rather than a sketch: for a hundred thousand samples of 201 columns, the KLL sketches of
+Apache's ``datasketches`` (k = 2000) took 58 ns a number. They left ranks uncertain by 9e-4. Its t-digest (k = 1000)
+took 98 ns and left them uncertain by 4e-3; sketches of the same samples gave other bits in each process, for they draw
+random numbers. These take some 15 ns, give the same bits in any order, and bounds that hold with certainty.
 """
 
 from __future__ import annotations

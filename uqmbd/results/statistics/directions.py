@@ -62,8 +62,8 @@ def mean_direction(vectors: ArrayLike, axis: Axis = 0, weights: ArrayLike | None
 def mean_rotation(quaternions: ArrayLike, axis: Axis = 0, weights: ArrayLike | None = None) -> Array:
     """Return the mean of rotations: the quaternion with the least mean square (chordal) distance from all of them.
 
-    It is the eigenvector of the largest eigenvalue of the mean of ``q q^T`` [1]_, to which q and -q, the same rotation,
-    are the same.
+    It is the eigenvector of the largest eigenvalue of the mean of ``q q^T`` [1]_. Opposite quaternions q and -q are the
+    same rotation, and have the same such matrix.
 
     Parameters
     ----------

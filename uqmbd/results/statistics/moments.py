@@ -146,14 +146,13 @@ def independent_errors(std: Array, skewness: Array, kurtosis: Array, count: Any)
     The mean has the interval of Student's t with Johnson's term for a skewness g, for the worse of its ends [1]_:
     ``s / sqrt(n) (t + g (1 + 2 t^2) / (6 sqrt(n)))``.
 
-    The variance is taken as a multiple of chi-square with ``2 / v`` degrees of freedom [2]_, where v is its relative
+    The variance is taken as a multiple of chi-square with ``2 / v`` degrees of freedom [2]_. Here v is its relative
     variance, from the kurtosis [3]_; with a kurtosis of 3 and without the raise below, it is the exact interval of
-    normal samples.  The error is how far above s its upper end is, since the true deviation is above s more often than
-    below.  Few samples of a long tail have too small
-    a kurtosis, and mostly where s is too small as well.  The kurtosis less one is therefore raised by three times the
-    relative standard error of the variance, in which the square of the skewness counts once more.  The factor
-    of three was chosen by experiment: with two, intervals of ``z^2`` and ``exp(z / 2)`` of 30 normal samples z hold in
-    less than 93 %.
+    normal samples. The error is how far above s its upper end is, since the true deviation is above s more often than
+    below. Few samples of a long tail have too small a kurtosis, and mostly where s is too small as well. The kurtosis
+    less one is therefore raised by three times the relative standard error of the variance. In this error the square of
+    the skewness counts once more. The factor of three was chosen by experiment: with two, intervals of ``z^2`` and
+    ``exp(z / 2)`` of 30 normal samples z hold in less than 93 %.
 
     .. [1] N. J. Johnson, Journal of the American Statistical Association 73 (1978) 536-544.
     .. [2] G. E. P. Box, Biometrika 40 (1953) 318-335.

@@ -42,13 +42,13 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     Notes
     -----
     The jackknife [1]_, ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, is widened three times.  Student's t of
-    R - 1 degrees of freedom makes up for so few replicates.  Where they scatter to one side, as the few points of a
-    long tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``, the most by which a skewness g moves an end of the
-    interval [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance, and that of the
-    samples.  Few replicates rarely include an outlier, and the sampling error of a design in a long tail comes from its
-    outermost points: means of replicates are about as skewed as the samples.  Of a standard deviation, that of
-    squared samples is taken as ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``, with kurtosis k and skewness g of the
-    samples, and k - 3 not below 0; this is measured, as are its effects (`docs/explanation/stated_errors.md`).  The
+    R - 1 degrees of freedom makes up for so few replicates. If they scatter to one side, as the few points of a long
+    tail do, t is raised by ``g (1 + 2 t^2) / (6 sqrt(R))``. A skewness g moves an end of the interval by at most this
+    [2]_; g is that of the replicates less ``sqrt(6 / R)``, which normal ones have by chance, and that of the samples.
+    Few replicates rarely include an outlier, and the sampling error of a design in a long tail comes from its outermost
+    points: means of replicates are about as skewed as the samples. For a standard deviation, the skewness of squared
+    samples is taken as ``sqrt((2.5 (k - 3))^2 / (k - 1) + 2 g^2)``. Here k and g are kurtosis and skewness of the
+    samples, and k - 3 is not below 0; this is measured, as are its effects (`docs/explanation/stated_errors.md`). The
     error of a standard deviation s is in proportion to the true one, which is above s more often than below: a
     half-width x, over s, becomes ``exp(x + x^2) - 1``, the upper end of such an interval to the second order.
 

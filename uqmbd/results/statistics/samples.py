@@ -44,15 +44,16 @@ def sample_statistics(
 ) -> dict[str, NDArray[np.float64]]:
     r"""Compute the statistics of samples.
 
-    Of :math:`n` independent samples, the standard errors are such that 1.96 of them to either side of the mean and of
-    the standard deviation hold the true value in 95 % of runs, also of few samples of a skewed output. Of many samples
-    with short tails they are the usual ones: :math:`s / \sqrt{n}` and
-    :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)` with the unbiased variance :math:`s^2` and
-    the fourth central moment :math:`m_4` (divisor :math:`(n-1)^2 / n`), from the exact variance of :math:`s^2` for any
-    distribution ([1]_, section 2.3). Of fewer samples they are larger: that of the mean by Student's t and a term for
-    the skewness [2]_; that of :math:`s` is 1 / 1.96 of the way from :math:`s` to the upper end of the interval of
-    chi-square with the degrees of freedom that follow from the kurtosis [3]_, which is raised, as few samples of a long
-    tail have too small a one.
+    For :math:`n` independent samples, 1.96 standard errors to either side of an estimate contain the true value in 95 %
+    of runs. Estimates are the mean and the standard deviation. This includes few samples of a skewed output. Of many
+    samples with short tails they are the usual ones: :math:`s / \sqrt{n}` and :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1}
+    s^4\right) / n} \, / \, (2 s)`. Here :math:`s^2` is the unbiased variance and :math:`m_4` the fourth central moment
+    (divisor
+    :math:`(n-1)^2 / n`). The second follows from the exact variance of :math:`s^2` for any distribution ([1]_, section
+    2.3). Of fewer samples they are larger: that of the mean by Student's t and a term for the skewness [2]_; for
+    :math:`s`, let :math:`u` be the upper end of the interval of chi-square; the error is :math:`(u - s) / 1.96`. The
+    degrees of freedom follow from the kurtosis [3]_, which is raised, as few samples of a long tail have too small a
+    one.
 
     The divisor :math:`n - 1` of :math:`s^2` makes up for the variance :math:`\sigma^2 / n` of the mean of independent
     samples.  The points of a design (Latin hypercube, Sobol', Halton) know the mean much better: their divisor is
@@ -207,8 +208,8 @@ def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArra
 def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.float64]]:
     r"""Compute mean and standard deviation, with their standard errors, from independent replicates of a design.
 
-    The points of a Latin hypercube or of a Sobol' set depend on one another, so the variance has the divisor n, and
-    standard errors come from leaving out one of the R replicates at a time (`replicate_errors`).
+    The points of a Latin hypercube or of a Sobol' set depend on one another, so the variance has the divisor n.
+    Standard errors come from leaving out one of the R replicates at a time (`replicate_errors`).
 
     `parts` (S_r,): the samples of each replicate; empty ones are passed over. Return ``mean``, ``std``,
     ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R replicates. The errors of

@@ -59,10 +59,10 @@ def relative(values: Array, scale: Array, unknown: float) -> Array:
 def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> NDArray[np.bool_]:
     """Tell which outputs vary.
 
-    An output varies if its standard deviation exceeds three times the integration error, as a root mean square over
-    time or at more than a tenth of the times.  The error is ``integration_error_rms``, the root mean square over
-    realisations, or ``integration_error`` in results without it.  Where neither is known, a tenth of the tolerance,
-    relative to the largest mean, stands in for it.
+    An output varies if its standard deviation exceeds three times the integration error. This must hold for the root
+    mean square over time, or at more than a tenth of the times. The error is ``integration_error_rms``, the root mean
+    square over realisations, or ``integration_error`` in results without it. Where neither is known, a tenth of the
+    tolerance, relative to the largest mean, stands in for it.
 
     Parameters
     ----------

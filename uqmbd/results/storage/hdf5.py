@@ -1,7 +1,7 @@
 """HDF5 files that can be closed whatever happens to the disk, and that know what is in them.
 
-h5netcdf looks each object up by its path whenever it needs it, 43 times for a variable, which takes half of the time
-in which results of many small variables are written (152 of them: 1.0 of 2.0 s) or read: here it is found once.
+For each access, h5netcdf searches an object by its path: 43 times for a variable. This takes half of the time in which
+results of many small variables are written (152 of them: 1.0 of 2.0 s) or read: here it is found once.
 
 Files have the format of HDF5 1.10 (2016): all of its structures have checksums, and a variable of one chunk needs no
 index, which would take 2 kB.

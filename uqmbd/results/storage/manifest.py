@@ -1,7 +1,7 @@
 """The manifest of a run folder: what uqmbd wrote there, by name and digest.
 
-What is not in it, or has another digest, belongs to the user: it is not removed, moved or overwritten.  A result,
-report or store of samples that uqmbd can have written, as an earlier version without a manifest did, is moved to a new
+What is not in it, or has another digest, belongs to the user: it is not removed, moved or overwritten. A result, report
+or store of samples without an entry may be uqmbd's own: an earlier version wrote no manifest. It is moved to a new
 folder ``previous-N``, which no run replaces.
 """
 
@@ -172,8 +172,8 @@ def make_way(folder: Path, names: Collection[str]) -> Path | None:
 def move_aside(folder: Path, names: Collection[str]) -> Path:
     """Move results to a folder of their own, the first last, and return it.
 
-    It is ``previous`` if all of them are noted in the manifest, and if the one that is there holds only what uqmbd
-    wrote and noted: that is removed.  Else it is the next ``previous-N``, and what is not noted stays there for good.
+    It is ``previous`` if the manifest notes all of them, and an existing ``previous`` contains only what uqmbd wrote
+    and noted: that is removed. Else it is the next ``previous-N``, and what is not noted stays there for good.
     """
     noted, owned = in_manifest(folder), [name for name in names if is_ours(folder, name)]
     target = _new_folder(folder)

@@ -40,9 +40,9 @@ _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     """Write a result to a netCDF file, with the version of its schema and a digest.
 
-    It is written beside the target and then takes its place, so that a reader never meets half a result and an
-    interrupted run leaves the old one as it was.  What `Study.run` keeps beside the target, to go on with, is removed
-    when its results are there.
+    It is written next to the target and then replaces it. So a reader never sees half a result, and an interrupted run
+    does not change the old one. What `Study.run` keeps beside the target, to go on with, is removed when its results
+    are there.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Raises
     ------
     StudyError
-        If it does not exist, is no regular file, has another ending, is damaged, declares more numbers than it can
-        hold or the memory can, has codecs of its own or a later schema, or Zarr is missing.
+        If it does not exist, is no regular file, has another ending or is damaged. Also if it declares more numbers
+        than it can hold or the memory can, or has codecs of its own or a later schema. Also if Zarr is missing.
 
     Examples
     --------

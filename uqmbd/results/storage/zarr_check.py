@@ -1,8 +1,8 @@
 """What a Zarr folder asks for, read before anything is opened: nothing that is loaded is executed.
 
-A Zarr array names the codecs that decode it, and some of these run what they find, as `pickle` does.  In format 3 these
-names may belong to any package that is installed, and so may those of types of data and of grids of chunks.  It states
-the shape of arrays, too, whose chunks need not be there.
+A Zarr array names the codecs that decode it, and some of these run what they find, as `pickle` does. In format 3 these
+names may belong to any installed package. So may those of data types and of grids of chunks. It states the shape of
+arrays, too, whose chunks need not be there.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ _KNOWN = {
 def check_folder(folder: Path, unread: Collection[str] = ()) -> None:
     """Refuse a Zarr folder, of format 2 or 3, with a codec, a filter or a type that results were not written with.
 
-    So are files that are no regular ones, arrays that are larger than what is in the folder, and chunks that are larger
-    than their arrays say.
+    It also rejects files that are no regular ones, arrays that are larger than their folder, and chunks that are larger
+    than stated.
 
     `folder`: of the root; `unread`: arrays that are not read as a whole. Raise StudyError that names the array and
     the codec. Raise OSError, ValueError where the metadata cannot be read.

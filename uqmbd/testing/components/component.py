@@ -49,8 +49,8 @@ def check_component(
       a state in its units over seconds, terms of sums alike.
     - The exact Jacobian agrees with central differences of the residual.
     - Realisations are computed side by side as each would be alone.
-    - Between two bodies: what it exerts on them cancels (action and reaction), and does not depend on where the bodies
-      are as a whole and how they are turned.
+    - Between two bodies: - Between two bodies: forces and moments cancel (action and reaction). They do not depend on
+      the common displacement and rotation of the bodies.
     - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
       bodies alone.
     - Potentials and constraints in which time does not appear neither make nor lose energy.

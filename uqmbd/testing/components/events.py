@@ -18,8 +18,8 @@ STEP = 1e-5
 def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> None:
     """Check the events of a component at random states; raise AssertionError if a speed is not the rate of its gap.
 
-    For components that act `between` bodies alone, gaps, speeds and the size of the sliding velocity must not change
-    when the whole is displaced and turned, and impulses must cancel.
+    For components that act `between` bodies alone, a rigid displacement of the whole must not change gaps, speeds and
+    the size of the sliding velocity. Impulses must cancel.
     """
     block, space = bench.instance.type, bench.case.mechanism.space
     if not any(e.directions for e in block.events):

@@ -38,9 +38,9 @@ class _Stated(sympy.Dummy):
 def check_units(title: str, component: Component, space: Space) -> None:
     """Check the units of terms of a component in a mechanism with this space.
 
-    Raise AssertionError if a dimension is wrong. Left out are terms in which no parameter has other units than m (a
-    stiffness of one is not written), powers whose exponent is a parameter (the units of their factor depend on it), and
-    components with a law of the user. A state without stated units is in the units of its rate, times seconds.
+    Raise AssertionError if a dimension is wrong. The test omits terms in which no parameter has other units than m (a
+    stiffness of one is not written). It omits powers whose exponent is a parameter (the units of their factor depend on
+    it), and components with a law of the user. A state without stated units is in the units of its rate, times seconds.
     """
     declared = component.parameters()
     options = [component.values.get(key) for key, parameter in declared.items() if parameter.kind == "option"]

@@ -4,8 +4,8 @@ A `concurrent.futures.ProcessPoolExecutor` of several processes breaks as a whol
 identify the task.  Here each process is the only one of its pool, and runs one call at a time.
 
 `pebble.ProcessPool` also confines a death to its own call, and cancelling ends a running process.  It takes the place
-of this module only (200 lines): Dask, MPI and executors of users need all that is next to it.  It neither chooses nor
-reports the process that runs a call, so that a large object such as a model would be sent with every call.
+of this module only (200 lines): Dask, MPI and executors of users need all that is next to it. It neither chooses nor
+reports the process that runs a call. So a large object, such as a model, would be sent with every call.
 """
 
 from __future__ import annotations
