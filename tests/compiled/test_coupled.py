@@ -169,11 +169,11 @@ def oscillators(seed, nodes, terms):
     return systems, np.linalg.solve(m, k), random.normal(size=(terms, 3))
 
 
-def integrated(systems, z, times, rtol, legs=((END, np.inf, False),), solved=0.01):
+def integrated(systems, z, times, rtol, intervals=((END, np.inf, False),), solved=0.01):
     systems.tolerances(solved * rtol, 1e-3)
     method = ExplicitOptions(rtol, 1e-3, 4.0, 6.1, 15, 3, 20_000, guarded=False)
     dynamics = systems.dynamics(2, np.array([0]), 3, constrained=False)
-    run = IntegrationState(dynamics, method, z, np.zeros((len(z), 0)), times, [legs], np.full(len(z), rtol))
+    run = IntegrationState(dynamics, method, z, np.zeros((len(z), 0)), times, [intervals], np.full(len(z), rtol))
     run.advance()
     return run
 

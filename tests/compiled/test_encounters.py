@@ -52,10 +52,10 @@ def started(z, p, times, **changes):
     for name, value in changes.items():
         getattr(encounters, name)[:] = value
     given = dict(far=1e-3, surplus=4.0, stiff=6.1, patience=10**9, refusals=3, attempts=1000, guarded=False)
-    legs = [[(END, END / 20, False)]]
+    intervals = [[(END, END / 20, False)]]
     method = ExplicitOptions(rtol=1e-10, **given)
     run = IntegrationState(
-        dynamics, method, z, np.array(p)[:, None], times, legs, np.full(len(z), 1e-10), contacts, encounters
+        dynamics, method, z, np.array(p)[:, None], times, intervals, np.full(len(z), 1e-10), contacts, encounters
     )
     run.advance()
     return run, encounters

@@ -28,8 +28,8 @@ def method(rtol, **changes):
     return ExplicitOptions(rtol=rtol, **(given | changes))
 
 
-def integrated(p, z, times, rtol, legs=(((END, np.inf, False),),), of=OSCILLATOR, **changes):
-    run = IntegrationState(of, method(rtol, **changes), z, p[:, None], times, legs, np.full(len(z), rtol))
+def integrated(p, z, times, rtol, intervals=(((END, np.inf, False),),), of=OSCILLATOR, **changes):
+    run = IntegrationState(of, method(rtol, **changes), z, p[:, None], times, intervals, np.full(len(z), rtol))
     run.advance()
     return run
 
@@ -110,8 +110,8 @@ def test_legs_of_each():
     step = dynamics(se.Piecewise((1.0, P <= T), (0.0, True)))
     p = np.random.default_rng(0).uniform(0.1, 1.9, 50)
     times = np.linspace(0, END, 41)
-    legs = [((x, np.inf, True), (END, np.inf, False)) for x in p]
-    run = IntegrationState(step, method(1e-6), np.zeros((50, 2)), p[:, None], times, legs, np.full(50, 1e-6))
+    intervals = [((x, np.inf, True), (END, np.inf, False)) for x in p]
+    run = IntegrationState(step, method(1e-6), np.zeros((50, 2)), p[:, None], times, intervals, np.full(50, 1e-6))
     run.advance()
     assert (run.status == ExplicitStatus.JUMP).all()
     assert np.array_equal(run.now, p)

@@ -16,6 +16,7 @@ from uqmbd.compiled.explicit import (
     ExplicitStatus,
     IntegrationState,
 )
+from uqmbd.compiled.harmonics import sum_harmonics
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
@@ -23,7 +24,6 @@ from uqmbd.compiled.programs import Columns, Program, ProgramPart, ProgramWriter
 from uqmbd.compiled.recording import FINE, PLACES, SERIES, FittedPolynomials, Need, PartTable, RecordedPath, StepHistory
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
-from uqmbd.compiled.waves import wave_values
 from uqmbd.compiled.writer import LANES
 
 __all__ = [
@@ -70,5 +70,5 @@ __all__ = [
     "object_code",
     "replaced",
     "source_digest",
-    "wave_values",
+    "sum_harmonics",
 ]

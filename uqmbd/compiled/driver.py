@@ -102,7 +102,7 @@ class ProblemStruct(ctypes.Structure):
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "between", "stiff")),
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
-        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps", "contacts", "places")),
+        *((name, _POINTER) for name in ("interval_ends", "interval_longest", "interval_jumps", "contacts", "places")),
         ("room", _INT),
     )
 
@@ -110,7 +110,7 @@ class ProblemStruct(ctypes.Structure):
 POOL = (
     *("z", "rate", "parameters"),
     *("now", "begin", "wanted", "tried", "floor", "limit"),
-    *("leg", "last_leg", "first", "column", "status", "attempts", "refused", "stiff"),
+    *("interval", "last_interval", "first", "column", "status", "attempts", "refused", "stiff"),
     *("fresh", "rejected", "trusted", "told", "steps", "known"),
     *("node_times", "nodes", "result", "off", "poor"),
 )

@@ -52,7 +52,7 @@ class ExplicitStatus(IntEnum):
     NOTED = 10
 
 
-Leg = tuple[float, float, bool]
+Interval = tuple[float, float, bool]
 
 
 @dataclass(frozen=True)
@@ -148,9 +148,9 @@ class IntegrationState:
     """State of an integration of M realisations: arrays that the driver and the code in Python share.
 
     Initial states `z` are (M, width), `parameters` (M, parameter), output `times` (T,) with the start first, and
-    absolute tolerances `floor` (M,).  `legs` are the integration intervals of each realisation: (end, longest step,
-    whether the driver returns for a decision at the end).  Intervals of the first realisation hold for all if there are
-    no others; equal objects are stored once.  All steps are recorded (`recorder`) if `recording`.
+    absolute tolerances `floor` (M,).  `intervals` are the integration intervals of each realisation: (end, longest
+    step, whether the driver returns for a decision at the end).  Intervals of the first realisation hold for all if
+    there are no others; equal objects are stored once.  All steps are recorded (`recorder`) if `recording`.
     """
 
     def __init__(
@@ -160,7 +160,7 @@ class IntegrationState:
         z: Array,
         parameters: Array,
         times: Array,
-        legs: Sequence[Sequence[Leg]],
+        intervals: Sequence[Sequence[Interval]],
         floor: Array,
         contacts: ContactPrograms | None = None,
         encounters: Encounters | None = None,
@@ -180,15 +180,19 @@ class IntegrationState:
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
         integers = np.zeros((14, count), dtype=np.int64)
         # status: see `ExplicitStatus`
-        self.leg, self.last_leg, self.first, self.column, self.status, self.attempts, self.refused = integers[:7]
+        self.interval, self.last_interval, self.first, self.column, self.status, self.attempts, self.refused = integers[
+            :7
+        ]
         self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
-        layouts = {id(own): own for own in legs}
+        layouts = {id(own): own for own in intervals}
         firsts = dict(zip(layouts, np.cumsum([0, *map(len, layouts.values())]).tolist(), strict=False))
-        self.leg[:] = [firsts[id(own)] for own in legs]
-        self.last_leg[:] = self.leg + [len(own) - 1 for own in legs]
-        every = [leg for own in layouts.values() for leg in own]
-        self.leg_ends, self.leg_longest = (np.array([leg[k] for leg in every], dtype=float) for k in (0, 1))
-        self.leg_jumps = np.array([leg[2] for leg in every], dtype=np.int64)
+        self.interval[:] = [firsts[id(own)] for own in intervals]
+        self.last_interval[:] = self.interval + [len(own) - 1 for own in intervals]
+        every = [interval for own in layouts.values() for interval in own]
+        self.interval_ends, self.interval_longest = (
+            np.array([interval[k] for interval in every], dtype=float) for k in (0, 1)
+        )
+        self.interval_jumps = np.array([interval[2] for interval in every], dtype=np.int64)
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
@@ -305,7 +309,7 @@ class IntegrationState:
             ctypes.addressof(coefficients[0]),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.between, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
-            *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
+            *map(address, (self.times, self.interval_ends, self.interval_longest, self.interval_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),
             *(address(PLACES), self.recorder.room),
         )

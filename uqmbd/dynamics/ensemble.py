@@ -13,7 +13,7 @@ from uqmbd.dynamics.assembly import Start, assemble, gradient_lengths
 from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration import Leg, pace
+from uqmbd.dynamics.integration import Interval, pace
 from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.dynamics.observation import energies, observe, observe_along
 from uqmbd.dynamics.statics import equilibrium_start
@@ -84,10 +84,10 @@ class Ensemble:
         added = np.tile(np.array(self.model.added_breaks), (len(self), 1))
         return np.concatenate([self.parameters[:, self.model.breaks], added], axis=1)
 
-    def pace(self, times: Array, rtol: float = 1e-6) -> tuple[Leg, ...]:
+    def pace(self, times: Array, rtol: float = 1e-6) -> tuple[Interval, ...]:
         """Lay out an integration: where steps end, and how long they may be, for every integrator alike.
 
-        Legs end at times at which something jumps, and at knots of tables over time that count at the tolerance.
+        Intervals end at times at which something jumps, and at knots of tables over time that count at the tolerance.
 
         Parameters
         ----------
@@ -99,8 +99,8 @@ class Ensemble:
         Returns
         -------
         tuple of (end, longest, jumps)
-            Legs of the integration, one after the other: until when all is smooth, s, the longest step, s, and whether
-            something may jump at the end; at a knot, where a third derivative jumps, nothing does.
+            Intervals of the integration, one after the other: until when all is smooth, s, the longest step, s, and
+            whether something may jump at the end; at a knot, where a third derivative jumps, nothing does.
         """
         return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 

@@ -1,4 +1,4 @@
-"""Events at the ends of legs, at samples and at the last output time: once, never twice, never lost."""
+"""Events at the ends of intervals, at samples and at the last output time: once, never twice, never lost."""
 
 from __future__ import annotations
 

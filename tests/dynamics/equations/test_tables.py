@@ -108,14 +108,16 @@ def test_integrators_of_others_are_told_the_knots():
     argument, line = shifted("slope")
     knots, shares = np.array([0, 0.5, 1.2, 2.0]), [0.95, 1.05]
     model = build(oscillator(uqmbd.spline(knots, [0, 1, -1, 0], ends="flat")(argument)))
-    legs = Ensemble(model, np.array(shares)[:, None]).pace(np.array([0, 1.8]), 1e-9)
+    intervals = Ensemble(model, np.array(shares)[:, None]).pace(np.array([0, 1.8]), 1e-9)
     expected = sorted(k / line(x)[0] for k in knots[1:-1] for x in shares)
-    found = [leg.end for leg in legs if not leg.jumps]
+    found = [interval.end for interval in intervals if not interval.jumps]
     assert [min(found, key=lambda x: abs(x - k)) for k in expected] == pytest.approx(expected, rel=1e-12)
     # of too many realisations all knots together: short steps instead
     many = Ensemble(model, np.linspace(0.95, 1.05, 500)[:, None]).pace(np.array([0, 1.8]), 1e-5)
     assert len(many) < 50
-    assert all(leg.longest < 0.25 for leg, before in zip(many[1:], many, strict=False) if 0.55 < before.end < 1.1)
+    assert all(
+        interval.longest < 0.25 for interval, before in zip(many[1:], many, strict=False) if 0.55 < before.end < 1.1
+    )
 
 
 @pytest.mark.parametrize(("periodic", "begin", "end"), [(False, 0.1, 9.0), (True, -3.0, 5.0)])

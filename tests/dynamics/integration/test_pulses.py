@@ -318,8 +318,8 @@ def test_a_function_that_is_rough_for_a_tenth_of_the_time_is_not_looked_at_witho
     waves = sum(sympy.sin(10_000 * np.sqrt(p) * t**2) for p in (2, 3, 5))
     rough = sympy.Piecewise((waves, (t > 0.4) & (t < 0.5)), (0, True))
     ensemble = Ensemble(build(particle(rough)), np.zeros((1, 0)))
-    legs = uqmbd.dynamics.integration.legs.pace(ensemble, TIMES, 1e-6)
-    assert len(legs) < 20_000
+    intervals = uqmbd.dynamics.integration.intervals.pace(ensemble, TIMES, 1e-6)
+    assert len(intervals) < 20_000
 
 
 class Spike(uqmbd.Component):

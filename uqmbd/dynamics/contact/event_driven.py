@@ -22,7 +22,7 @@ from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
-from uqmbd.dynamics.integration import Pace, explicit_method, legs_of_members, speed_jumps
+from uqmbd.dynamics.integration import Pace, explicit_method, intervals_of_members, speed_jumps
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["EventDrivenMotion"]
@@ -35,7 +35,7 @@ MOST = 10_000
 AT_ONCE = 100
 """Events of a realisation without progress in time that are."""
 STEPS = 50_000
-"""Most attempted steps of a leg."""
+"""Most attempted steps of an interval."""
 LONGEST = 20
 """Least number of steps."""
 FLIGHT = 2.05
@@ -69,7 +69,7 @@ class EventDrivenMotion:
             batch.start.state,
             batch.block,
             times,
-            legs_of_members(batch, times, rtol, samples=samples, longest=float(times[-1] - times[0]) / LONGEST),
+            intervals_of_members(batch, times, rtol, samples=samples, longest=float(times[-1] - times[0]) / LONGEST),
             rtol * length,
             contacts,
             self.encounters,
@@ -148,9 +148,12 @@ class EventDrivenMotion:
                 self.run.status[m] = ExplicitStatus.DONE
 
     def _inside(self, members: Index) -> Array:
-        """Return the times of members, not at the ends of legs, where what is prescribed may jump."""
+        """Return the times of members, not at the ends of intervals, where what is prescribed may jump."""
         run = self.run
-        begin, end = run.begin[members], run.leg_ends[np.minimum(run.leg[members], run.last_leg[members])]
+        begin, end = (
+            run.begin[members],
+            run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])],
+        )
         delta = 1e-12 * np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end)))
         found: Array = np.clip(run.now[members], begin + delta, end - delta)
         return found
@@ -250,7 +253,7 @@ class EventDrivenMotion:
             self.messages[members[row]] = f"{how} t = {now[row]:.6g} s, at {self.model.events[events[row]][0]!r}"
         contacts, inside = self._contacts(members), self._inside(members)
         done = self._bounced(members, contacts)
-        self.decisions.until[members] = run.leg_ends[np.minimum(run.leg[members], run.last_leg[members])]
+        self.decisions.until[members] = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
         for row in np.flatnonzero(~done).tolist():
             m = int(members[row])
             if self.messages[m]:
@@ -314,7 +317,7 @@ class EventDrivenMotion:
         run.status[members] = np.where(
             run.status[members] == ExplicitStatus.DONE, ExplicitStatus.DONE, ExplicitStatus.RUNNING
         )
-        self._end_legs(members)
+        self._end_intervals(members)
         if self.restarted is not None:
             self.restarted()
 
@@ -355,21 +358,21 @@ class EventDrivenMotion:
         self.encounters.resting[np.ix_(members, guards)] = 0
         self.encounters.rise[members] = 0.0
 
-    def _end_legs(self, members: Index) -> None:
-        """Let members go on with the next leg that are at the end of one."""
+    def _end_intervals(self, members: Index) -> None:
+        """Let members go on with the next interval that are at the end of one."""
         run = self.run
-        end = run.leg_ends[np.minimum(run.leg[members], run.last_leg[members])]
+        end = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
         near = 1e-12 * np.maximum(1.0, np.maximum(np.abs(run.begin[members]), np.abs(end)))
         for row in np.flatnonzero(
             (run.status[members] == ExplicitStatus.RUNNING) & (run.now[members] >= end - near)
         ).tolist():
-            m, leg = int(members[row]), int(run.leg[members[row]])
+            m, interval = int(members[row]), int(run.interval[members[row]])
             last = int(np.searchsorted(self.times, end[row] + near[row], side="right"))
             run.result[m, run.column[m] : last], run.column[m] = run.z[m], last
             run.now[m] = run.begin[m] = end[row]
-            run.leg[m], run.attempts[m] = leg + 1, 0
+            run.interval[m], run.attempts[m] = interval + 1, 0
             run.status[m] = ExplicitStatus.RUNNING
-            if leg == run.last_leg[m]:
+            if interval == run.last_interval[m]:
                 run.status[m] = ExplicitStatus.DONE
-            elif run.leg_jumps[leg]:
+            elif run.interval_jumps[interval]:
                 run.status[m] = ExplicitStatus.JUMP

@@ -17,7 +17,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.event_driven import EventDrivenMotion
 from uqmbd.dynamics.contact.records import named_times
-from uqmbd.dynamics.integration import Counters, Leg, Segment, SegmentedMotion, Trajectories
+from uqmbd.dynamics.integration import Counters, Interval, Segment, SegmentedMotion, Trajectories
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -29,8 +29,8 @@ class _RestartState:
     """Where a motion without restarts begins: all that its steps depend on."""
 
     begin: float
-    leg_begin: float
-    leg: int
+    interval_begin: float
+    interval: int
     wanted: float
     z: Array
     mode: Array
@@ -53,7 +53,7 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
             pieces.pop()
         pieces.append(
             _RestartState(
-                *(float(run.now[0]), float(run.begin[0]), int(run.leg[0]), float(run.wanted[0])),
+                *(float(run.now[0]), float(run.begin[0]), int(run.interval[0]), float(run.wanted[0])),
                 *(run.z[0].copy(), e.mode[0].copy(), e.heading[0].copy(), e.internal[0].copy()),
                 float(e.slow[0]),
             )
@@ -79,18 +79,18 @@ def _states(motion: EventDrivenMotion, piece: _RestartState, times: Array) -> Ar
     run, contacts = motion.run, motion.run.contacts
     assert contacts is not None
     order = np.argsort(times, kind="stable")
-    legs = [
-        Leg(float(run.leg_ends[k]), float(run.leg_longest[k]), jumps=False)
-        for k in range(piece.leg, int(run.last_leg[0]) + 1)
+    intervals = [
+        Interval(float(run.interval_ends[k]), float(run.interval_longest[k]), jumps=False)
+        for k in range(piece.interval, int(run.last_interval[0]) + 1)
     ]
     encounters = Encounters(contacts, 1, watched=False)
     encounters.mode[0], encounters.heading[0], encounters.internal[0] = piece.mode, piece.heading, piece.internal
     encounters.length[:], encounters.slow[:] = motion.length, piece.slow
     grid = np.concatenate([[piece.begin], np.asarray(times, dtype=float)[order]])
     again = IntegrationState(
-        run.dynamics, run.method, piece.z[None], motion.batch.block, grid, [legs], run.floor, contacts, encounters
+        run.dynamics, run.method, piece.z[None], motion.batch.block, grid, [intervals], run.floor, contacts, encounters
     )
-    again.begin[0], again.wanted[0] = piece.leg_begin, piece.wanted
+    again.begin[0], again.wanted[0] = piece.interval_begin, piece.wanted
     with np.errstate(all="ignore"):
         while again.status[0] == ExplicitStatus.RUNNING and again.column[0] < len(grid):
             again.told[0] = 1

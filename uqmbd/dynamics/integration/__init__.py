@@ -13,8 +13,8 @@ from uqmbd.dynamics.integration.constraint_check import (
 from uqmbd.dynamics.integration.dop853 import explicit_method, integrate_by_dop853, stopped
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
+from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members, longest_step, pace, times_between
 from uqmbd.dynamics.integration.knots import timed_tables
-from uqmbd.dynamics.integration.legs import Leg, legs_of_members, longest_step, pace, times_between
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
@@ -25,7 +25,7 @@ from uqmbd.dynamics.integration.trajectories import Counters, Segment, Segmented
 __all__ = [
     "RELAXED",
     "Counters",
-    "Leg",
+    "Interval",
     "Pace",
     "Prescribed",
     "Segment",
@@ -39,7 +39,7 @@ __all__ = [
     "instant",
     "integrate_by_dop853",
     "integrate_by_ida",
-    "legs_of_members",
+    "intervals_of_members",
     "longest_step",
     "off_constraints",
     "off_states",

@@ -27,7 +27,7 @@ __all__ = ["FIRST", "Comparison"]
 
 
 FIRST = 2000
-"""Attempted steps of a leg, and ..."""
+"""Attempted steps of an interval, and ..."""
 LOOKS = 500
 """... looks at the rank, after which costs are compared for the first time, and ..."""
 LATER = 8
@@ -53,14 +53,14 @@ class Comparison:
         """Cost of an attempted step."""
         return attempt_cost(self.dynamics)
 
-    def attempts(self, member: int, leg: int, steps: int, now: float, most: int) -> int | None:
-        """Return how many more attempts a realisation may make in a leg, up to `most` in all; None: IDA is cheaper."""
-        before, allowed = self.allowed.get(member, (leg, FIRST))
-        allowed = allowed if before == leg else FIRST
+    def attempts(self, member: int, interval: int, steps: int, now: float, most: int) -> int | None:
+        """Return the number of further attempts in an interval, up to `most` in all; None: IDA costs less."""
+        before, allowed = self.allowed.get(member, (interval, FIRST))
+        allowed = allowed if before == interval else FIRST
         if allowed < most and self._cheaper(member, now, max(steps, allowed)):
             return None
         more = min((LATER - 1) * allowed, most - allowed)
-        self.allowed[member] = leg, allowed + more
+        self.allowed[member] = interval, allowed + more
         return more
 
     def looked(self, member: int, steps: int, now: float) -> bool:

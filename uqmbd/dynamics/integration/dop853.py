@@ -21,7 +21,7 @@ import numpy as np
 from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
-from uqmbd.dynamics.integration.legs import Leg, legs_of_members
+from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.slow_progress import Pace
@@ -38,7 +38,7 @@ STIFF = 6.1
 PATIENCE = 15
 """Steps in a row that must look stiff."""
 STEPS = 20_000
-"""Most attempted steps of a leg."""
+"""Most attempted steps of an interval."""
 MOST = 200_000
 """The same where costs are compared, so that no other method is known to need less."""
 REFUSALS = 3
@@ -131,7 +131,7 @@ class Integration:
             method = replace(method, attempts=MOST, patience=2**62)
         self.most = MOST if comparing or patient else STEPS
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
-        self.layouts = legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping)
+        self.layouts = intervals_of_members(batch, times, rtol, samples=samples, jumping=self.jumping)
         self.main = IntegrationState(
             self.dynamics,
             method,
@@ -303,7 +303,7 @@ class Integration:
         now, steps = float(pool.now[k]), int(pool.steps[k])
         more: int | None = 0
         if status == ExplicitStatus.MANY:
-            more = comparison.attempts(member, int(pool.leg[k]), steps, now, self.most)
+            more = comparison.attempts(member, int(pool.interval[k]), steps, now, self.most)
         elif status == ExplicitStatus.STIFF:
             more = None
         elif status != ExplicitStatus.SMALL and comparison.looked(member, steps, now):
@@ -330,7 +330,7 @@ class Integration:
         """Ask the watcher of the rank about a member in difficulties: whether the last step is void."""
         pool, k = self._place(member)
         watcher, calm = self._watcher(member), not pool.told[k]
-        end, back = float(pool.leg_ends[pool.leg[k]]), False
+        end, back = float(pool.interval_ends[pool.interval[k]]), False
         while True:
             now = float(pool.now[k])
             course = watcher.look(now, pool.known_nodes(k), size, end)
@@ -396,9 +396,9 @@ class Integration:
                     continue  # what is commanded after a sample is not known any more; at one the state is a node
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
-                legs, floor = [self._legs_between(member, *grid.tolist())], self.main.floor[one]
+                intervals, floor = [self._intervals_between(member, *grid.tolist())], self.main.floor[one]
                 dynamics: Dynamics = model.system.programs.dynamics
-                run = IntegrationState(dynamics, method, before, self.batch.block[one], grid, legs, floor)
+                run = IntegrationState(dynamics, method, before, self.batch.block[one], grid, intervals, floor)
                 while run.status[0] in (ExplicitStatus.RUNNING, ExplicitStatus.JUMP):
                     if run.status[0] == ExplicitStatus.JUMP:
                         change, _ = speed_jumps(self.model, run.z, run.now[0], self.batch.block[one], self.rtol)
@@ -409,8 +409,11 @@ class Integration:
                     result[member, at] = run.result[0, -1]
                     self.changed.add(member)
 
-    def _legs_between(self, member: int, begin: float, end: float) -> list[Leg]:
-        """Legs of a member from one time to another."""
-        legs = self.layouts[member if len(self.layouts) > 1 else 0]
-        last = next(leg for leg in legs if leg.end >= end)
-        return [*(leg for leg in legs if begin < leg.end < end), Leg(end, last.longest, jumps=False)]
+    def _intervals_between(self, member: int, begin: float, end: float) -> list[Interval]:
+        """Intervals of a member from one time to another."""
+        intervals = self.layouts[member if len(self.layouts) > 1 else 0]
+        last = next(interval for interval in intervals if interval.end >= end)
+        return [
+            *(interval for interval in intervals if begin < interval.end < end),
+            Interval(end, last.longest, jumps=False),
+        ]

@@ -4,8 +4,8 @@ What acts for a moment only, in a long time without anything, lies between the s
 size follows the errors of steps, and those that do not meet it have none.  So every function of time is sampled
 beforehand, on cells that are halved until a polynomial through every other point predicts the points between; where
 none does, the grid is refined.  The sizes of these cells say how fast the function changes, and where the integration
-must not take long steps (`uqmbd.dynamics.integration.legs`).  Functions that are alike everywhere (polynomials, sines
-of linear phases, and pieces of them) cannot be stepped over, and are not looked at.
+must not take long steps (`uqmbd.dynamics.integration.intervals`).  Functions that are alike everywhere (polynomials,
+sines of linear phases, and pieces of them) cannot be stepped over, and are not looked at.
 """
 
 from __future__ import annotations

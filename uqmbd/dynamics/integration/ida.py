@@ -24,7 +24,7 @@ from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.costs import implicit_costs
-from uqmbd.dynamics.integration.legs import pace, times_between
+from uqmbd.dynamics.integration.intervals import pace, times_between
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace

@@ -26,7 +26,7 @@ def integrate_coefficients(
     """Integrate; the run holds coefficients (P, T, width), and there is a reason if it could not go on."""
     start, velocities = projected.start, projected.model.layout.velocities
     longest = longest_step(projected.model.rough, times)
-    legs = pace(projected.ensemble, times, rtol, knots=True)
+    intervals = pace(projected.ensemble, times, rtol, knots=True)
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
     run = IntegrationState(
         projected.coupled.dynamics(SOLVED * rtol),
@@ -34,7 +34,7 @@ def integrate_coefficients(
         start.state,
         np.zeros((projected.terms, 0)),
         times,
-        [[leg._replace(longest=min(leg.longest, longest)) for leg in legs]],
+        [[interval._replace(longest=min(interval.longest, longest)) for interval in intervals]],
         np.full(projected.terms, rtol * min(1.0, max(1e-3, size))),
     )
     lanes, asked = slice(0, LANES), 0

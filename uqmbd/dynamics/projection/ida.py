@@ -187,8 +187,8 @@ def implicit(
     atol = np.full(layout.unknowns, tolerance * min(1.0, length))
     atol[layout.differential :] = RELAXED
     state, now, message = start.state, float(times[0]), ""
-    legs = pace(ensemble, times, rtol)
-    pauses = {leg.end for leg in legs}
+    intervals = pace(ensemble, times, rtol)
+    pauses = {interval.end for interval in intervals}
     starts = {float(times[0]), *pauses}
     if watch is not None:
         pauses |= set(times[:: max(1, len(times) // 10)][1:].tolist())
@@ -202,7 +202,7 @@ def implicit(
         accelerations, multipliers, rates = projected.accelerations(state, now + instant(now))
         y = ensemble.pack(q, s, v, multipliers)
         yp = ensemble.pack(v, rates, accelerations, np.zeros_like(multipliers))
-        longest = next(leg.longest for leg in legs if leg.end >= stop)
+        longest = next(interval.longest for interval in intervals if interval.end >= stop)
         inside, grid = times_between(times, now, stop)
         begin = clock.perf_counter()
         limits = {"rtol": tolerance, "atol": np.tile(atol, terms), **step_limits(grid, longest)}

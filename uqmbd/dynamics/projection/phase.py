@@ -124,13 +124,13 @@ class PhaseMotion:
         self._size = min(1.0, max(1e-3, float(np.abs(projected.ensemble.start.q).max(initial=0.0))))
         self._dense: Any = None
         self._start = whole.ravel()
-        legs = [(within, self._ahead / within)] if within else []
-        self._legs = [*legs, (np.inf, np.ones(len(self._ahead)))]
-        self._solver = self._leg(0.0, whole)
+        intervals = [(within, self._ahead / within)] if within else []
+        self._intervals = [*intervals, (np.inf, np.ones(len(self._ahead)))]
+        self._solver = self._start_interval(0.0, whole)
 
-    def _leg(self, phase: float, whole: Array) -> Any:
+    def _start_interval(self, phase: float, whole: Array) -> Any:
         """Begin to integrate up to where the nodes change their rates."""
-        bound, self._faster = self._legs.pop(0)
+        bound, self._faster = self._intervals.pop(0)
         paces = self._paces(*self._nodal(whole))
         if not np.isfinite(paces).all():
             raise self._standing(whole, phase)
@@ -198,7 +198,7 @@ class PhaseMotion:
         if solver.t > SETTLED and not (share >= STEADY).all():
             raise self._standing(whole, solver.t)
         if solver.status == "finished":
-            self._solver = self._leg(solver.t, whole)
+            self._solver = self._start_interval(solver.t, whole)
         else:
             solver.max_step = self._most(self._paces(times, states))
 
@@ -284,14 +284,14 @@ class PhaseMotion:
     def _smooth(self, times: Array) -> float:
         """Return the longest step in time, s; refuse functions of time that are not smooth."""
         projected = self.projected
-        legs = projected.ensemble.pace(times, self._rtol)
-        if len(legs) > 1:
+        intervals = projected.ensemble.pace(times, self._rtol)
+        if len(intervals) > 1:
             raise StudyError(
                 f"mechanism {projected.model.name!r}: with a phase as the independent variable functions of time must "
                 "be smooth, as each moment is at another phase in each realisation; something sets in, jumps or has a "
-                f"knot at t = {legs[0].end:.6g} s. Use collocation with alignment='phase'."
+                f"knot at t = {intervals[0].end:.6g} s. Use collocation with alignment='phase'."
             )
-        return min(legs[0].longest, longest_step(projected.model.rough, times))
+        return min(intervals[0].longest, longest_step(projected.model.rough, times))
 
 
 def require_phase(projected: ProjectedEquations) -> None:

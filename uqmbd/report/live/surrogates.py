@@ -232,7 +232,7 @@ def _part(part: Surrogate, allowed: Array, rows: list[int]) -> dict[str, Any]:
             "kind": "waves",
             "lattice": packed(part.lattice, "int32"),
             "origin": float(part.origin),
-            "elements": [_waves(e, allowed) for e in part.elements],
+            "elements": [_harmonics(e, allowed) for e in part.elements],
         }
     else:
         raise StudyError(f"A {type(part).__name__} cannot be evaluated in a page.")
@@ -260,7 +260,7 @@ def _segments(element: AlignedElement, times: Array, allowed: Array) -> dict[str
     return {"edges": packed(element.edges), "segments": count, "powers": powers, "field": field}
 
 
-def _waves(element: QuasiPeriodicElement, allowed: Array) -> dict[str, Any]:
+def _harmonics(element: QuasiPeriodicElement, allowed: Array) -> dict[str, Any]:
     """Frequencies and drifts are kept: their errors grow with time."""
     both = np.concatenate([element.waves.real, -element.waves.imag], axis=2)
     limits = np.sqrt((allowed**2).mean(axis=1, keepdims=True) / max(both.shape[2], 1)) * np.ones(both.shape[2])

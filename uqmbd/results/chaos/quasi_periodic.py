@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.arguments import typechecked
-from uqmbd.compiled import wave_values
+from uqmbd.compiled import sum_harmonics
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
 from uqmbd.results.schema import Labels
@@ -68,7 +68,7 @@ class QuasiPeriodicElement(GermElement):
 
 
 @dataclass(frozen=True, eq=False)
-class SampledWaves(SampledPiece):
+class SampledHarmonics(SampledPiece):
     """Samples in one element."""
 
     element: QuasiPeriodicElement
@@ -84,18 +84,18 @@ class SampledWaves(SampledPiece):
         """Evaluate some outputs at times (T,) since the origin, into rows of (N, C, T)."""
         frequencies, constants, drifts, waves = self.parts
         of_outputs = constants[:, outputs], drifts[:, outputs], waves[:, outputs]
-        wave_values(frequencies, self.lattice, *of_outputs, times, found, self.rows)
+        sum_harmonics(frequencies, self.lattice, *of_outputs, times, found, self.rows)
 
     def evaluate_change(self, change: Array, times: Array, found: Array) -> None:
         """Evaluate the change by that of the basis (K, P) at times (T,) since the origin, into rows of (N, O, T)."""
         frequencies, constants, _, waves = self.parts
-        changes = SampledWaves(self.element, self.rows, change, self.lattice).parts
-        wave_values(frequencies, self.lattice, changes[1], changes[2], changes[3], times, found, self.rows)
+        changes = SampledHarmonics(self.element, self.rows, change, self.lattice).parts
+        sum_harmonics(frequencies, self.lattice, changes[1], changes[2], changes[3], times, found, self.rows)
         # d/dw of a wave is i t times the wave
         turned = 1j * (changes[0] @ self.lattice.T)[:, None, :] * waves
         still = np.zeros_like(constants)
         phases = np.zeros_like(found)
-        wave_values(frequencies, self.lattice, still, still, turned, times, phases, self.rows)
+        sum_harmonics(frequencies, self.lattice, still, still, turned, times, phases, self.rows)
         found[self.rows] += times * phases[self.rows]
 
 
@@ -130,9 +130,9 @@ class Harmonic(OverTime):
         """Return times since the origin (T,), s."""
         return np.asarray(labels.times) - self.origin
 
-    def at(self, element: QuasiPeriodicElement, rows: NDArray[np.intp], basis: Array) -> SampledWaves:
+    def at(self, element: QuasiPeriodicElement, rows: NDArray[np.intp], basis: Array) -> SampledHarmonics:
         """Prepare samples."""
-        return SampledWaves(element, rows, basis, self.lattice)
+        return SampledHarmonics(element, rows, basis, self.lattice)
 
     def variables(self, elements: Sequence[QuasiPeriodicElement]) -> dict[str, Any]:
         """Return elements, multiples of the base frequencies and the origin as variables."""

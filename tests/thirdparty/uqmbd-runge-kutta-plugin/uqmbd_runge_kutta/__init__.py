@@ -92,7 +92,7 @@ class Motion:
 
     def step(self, time: float, state: Array, size: float) -> Array:
         """One step of the classical method, put onto the constraints."""
-        inner = 1e-14 * max(1.0, abs(time))  # what is prescribed may jump where a leg ends
+        inner = 1e-14 * max(1.0, abs(time))  # what is prescribed may jump where an interval ends
 
         def rate(at: float, z: Array) -> Array:
             return np.asarray(self.one.rates(min(max(at, time + inner), time + size - inner), z[None])[0])

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from uqmbd.compiled.driver import address, aligned, load_driver
 from uqmbd.typing import Array, Index
 
-__all__ = ["wave_values"]
+__all__ = ["sum_harmonics"]
 
 
 CACHE = 192
-"""Waves at all distances in a block that stay in the first cache, of eight samples, 128 bytes each."""
+"""Harmonics at all distances in a block that stay in the first cache, of eight samples, 128 bytes each."""
 
 ROOM = 1 << 16
-"""Waves of samples at all blocks (16 bytes each) that are computed at once."""
+"""Harmonics of samples at all blocks (16 bytes each) that are computed at once."""
 
 EVEN = 1e-9
 """Largest difference of the distances of times, over the last time, at which they are even."""
 
 
-def wave_values(
+def sum_harmonics(
     frequencies: Array,
     lattice: Index,
     constants: Array,

@@ -1,4 +1,4 @@
-"""The legs of an integration: where it starts anew, and how long its steps may be, for every integrator alike."""
+"""The intervals of an integration: where it starts anew, and how long its steps may be, for every integrator alike."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array, Index
 
-__all__ = ["Leg", "legs_of", "legs_of_members", "longest_step", "pace", "times_between"]
+__all__ = ["Interval", "intervals_of", "intervals_of_members", "longest_step", "pace", "times_between"]
 
 
 BAND = 16.0
-"""Factor of the sizes of cells that one leg may hold."""
+"""Factor of the sizes of cells that one interval may hold."""
 SHARE = 2.0
-"""Longest step, over the smallest cell of a leg."""
+"""Longest step, over the smallest cell of an interval."""
 NEAR = 8.0
-"""Gaps between fast times, over the size of cells there, that are not worth a leg of their own."""
+"""Gaps between fast times, over the size of cells there, that do not justify a separate interval."""
 
 
-class Leg(NamedTuple):
+class Interval(NamedTuple):
     """A part of an integration, from the end of the one before.
 
     Attributes
@@ -37,7 +37,7 @@ class Leg(NamedTuple):
 
     Examples
     --------
-    Nothing acts on a wheel at moments of its own, so that one leg reaches the last time:
+    Nothing acts on a wheel at moments of its own, so that one interval reaches the last time:
 
     >>> import chaospy
     >>> import numpy as np
@@ -50,8 +50,8 @@ class Leg(NamedTuple):
     >>> study = uqmbd.Study("turning", mechanism, np.linspace(0, 2, 5), [Collocation(order=1)])
     >>> problem = study.problem(study.propagators[0])
     >>> ensemble = problem.ensemble(np.array([[6.0], [7.0]]))
-    >>> (leg,) = ensemble.pace(np.array([0.0, 2.0]))
-    >>> leg.end, leg.longest
+    >>> (interval,) = ensemble.pace(np.array([0.0, 2.0]))
+    >>> interval.end, interval.longest
     (2.0, inf)
     """
 
@@ -60,60 +60,73 @@ class Leg(NamedTuple):
     jumps: bool = True
 
 
-def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> tuple[Leg, ...]:
+def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> tuple[Interval, ...]:
     """Lay out the integration of a batch whose realisations share the steps, for output times (T,).
 
-    With `knots` legs end at those of tables over time, too, where nothing jumps that a method of variable order sees.
+    With `knots` intervals end at those of tables over time, too, where nothing jumps that a method of variable order
+    sees.
     """
     return _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
 
 
-def _laid(model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool) -> tuple[Leg, ...]:
+def _laid(
+    model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool
+) -> tuple[Interval, ...]:
     """Do so for realisations with given inputs (K, input) and breaks (K, break)."""
-    legs = _pace(model, values, breaks, times, rtol)
+    intervals = _pace(model, values, breaks, times, rtol)
     if not knots or not model.tables:
-        return legs
+        return intervals
     begin, end = float(times[0]), float(times[-1])
     found = list(model.tables.stretches(values, begin, end, rtol))
     if not found:
-        return legs
-    ends = np.array([leg.end for leg in legs])
+        return intervals
+    ends = np.array([interval.end for interval in intervals])
     cuts = stops(np.concatenate([x.stops for x in found]), np.array([begin, *ends]))
-    more = [Leg(cut, legs[int(np.searchsorted(ends, cut))].longest, jumps=False) for cut in cuts if cut not in ends]
-    legs = tuple(sorted((*legs, *more)))
-    middle = 0.5 * (np.array([begin, *(leg.end for leg in legs[:-1])]) + np.array([leg.end for leg in legs]))
-    longest = np.array([leg.longest for leg in legs])
+    more = [
+        Interval(cut, intervals[int(np.searchsorted(ends, cut))].longest, jumps=False)
+        for cut in cuts
+        if cut not in ends
+    ]
+    intervals = tuple(sorted((*intervals, *more)))
+    middle = 0.5 * (
+        np.array([begin, *(interval.end for interval in intervals[:-1])])
+        + np.array([interval.end for interval in intervals])
+    )
+    longest = np.array([interval.longest for interval in intervals])
     for x in found:
         inside = (middle > x.stops[0]) & (middle < x.stops[-1])
         longest[inside] = np.minimum(longest[inside], x.longest)
-    return tuple(Leg(leg.end, float(h), leg.jumps) for leg, h in zip(legs, longest, strict=True))
-
-
-def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float) -> tuple[Leg, ...]:
-    if model.timed is None:
-        return legs_of(breaks, times, model.max_step)
-    seen = look(model.timed, values, breaks, times, rtol)
-    edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
-    ends, longest = _bands(edges, sizes)
-    legs = legs_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
-    # the middle of a leg lies in one band, but where its end was moved by rounding
-    begins = np.array([float(times[0]), *(leg.end for leg in legs[:-1])])
-    middle = 0.5 * (begins + np.array([leg.end for leg in legs]))
-    which = np.minimum(np.searchsorted(ends, middle), len(ends) - 1)
-    known = set(stops(np.concatenate([breaks.ravel(), seen.jumps]), times).tolist())
     return tuple(
-        Leg(leg.end, min(leg.longest, float(longest[k])), leg.end in known) for leg, k in zip(legs, which, strict=True)
+        Interval(interval.end, float(h), interval.jumps) for interval, h in zip(intervals, longest, strict=True)
     )
 
 
-def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, ...]:
+def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float) -> tuple[Interval, ...]:
+    if model.timed is None:
+        return intervals_of(breaks, times, model.max_step)
+    seen = look(model.timed, values, breaks, times, rtol)
+    edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
+    ends, longest = _bands(edges, sizes)
+    intervals = intervals_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
+    # the middle of an interval lies in one band, but where its end was moved by rounding
+    begins = np.array([float(times[0]), *(interval.end for interval in intervals[:-1])])
+    middle = 0.5 * (begins + np.array([interval.end for interval in intervals]))
+    which = np.minimum(np.searchsorted(ends, middle), len(ends) - 1)
+    known = set(stops(np.concatenate([breaks.ravel(), seen.jumps]), times).tolist())
+    return tuple(
+        Interval(interval.end, min(interval.longest, float(longest[k])), interval.end in known)
+        for interval, k in zip(intervals, which, strict=True)
+    )
+
+
+def intervals_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Interval, ...]:
     """Lay out an integration with breaks at given times, and steps up to a length."""
-    return tuple(Leg(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
+    return tuple(Interval(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
 
 
-def legs_of_members(
+def intervals_of_members(
     batch: Batch, times: Array, rtol: float, *, samples: Array, longest: float = np.inf, jumping: bool = True
-) -> list[tuple[Leg, ...]]:
+) -> list[tuple[Interval, ...]]:
     """Return the integration intervals of each realisation, or one sequence that holds for all.
 
     Equal sequences share an object.  Output times are (T,), s.  An interval ends, and the driver returns for a
@@ -124,9 +137,9 @@ def legs_of_members(
     longest = min(longest, longest_step(model.rough, times))
     inner = samples[(samples > times[0]) & (samples < times[-1])]
 
-    def laid(legs: tuple[Leg, ...]) -> tuple[Leg, ...]:
-        legs = tuple(Leg(end, min(own, longest), jumps and jumping) for end, own, jumps in legs)
-        return _cut(legs, inner) if len(inner) else legs
+    def laid(intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
+        intervals = tuple(Interval(end, min(own, longest), jumps and jumping) for end, own, jumps in intervals)
+        return _cut(intervals, inner) if len(inner) else intervals
 
     # whoever has the same breaks, functions of time and tables over time has the same layout
     about = [batch.breaks]
@@ -145,18 +158,21 @@ def legs_of_members(
     return own if len(own) == 1 else [own[k] for k in which.ravel().tolist()]
 
 
-def _cut(legs: tuple[Leg, ...], samples: Array) -> tuple[Leg, ...]:
-    """Cut legs at samples; ends that differ from one by rounding are the sample."""
-    ends = np.array([leg.end for leg in legs])
+def _cut(intervals: tuple[Interval, ...], samples: Array) -> tuple[Interval, ...]:
+    """Cut intervals at samples; ends that differ from one by rounding are the sample."""
+    ends = np.array([interval.end for interval in intervals])
     right = np.clip(np.searchsorted(samples, ends), 1, max(1, len(samples) - 1))
     pair = samples[np.stack([right - 1, np.minimum(right, len(samples) - 1)])]
     nearest = np.where(np.abs(pair[0] - ends) < np.abs(pair[1] - ends), *pair)
     ends = np.where(np.abs(nearest - ends) <= 1e-12 * np.maximum(1.0, np.abs(ends)), nearest, ends)
     known = set(samples.tolist())
-    found = [Leg(end, leg.longest, leg.jumps or end in known) for end, leg in zip(ends.tolist(), legs, strict=True)]
+    found = [
+        Interval(end, interval.longest, interval.jumps or end in known)
+        for end, interval in zip(ends.tolist(), intervals, strict=True)
+    ]
     more = np.setdiff1d(samples, ends)
     within = np.searchsorted(ends, more)
-    found += [Leg(t, legs[k].longest) for t, k in zip(more.tolist(), within.tolist(), strict=True)]
+    found += [Interval(t, intervals[k].longest) for t, k in zip(more.tolist(), within.tolist(), strict=True)]
     return tuple(sorted(found))
 
 
