@@ -6,7 +6,7 @@ ones are ``uqmbd.derivation`` (derivation of equations, by parts of a mechanism)
 read without a digest). INFO is what happens a few times in a run, DEBUG what happens for each chunk of realisations,
 kernel and part.
 
-Their messages in worker processes reach this one with the results (uqmbd/propagation/execution/transport/said.py).
+Workers return their log records with the results (uqmbd/propagation/execution/transport/log_records.py).
 
 The logger ``uqmbd`` has a level of its own: on import, chaospy sets the root logger to the level DEBUG and adds a
 handler that discards everything. Without its own level, uqmbd would format all messages in vain.

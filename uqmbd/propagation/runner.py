@@ -17,11 +17,11 @@ from uqmbd.propagation.execution import (
     Chunk,
     ChunkStore,
     CostClock,
-    Known,
     Ledger,
     Observed,
     Realisations,
     Spending,
+    StoredChunks,
     compute_chunk,
     executor_for,
     log_realisations,
@@ -53,9 +53,9 @@ class Runner:
     """What the method spends, in parts."""
     observed: Observed = field(default_factory=Observed)
     """Realisations from which the error of the integration is measured."""
-    known: Known = field(default_factory=dict)
+    known: StoredChunks = field(default_factory=dict)
     """Outputs without a time, and margins, that were computed with the others, by inputs: or where they are stored."""
-    again: dict[str, Known] = field(default_factory=dict)
+    again: dict[str, StoredChunks] = field(default_factory=dict)
     """The same, of realisations that are integrated once more, by purpose."""
 
     @property
@@ -82,7 +82,7 @@ class Runner:
         begin = asked = self.clock()
         size = problem.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
-        kept, model = self.kept(problem), problem.model if self.executor is None else problem.packed
+        store, model = self.chunk_store(problem), problem.model if self.executor is None else problem.packed
         about = (problem.rtol, problem.integrator, problem.kind)
 
         def task(part: Array) -> tuple[Callable[..., Chunk], tuple[Any, ...]]:
@@ -91,10 +91,10 @@ class Runner:
         def lost(part: Array, reason: str) -> Chunk:
             # it is not stored: a run that goes on tries it again
             chunk = lost_chunk(problem.model, len(part), problem.whole_times, reason, problem.kind)
-            return kept.note(part, chunk, lost=True)
+            return store.note(part, chunk, lost=True)
 
-        work = run_in_order(parts, self.workers(problem), kept.find, task, kept.keep, lost)
-        for part, chunk in zip(parts, work, strict=True):
+        chunks = run_in_order(parts, self.workers(problem), store.find, task, store.keep, lost)
+        for part, chunk in zip(parts, chunks, strict=True):
             now = self.clock()
             self.spending.realised(now - asked)
             found = Realisations.of(part, chunk, now - begin)
@@ -126,8 +126,8 @@ class Runner:
         """Return the executor for realisations: threads where they are computed without the interpreter."""
         return executor_for(self.executor, unlocked=problem.unlocked)
 
-    def kept(self, problem: ProblemData) -> ChunkStore:
-        """Return the chunks of a problem that are known already."""
+    def chunk_store(self, problem: ProblemData) -> ChunkStore:
+        """Return the store of the computed chunks of a problem."""
         return ChunkStore(
             kind=problem.kind,
             partial=problem.chosen is not None,

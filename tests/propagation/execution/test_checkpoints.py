@@ -14,8 +14,8 @@ import pytest
 
 import uqmbd
 from uqmbd.errors import IntegrationError
+from uqmbd.propagation.execution.checkpoints import Checkpoint
 from uqmbd.propagation.execution.chunks import Chunk
-from uqmbd.propagation.execution.kept import Checkpoint
 from uqmbd.results import save
 from uqmbd_joints import Distance
 from uqmbd_montecarlo import MonteCarlo

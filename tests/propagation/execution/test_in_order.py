@@ -322,10 +322,10 @@ def test_results_that_wait_are_bounded_in_bytes():
 
 def test_workers_that_leave_are_forgotten():
     """An adaptive cluster has had a thousand workers, of which three are left."""
-    seen = WorkerRegistry(versions())
+    registry = WorkerRegistry(versions())
     for k in range(1000):
-        seen.done(replace(ME, process=k), 0.1)
-    assert seen.count > 100
+        registry.done(replace(ME, process=k), 0.1)
+    assert registry.count > 100
     for k in range(100_000):
-        seen.done(replace(ME, process=k % 3), 0.1)
-    assert seen.count == 3
+        registry.done(replace(ME, process=k % 3), 0.1)
+    assert registry.count == 3

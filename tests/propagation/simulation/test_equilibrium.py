@@ -96,7 +96,7 @@ def test_where_a_chunk_starts_is_part_of_its_key():
     propagator = MonteCarlo(samples=10, seed=1)
     problems = [uqmbd.Study("s", mechanism, TIMES, start=x).problem(propagator) for x in ("drawn", "equilibrium")]
     values = np.array([[90.0], [110.0]])
-    keys = {problem.runner.kept(problem).key(values) for problem in problems}
+    keys = {problem.runner.chunk_store(problem).key(values) for problem in problems}
     assert len(keys) == 2
     chunk = compute_chunk(problems[1].packed, values, TIMES, 1e-6)
     np.testing.assert_allclose(chunk.response[:, 0, 0], hanging(values[:, 0]), atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.propagation.execution.checkpoints import FOLDER, Checkpoint, ChunkStore, StoredChunks, fingerprint
 from uqmbd.propagation.execution.chunks import (
     Chunk,
     Kind,
@@ -15,7 +16,6 @@ from uqmbd.propagation.execution.chunks import (
 from uqmbd.propagation.execution.cost import CostClock, Spending, machine_attribute, solver_counters
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import run_in_order
-from uqmbd.propagation.execution.kept import FOLDER, Checkpoint, ChunkStore, Known, fingerprint
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.realisations import (
     AGAIN,
@@ -44,7 +44,7 @@ __all__ = [
     "History",
     "ChunkStore",
     "Kind",
-    "Known",
+    "StoredChunks",
     "Ledger",
     "Margins",
     "Observed",

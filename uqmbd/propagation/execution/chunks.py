@@ -96,10 +96,10 @@ class Chunk:
             return replace(self, response=response, status=self.margins.status, messages=self.margins.messages)
         return self if kind == "outputs" else None
 
-    def beside(self, kind: Kind, *, margins: bool) -> dict[Kind, Chunk]:
-        """Return the chunks of other kinds that were computed beside this one, with `margins` those of requirements.
+    def companions(self, kind: Kind, *, margins: bool) -> dict[Kind, Chunk]:
+        """Return the chunks of other kinds that were computed with this one; `margins`: also those of requirements.
 
-        What solvers count is counted once, in this one.
+        Only this chunk holds the counters of the solver.
         """
         wanted: tuple[Kind, ...] = ("scalars", "requirements") if margins else ("scalars",)
         found = {other: self.of(other) for other in wanted if other != kind}
@@ -141,9 +141,9 @@ def not_finite_output(names: Sequence[str], times: Array, response: Array) -> st
 
 
 def needs_motion(model: Model, kind: Kind) -> bool:
-    """Whether what is wanted, or what is computed beside it, needs a motion."""
-    beside = [model.margins] if kind == "requirements" else [model.scalars, model.margins]
-    return kind == "outputs" or any(one is not None and one.needs_motion for one in beside)
+    """Return whether a kind of outputs, or one that is computed with it, needs a motion."""
+    companions = [model.margins] if kind == "requirements" else [model.scalars, model.margins]
+    return kind == "outputs" or any(one is not None and one.needs_motion for one in companions)
 
 
 def compute_chunk(

@@ -1,4 +1,4 @@
-"""Pieces of work done here, or by many workers: in order, and each kept as soon as it is finished.
+"""Pieces of work, computed in this process or by workers: results in order, each stored as soon as it is finished.
 
 The main process does little: per piece a fraction of a millisecond, for any number of workers, and no more when many
 pieces are finished.
@@ -28,8 +28,8 @@ from uqmbd.propagation.execution.transport import (
     WorkerRegistry,
     death,
     forward,
+    records_before,
     route_to,
-    said_before,
     versions,
 )
 
@@ -39,22 +39,22 @@ Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
 HELD = 1 << 27
-"""Bytes of results that wait for the one that is wanted next; beyond, no further piece is sent."""
+"""Bytes of results that wait for the next one in order; beyond, no further piece is sent."""
 
 WAITING = 16
-"""Results that wait for the one that is wanted next, at most, over the pieces that are under way at most."""
+"""Most results that wait for the next one in order, relative to the most submitted pieces."""
 
 DEATHS = 2
 """Deaths of workers after which a piece is lost."""
 
 LATE = 4.0
-"""Over the time that pieces take: after so much longer one is given to another worker, too, who has nothing to do."""
+"""Ratio to the typical time of a piece after which an unoccupied worker computes it as well."""
 
 PAUSE = 0.002
-"""Seconds between attempts while nobody accepts, and between looks."""
+"""Seconds between attempts while no worker accepts, and between checks."""
 
 TICK = 0.25
-"""Seconds between looks whether a piece is late, at most."""
+"""Most seconds between checks for late pieces."""
 
 
 def run_in_order(
@@ -66,7 +66,7 @@ def run_in_order(
     lost: Callable[[Piece, str], Result] | None = None,
     patience: float = 1.0,
 ) -> Generator[Result, None, None]:
-    """Yield the results of pieces of work, in their order; without an executor they are computed in this process.
+    """Yield the results of pieces of work in order; without an executor this process computes them.
 
     A piece whose worker dies is tried once elsewhere. If one takes much longer than others (by at least `patience`, s),
     an unoccupied worker repeats it, and the first answer counts: both have the same bits. `known` returns a result that
@@ -75,11 +75,11 @@ def run_in_order(
     default an error. Raise IntegrationError if no worker has the versions of this process, or a piece is lost.
     """
     if executor is None:
-        return _here(pieces, known, work, keep)
-    return _There(pieces, route_to(executor), known, work, keep, lost or _raise, patience).results()
+        return _compute_here(pieces, known, work, keep)
+    return _Dispatcher(pieces, route_to(executor), known, work, keep, lost or _raise, patience).results()
 
 
-def _here(
+def _compute_here(
     pieces: Sequence[Piece],
     known: Callable[[Piece], Result | None],
     work: Callable[[Piece], tuple[Callable[..., Result], tuple[Any, ...]]],
@@ -99,7 +99,7 @@ def _raise(piece: object, reason: str) -> Any:
 
 
 @dataclass
-class _Flight:
+class _Submission:
     """A submitted piece of work."""
 
     futures: list[Future[Reply]] = field(default_factory=list)  # several where the piece is late
@@ -110,8 +110,8 @@ class _Flight:
     alone: bool = False  # whether no other piece may run at the same time
 
 
-class _There(Generic[Piece, Result]):
-    """Pieces of work at workers."""
+class _Dispatcher(Generic[Piece, Result]):
+    """Sends pieces to workers, and yields their results in order."""
 
     def __init__(
         self,
@@ -125,19 +125,19 @@ class _There(Generic[Piece, Result]):
     ) -> None:
         self.pieces, self.route, self.patience = pieces, route, patience
         self.known, self.work, self.keep, self.lost = known, work, keep, lost
-        self.seen, self.laps = WorkerRegistry(versions()), Laps()
+        self.registry, self.laps = WorkerRegistry(versions()), Laps()
         self.next = self.held = 0
         self.tick = min(TICK, patience / 4 + PAUSE)
         self.looked = self.heard = time.monotonic()
-        self.flights: dict[int, _Flight] = {}
+        self.submissions: dict[int, _Submission] = {}
         """By the index of the piece, in the order in which they were sent."""
         self.refused: deque[int] = deque()
         self.suspects: deque[tuple[int, int]] = deque()
         """Pieces that may have killed a worker, and how many."""
         self.ready: dict[int, tuple[Result, int]] = {}
         """Results, and their bytes, by the index of the piece."""
-        self.said: dict[int, tuple[LogRecord, ...]] = {}
-        """By loggers of workers, of results that wait, by the index of the piece."""
+        self.records: dict[int, tuple[LogRecord, ...]] = {}
+        """Log records of workers for results that wait, by the index of the piece."""
         self.arrived: queue.SimpleQueue[tuple[int, Future[Reply]]] = queue.SimpleQueue()
 
     def results(self) -> Generator[Result, None, None]:
@@ -150,166 +150,166 @@ class _There(Generic[Piece, Result]):
                         self._take()
                 result, size = self.ready.pop(wanted)
                 self.held -= size
-                forward(self.said.pop(wanted, ()))
+                forward(self.records.pop(wanted, ()))
                 yield result
         finally:
             self._end()
 
     def _send_more(self, wanted: int) -> None:
-        """Send what may be sent: some in reserve for every worker, never all at once, for results must not pile up."""
-        if self.suspects and not self.flights:
+        """Send further pieces: a few in reserve for every worker, never all at once, to bound the memory of results."""
+        if self.suspects and not self.submissions:
             # if a dead worker does not identify its piece, suspects run alone: other pieces must not share the blame
             index, deaths = self.suspects.popleft()
-            self._send(index, _Flight(whole=True, deaths=deaths, alone=True))
-        elif not self.suspects and not any(flight.alone for flight in self._first()):
+            self._send(index, _Submission(whole=True, deaths=deaths, alone=True))
+        elif not self.suspects and not any(submission.alone for submission in self._first()):
             self._send_refused()
             if not self.refused:
                 self._send_new(wanted)
         if self.route.apart and (now := time.monotonic()) - self.looked >= self.tick:
             self.looked = now
-            self._send_again(now)
+            self._send_late(now)
 
-    def _first(self) -> Iterator[_Flight]:
-        """Yield what was sent first, if anything is under way: what goes alone is the only one."""
-        return islice(self.flights.values(), 1)
+    def _first(self) -> Iterator[_Submission]:
+        """Yield the first submission, if there is one; a piece that runs alone is the only one."""
+        return islice(self.submissions.values(), 1)
 
     def _send_refused(self) -> None:
-        """Send what was refused, as much as those can do who accept."""
-        while self.refused and len(self.flights) < self.seen.window - 1:
-            self._send(self.refused.popleft(), _Flight(whole=self.seen.wants(0)))
-        if self.refused and not self.flights:
-            self.seen.complain()
+        """Send refused pieces again, as many as the accepting workers can compute."""
+        while self.refused and len(self.submissions) < self.registry.window - 1:
+            self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
+        if self.refused and not self.submissions:
+            self.registry.complain()
             time.sleep(PAUSE)
-            self._send(self.refused.popleft(), _Flight(whole=self.seen.wants(0)))
+            self._send(self.refused.popleft(), _Submission(whole=self.registry.wants(0)))
 
     def _send_new(self, wanted: int) -> None:
         """Send the next pieces, unless too many are under way, or too many results wait for the one that is wanted."""
-        window = self.seen.window
-        while self.next < len(self.pieces) and len(self.flights) < window:
+        window = self.registry.window
+        while self.next < len(self.pieces) and len(self.submissions) < window:
             if self.next > wanted and (self.held >= HELD or len(self.ready) >= WAITING * window):
                 return
             index, self.next = self.next, self.next + 1
             if (found := self.known(self.pieces[index])) is not None:
-                self._put(index, found, wanted)
+                self._add_result(index, found, wanted)
             else:
-                self._send(index, _Flight())
+                self._send(index, _Submission())
 
-    def _send(self, index: int, flight: _Flight) -> None:
+    def _send(self, index: int, submission: _Submission) -> None:
         """Send a piece, for the first time or once more."""
         function, arguments = self.work(self.pieces[index])
-        future = self.route.send(function, arguments, whole=flight.whole, late=flight.futures)
-        flight.futures.append(future)
-        flight.sent = time.monotonic()
-        self.flights.setdefault(index, flight)
+        future = self.route.send(function, arguments, whole=submission.whole, late=submission.futures)
+        submission.futures.append(future)
+        submission.sent = time.monotonic()
+        self.submissions.setdefault(index, submission)
         future.add_done_callback(partial(self._hear, index))
 
     def _hear(self, index: int, future: Future[Reply]) -> None:
         self.arrived.put((index, future))
 
-    def _send_again(self, now: float) -> None:
-        """Give pieces that are late to those who have nothing to do; to one more whenever twice the time has passed."""
-        late = self.patience + LATE * self.seen.typical
+    def _send_late(self, now: float) -> None:
+        """Send late pieces to unoccupied workers as well; to one more each time the delay doubles."""
+        late = self.patience + LATE * self.registry.typical
         behind, working = [], 0
-        for index, flight in self.flights.items():
-            # nobody says when a worker begins: what is sent begins at the latest when nobody answers any more
-            begun = max(flight.sent, self.heard) if flight.begun is None else flight.begun
-            if now - begun >= late * 2 ** (len(flight.futures) - 1):
-                behind.append((index, flight))
+        for index, submission in self.submissions.items():
+            # no worker reports when it begins: a piece has begun at the latest when replies end
+            begun = max(submission.sent, self.heard) if submission.begun is None else submission.begun
+            if now - begun >= late * 2 ** (len(submission.futures) - 1):
+                behind.append((index, submission))
             else:
-                working += len(flight.futures)
-        for index, flight in behind[: max(self.seen.count - working, 0)]:
-            flight.whole = True
-            self._send(index, flight)
+                working += len(submission.futures)
+        for index, submission in behind[: max(self.registry.count - working, 0)]:
+            submission.whole = True
+            self._send(index, submission)
 
     def _take(self) -> None:
-        """Wait for an answer, for a moment at most, and see what it says."""
+        """Wait for a reply, at most for one tick, and process it."""
         try:
             index, future = self.arrived.get(timeout=self.tick)
         except queue.Empty:
             return
         self.heard = time.monotonic()
-        flight = self.flights.get(index)
-        if flight is None or future not in flight.futures:
+        submission = self.submissions.get(index)
+        if submission is None or future not in submission.futures:
             return  # a second answer
-        flight.futures.remove(future)
+        submission.futures.remove(future)
         error = CancelledError() if future.cancelled() else future.exception()
         if error is not None:
-            self._failed(index, flight, error)
+            self._failed(index, submission, error)
             return
-        said = future.result()
-        if said.kind == "done":
-            if said.said:
-                self.said[index] = said.said
-            self._begun_before(index)
-            self.seen.done(said.worker, said.seconds)
+        reply = future.result()
+        if reply.kind == "done":
+            if reply.records:
+                self.records[index] = reply.records
+            self._note_begun(index)
+            self.registry.done(reply.worker, reply.seconds)
             self._leave(index)
-            self._put(index, self.keep(self.pieces[index], said.result, self.laps()))
+            self._add_result(index, self.keep(self.pieces[index], reply.result, self.laps()))
             return
-        forward(said.said)
-        if flight.futures:
-            return  # somebody else does it
-        if said.kind == "missing":
-            self.seen.missing(said.worker)
-            del self.flights[index]
-            whole = self.seen.wants(sum(other.whole for other in self.flights.values()))
-            self._send(index, _Flight(whole=whole, deaths=flight.deaths, alone=flight.alone))
+        forward(reply.records)
+        if submission.futures:
+            return  # another worker computes it
+        if reply.kind == "missing":
+            self.registry.missing(reply.worker)
+            del self.submissions[index]
+            whole = self.registry.wants(sum(other.whole for other in self.submissions.values()))
+            self._send(index, _Submission(whole=whole, deaths=submission.deaths, alone=submission.alone))
         else:
-            self.seen.refuse(said.worker)
-            self.route.refused(said.worker)
-            del self.flights[index]
-            if flight.deaths:
-                self.suspects.appendleft((index, flight.deaths))
-                self.seen.complain()
+            self.registry.refuse(reply.worker)
+            self.route.refused(reply.worker)
+            del self.submissions[index]
+            if submission.deaths:
+                self.suspects.appendleft((index, submission.deaths))
+                self.registry.complain()
             else:
                 self.refused.append(index)
 
-    def _failed(self, index: int, flight: _Flight, error: BaseException) -> None:
+    def _failed(self, index: int, submission: _Submission, error: BaseException) -> None:
         reason = death(error)
         if not reason:
-            forward(said_before(error))
+            forward(records_before(error))
             raise error
         self.route.renew()
-        self.seen.gone()
-        flight.deaths += 1
+        self.registry.gone()
+        submission.deaths += 1
         self._leave(index)
-        if flight.deaths >= DEATHS:
-            said = f"the process that computed it ended unexpectedly, and so did that of a second attempt ({reason})"
-            self._put(index, self.lost(self.pieces[index], said))
+        if submission.deaths >= DEATHS:
+            reason = f"the process that computed it ended unexpectedly, and so did that of a second attempt ({reason})"
+            self._add_result(index, self.lost(self.pieces[index], reason))
         elif self.route.names_the_dead:
-            self._send(index, _Flight(whole=True, deaths=flight.deaths))
+            self._send(index, _Submission(whole=True, deaths=submission.deaths))
         else:
-            self.suspects.append((index, flight.deaths))
+            self.suspects.append((index, submission.deaths))
 
-    def _begun_before(self, index: int) -> None:
-        """Note that what was sent before this piece is being worked at."""
-        for other, flight in self.flights.items():
+    def _note_begun(self, index: int) -> None:
+        """Note that pieces sent before this one are running."""
+        for other, submission in self.submissions.items():
             if other == index:
                 return
-            if flight.begun is None:
-                flight.begun = self.heard
+            if submission.begun is None:
+                submission.begun = self.heard
 
     def _leave(self, index: int) -> None:
-        for future in self.flights.pop(index).futures:
+        for future in self.submissions.pop(index).futures:
             future.cancel()
 
-    def _put(self, index: int, result: Result, wanted: int | None = None) -> None:
+    def _add_result(self, index: int, result: Result, wanted: int | None = None) -> None:
         size = 0 if index == wanted else size_of(result)
         self.ready[index] = result, size
         self.held += size
 
     def _end(self) -> None:
         """Cancel what is under way, and keep what is finished."""
-        for index, flight in self.flights.items():
-            for future in flight.futures:
+        for index, submission in self.submissions.items():
+            for future in submission.futures:
                 if future.cancel() or not future.done() or future.cancelled() or future.exception() is not None:
                     continue
-                said = future.result()
-                if said.kind == "done":
+                reply = future.result()
+                if reply.kind == "done":
                     with contextlib.suppress(StudyError):  # the error that ended the run is raised instead
-                        self.keep(self.pieces[index], said.result, self.laps())
-                    self.said[index] = said.said
+                        self.keep(self.pieces[index], reply.result, self.laps())
+                    self.records[index] = reply.records
                     break
-        for _, records in sorted(self.said.items()):
+        for _, records in sorted(self.records.items()):
             forward(records)
 
 

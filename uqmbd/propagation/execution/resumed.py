@@ -16,7 +16,7 @@ import numpy as np
 from uqmbd.dynamics import Model
 from uqmbd.errors import StudyWarning
 from uqmbd.files import replacing
-from uqmbd.propagation.execution.kept import FOLDER, fingerprint
+from uqmbd.propagation.execution.checkpoints import FOLDER, fingerprint
 from uqmbd.randomness import JointInput
 from uqmbd.typing import Array
 

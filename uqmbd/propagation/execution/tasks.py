@@ -1,4 +1,4 @@
-"""Work that is not a chunk of realisations: done on all workers, in order, and kept while a run is unfinished."""
+"""Tasks that are no chunks of realisations: computed by all workers, in order, and stored while a run is unfinished."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
 from uqmbd.errors import IntegrationError
+from uqmbd.propagation.execution.checkpoints import Checkpoint
 from uqmbd.propagation.execution.cost import CostClock
 from uqmbd.propagation.execution.in_order import run_in_order
-from uqmbd.propagation.execution.kept import Checkpoint
 from uqmbd.propagation.execution.transport import Packed
 from uqmbd.threads import one_thread
 
@@ -70,7 +70,7 @@ def _call(function: Callable[..., Arrays], packed: Packed, task: tuple[Any, ...]
 
 
 NAMED = {"uqmbd.propagation.execution.histories": "uqmbd.propagation.histories"}
-"""Modules by the names that they had when the first tasks of their functions were stored: those are found again."""
+"""Former names of modules, under which earlier runs stored tasks of their functions."""
 
 
 def _name(fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, ...]) -> str:

@@ -127,7 +127,7 @@ class Handover:
     result: Arrays | None  # of the function
     computed: bool = False  # whether the chunk was computed, not read
     unread: bool = False  # whether the worker cannot read the stored chunk; then the other fields are empty
-    beside: dict[Kind, Chunk] = field(default_factory=dict)
+    companions: dict[Kind, Chunk] = field(default_factory=dict)
     """Chunks of other kinds; without a response where it is stored."""
     files: dict[Kind, tuple[int, bytes | None]] = field(default_factory=dict)
     """By kind, checksum of the file of the responses, and its content where it could not be written."""
@@ -154,15 +154,15 @@ def compute_reduced(
 def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: ReductionOrder) -> Handover:
     """Reduce a chunk that has been computed, and write its responses."""
     answer = reduce_chunk(packed, values, full, order)
-    beside = full.beside(kind, margins=order.margins)
+    companions = full.companions(kind, margins=order.margins)
     files = {}
     for name, shelf in order.shelves.items():
-        if (stored := full if name == kind else beside.get(name)) is not None:
+        if (stored := full if name == kind else companions.get(name)) is not None:
             files[name] = shelf.put(stored.response)
-            beside |= {name: _bare(stored)} if name != kind else {}
+            companions |= {name: _bare(stored)} if name != kind else {}
     if order.chosen is not None and not order.shelves:  # others of them may be asked for next
-        beside[kind] = replace(full, counters={})
-    return replace(answer, computed=True, beside=beside, files=files)
+        companions[kind] = replace(full, counters={})
+    return replace(answer, computed=True, companions=companions, files=files)
 
 
 def reduce_chunk(

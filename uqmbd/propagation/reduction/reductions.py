@@ -57,7 +57,7 @@ class Piece:
 
 
 class Pieces(Sequence[Piece]):
-    """Rows in chunks of a size, each made when it is asked for."""
+    """Rows in chunks of one size; each chunk is made on access."""
 
     def __init__(self, values: Array, size: int) -> None:
         self.values, self.size = values, size
@@ -73,9 +73,9 @@ class Pieces(Sequence[Piece]):
 
 
 class Reductions:
-    """What a function makes of realisations, a chunk of rows after another, in their order.
+    """Results of a function of realisations, chunk by chunk, in the order of the rows.
 
-    It is gone through once.  Afterwards `store` has the responses, where the run has a folder.
+    It can be iterated once.  Afterwards `store` contains the responses, if the run has a folder.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Reductions:
     runner : Runner
         Executor, progress, checkpoint, ledger, clock and cache.
     keep : int
-        Of how many realisations the responses are handed over.
+        Number of realisations whose responses are passed on.
 
     Examples
     --------
@@ -119,7 +119,7 @@ class Reductions:
         keep: int,
     ) -> None:
         self._problem, self._runner, self._values, self._keep = problem, runner, values, keep
-        self._method, self._known_chunks = problem.method_label or problem.label, runner.kept(problem)
+        self._method, self._known_chunks = problem.method_label or problem.label, runner.chunk_store(problem)
         self._function, self._arguments = function, arguments
         text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
         text.update(pickle.dumps((arguments, problem.chosen)))
@@ -133,7 +133,7 @@ class Reductions:
             return
         size = problem.chunk_of(len(values))
         identity = self._identity(problem.kind, size)
-        self._stores = self._made(size)
+        self._stores = self._open_stores(size)
         own = self._stores.get(problem.kind)
         again = runner.clock.knows(identity)
         runner.progress.start(problem.label, len(values))
@@ -141,7 +141,7 @@ class Reductions:
         asked = begin
         pieces = Pieces(values, size)
         workers = runner.workers(problem)
-        answers = run_in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
+        answers = run_in_order(pieces, workers, self._find_stored, self._task, self._store_finished, self._lost_answer)
         # where a budget ends it, what workers have finished is kept at once
         with closing(answers):
             for piece, answer in zip(pieces, answers, strict=True):
@@ -175,8 +175,8 @@ class Reductions:
         runner.clock.recover(identity, recovered)
         runner.progress.finish(problem.label)
 
-    def _made(self, size: int) -> dict[Kind, UnfinishedStore]:
-        """Open the stores of what is computed: of its own kind, and of those beside it that are asked for later."""
+    def _open_stores(self, size: int) -> dict[Kind, UnfinishedStore]:
+        """Open the stores of the requested kind of outputs, and of kinds that are requested later."""
         problem, runner = self._problem, self._runner
         if runner.checkpoint is None:
             return {}
@@ -203,7 +203,7 @@ class Reductions:
         return first and problem.model.margins is not None and not problem.answers_requirements
 
     def _identity(self, kind: Kind, size: int) -> str:
-        """Name a store: one of more samples that begin alike goes on with it."""
+        """Return the name of a store; more samples that begin with the same rows continue it."""
         text = hashlib.sha256(self._values[0].tobytes())
         text.update(self._problem.common_identity)
         text.update(self._method.encode())
@@ -225,10 +225,10 @@ class Reductions:
         """Tell whether the result of a record is that of the same function of the same arguments."""
         return bool(record[0].get("asked") == self._asked)
 
-    def _known(self, piece: Piece) -> Handover | None:
-        """Reduce a chunk that is held: it was computed beside others, or for another size of the method."""
+    def _find_stored(self, piece: Piece) -> Handover | None:
+        """Reduce a stored chunk: it was computed with another kind of outputs, or for another size of the method."""
         problem, runner, known = self._problem, self._runner, self._known_chunks
-        if not self._stores and (chunk := known.held(piece.values)) is not None:
+        if not self._stores and (chunk := known.find_companion(piece.values)) is not None:
             return reduce_chunk(problem.packed, piece.values, chunk, self._order(piece, None, None))
         if runner.ledger is None:
             return None
@@ -237,13 +237,13 @@ class Reductions:
         elif (found := runner.ledger.find(piece.values, known.key, join=known.joins)) is not None:
             runner.ledger.reuse(len(piece.values))
             answer = store_chunk(problem.packed, piece.values, found, problem.kind, self._order(piece, None, None))
-            return self._kept(piece, answer, found.seconds)
+            return self._store(piece, answer, found.seconds)
         else:
             runner.ledger.begin(len(piece.values))
         return None
 
     def _stored(self, piece: Piece) -> tuple[Record, Chunk] | None:
-        """Return what is known of a chunk that is stored and can be used."""
+        """Return the record and the chunk of a stored chunk that can be reused."""
         problem = self._problem
         own = self._stores.get(problem.kind)
         record = None if own is None else own.record(piece.number)
@@ -254,12 +254,12 @@ class Reductions:
             return None
         return record, _chunk(record, len(piece.values))
 
-    def _lost(self, piece: Piece, reason: str) -> Handover:
-        """Return a chunk that killed its workers; a run that goes on tries it again."""
+    def _lost_answer(self, piece: Piece, reason: str) -> Handover:
+        """Return the answer for a chunk that killed its workers; a resumed run tries it again."""
         problem = self._problem
         full = lost_chunk(problem.model, len(piece.values), problem.whole_times, reason, problem.kind)
         answer = store_chunk(problem.packed, piece.values, full, problem.kind, self._order(piece, None, None))
-        return self._kept(piece, answer, 0.0, lost=True)
+        return self._store(piece, answer, 0.0, lost=True)
 
     def _task(self, piece: Piece) -> tuple[Callable[..., Handover], tuple[Any, ...]]:
         order = self._order(piece, *(self._stored(piece) or (None, None)))
@@ -271,14 +271,14 @@ class Reductions:
         about = (problem.rtol, problem.integrator, problem.kind)
         return problem.packed, piece.values, problem.whole_times, *about
 
-    def _finished(self, piece: Piece, answer: Handover, seconds: float) -> Handover:
-        """Note a chunk that a worker has computed, or read."""
+    def _store_finished(self, piece: Piece, answer: Handover, seconds: float) -> Handover:
+        """Store a chunk that a worker has computed or read."""
         if self._runner.ledger is not None and answer.computed:
             self._runner.ledger.finish(len(piece.values))
-        return self._kept(piece, answer, seconds)
+        return self._store(piece, answer, seconds)
 
-    def _kept(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
-        """Note a chunk that was computed, and hold what was computed beside it; one that was read has its result."""
+    def _store(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
+        """Store a computed chunk and its companions; a chunk that was read already has its result."""
         problem = self._problem
         if answer.unread:
             order = self._order(piece, *(self._stored(piece) or (None, None)))
@@ -289,13 +289,13 @@ class Reductions:
             return answer if record is None else replace(answer, result=record[1])
         for kind, (checksum, content) in answer.files.items():
             mine = kind == problem.kind
-            chunk = answer.chunk if mine else answer.beside[kind]
+            chunk = answer.chunk if mine else answer.companions[kind]
             about = _about(chunk, checksum, seconds if mine else 0.0) | ({"asked": self._asked} if mine else {})
             about |= {"inputs": _digest(piece.values)} | ({"lost": True} if lost else {})
             self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
         if not self._stores:
-            self._known_chunks.hold(piece.values, answer.beside)
-        return replace(answer, beside={}, files={})
+            self._known_chunks.store_companions(piece.values, answer.companions)
+        return replace(answer, companions={}, files={})
 
 
 def _about(chunk: Chunk, checksum: int, seconds: float) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.execution.transport.calls import Reply, said_before
+from uqmbd.propagation.execution.transport.calls import Reply, records_before
 from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
+from uqmbd.propagation.execution.transport.log_records import forward
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
 from uqmbd.propagation.execution.transport.routes import Route, death, route_to
-from uqmbd.propagation.execution.transport.said import forward
-from uqmbd.propagation.execution.transport.seen import WorkerRegistry
+from uqmbd.propagation.execution.transport.worker_registry import WorkerRegistry
 
 __all__ = [
     "Reply",
@@ -22,6 +22,6 @@ __all__ = [
     "forward",
     "machine_type",
     "route_to",
-    "said_before",
+    "records_before",
     "versions",
 ]

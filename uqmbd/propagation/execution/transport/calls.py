@@ -1,4 +1,4 @@
-"""A call as a worker sees it, and what it answers."""
+"""The execution of a call by a worker, and its reply."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from uqmbd.propagation.execution.transport.identity import Versions, Worker, this_worker, versions
+from uqmbd.propagation.execution.transport.log_records import Listener, collect_records, listener
 from uqmbd.propagation.execution.transport.packed import Missing, Packed
-from uqmbd.propagation.execution.transport.said import Listener, collected, listener
 
-__all__ = ["Reply", "CallTerms", "answer", "said_before", "terms"]
+__all__ = ["Reply", "CallTerms", "answer", "records_before", "terms"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class CallTerms:
 
 
 def terms() -> CallTerms:
-    """Return those of calls of this process."""
+    """Return the terms of calls of this process."""
     return CallTerms(versions(), listener())
 
 
@@ -38,35 +38,35 @@ class Reply:
     """Of the answer: missing: a packed object is not there; refused: the worker has other versions."""
     result: Any = None  # if the kind is "done"
     seconds: float = 0.0  # wall time of the call
-    said: tuple[logging.LogRecord, ...] = ()  # log records, where the worker is another process
+    records: tuple[logging.LogRecord, ...] = ()  # log records, where the worker is another process
 
 
 def answer(asked: CallTerms, function: Callable[..., Any], *arguments: Any) -> Reply:
-    """Call a function of some arguments, which may be packed, if this worker has the versions that are expected."""
+    """Call a function, whose arguments may be packed, if this worker has the expected versions."""
     worker = this_worker()
     if asked.versions != worker.versions:
         return Reply(worker, "refused")
     begin = time.perf_counter()
-    with collected(asked.listener) as said:
+    with collect_records(asked.listener) as records:
         try:
             for argument in arguments:
                 if isinstance(argument, Packed):  # it is here from now on, whatever the function does
                     argument.value()
             result = function(*arguments)
         except Missing:
-            return Reply(worker, "missing", said=tuple(said))
+            return Reply(worker, "missing", records=tuple(records))
         except Exception as error:
-            if said:
+            if records:
                 with suppress(AttributeError):  # of an error that has no attributes
-                    setattr(error, _SAID, tuple(said))
+                    setattr(error, _RECORDS, tuple(records))
             raise
-    return Reply(worker, "done", result, time.perf_counter() - begin, tuple(said))
+    return Reply(worker, "done", result, time.perf_counter() - begin, tuple(records))
 
 
-def said_before(error: BaseException) -> tuple[logging.LogRecord, ...]:
-    """Return what the loggers of a worker said before it raised an error."""
-    found: tuple[logging.LogRecord, ...] = getattr(error, _SAID, ())
+def records_before(error: BaseException) -> tuple[logging.LogRecord, ...]:
+    """Return the log records of a worker before it raised an error."""
+    found: tuple[logging.LogRecord, ...] = getattr(error, _RECORDS, ())
     return found
 
 
-_SAID = "_uqmbd_said"
+_RECORDS = "_uqmbd_log_records"

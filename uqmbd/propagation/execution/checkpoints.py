@@ -1,4 +1,4 @@
-"""Chunks of a problem that are known already: stored by an interrupted run, or computed with others."""
+"""Stored chunks of a problem: of an interrupted run, or computed together with other outputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from uqmbd.results.storage import FOLDER, how_to_go_on, make
 from uqmbd.typing import Array
 from uqmbd.version import __version__
 
-__all__ = ["FOLDER", "Checkpoint", "ChunkStore", "Known", "fingerprint"]
+__all__ = ["FOLDER", "Checkpoint", "ChunkStore", "StoredChunks", "fingerprint"]
 
 
 def fingerprint(model: Model, inputs: JointInput, asked: tuple[float, str], times: tuple[str | bytes, ...]) -> bytes:
@@ -124,20 +124,20 @@ class Checkpoint:
             raise StudyError(f"{path} cannot be written: {reason}.{how_to_go_on(self.folder)}") from error
 
 
-Known = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
+StoredChunks = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
 """Chunks, or where they are stored, by kind and inputs."""
 
 
 @dataclass(frozen=True)
 class ChunkStore:
-    """Known chunks of one kind of outputs, and the stores of others."""
+    """Stored chunks of one kind of outputs, and the chunks of other kinds that were computed with them."""
 
     kind: Kind  # of the chunks
     partial: bool  # whether only some of the outputs without a time are requested; others may be requested next
     margins: bool  # whether margins of requirements, which are computed with the chunks, are stored
     fingerprint: bytes  # all that the numbers of a chunk depend on except its inputs
     joins: bool  # whether a realisation is known to be independent of the others in its chunk
-    known: Known  # chunks of other kinds that were computed with others; it grows
+    known: StoredChunks  # chunks of other kinds that were computed with others; it grows
     checkpoint: Checkpoint | None
     ledger: Ledger | None  # chunks that a run with a budget has computed for other sizes of the method
     clock: CostClock  # advances by the computing time of stored chunks
@@ -151,7 +151,7 @@ class ChunkStore:
 
     def find(self, part: Array) -> Chunk | None:
         """Return a chunk that need not be computed."""
-        if (known := self.held(part)) is not None:
+        if (known := self.find_companion(part)) is not None:
             return known
         key = self.key(part)
         found = self.ledger.find(part, self.key, join=self.joins) if self.ledger else None
@@ -175,21 +175,21 @@ class ChunkStore:
         return self.note(part, chunk)
 
     def note(self, part: Array, chunk: Chunk, *, lost: bool = False) -> Chunk:
-        """Hold what was computed beside the outputs of a chunk, and return it; `lost`: it is not stored."""
-        found = chunk.beside(self.kind, margins=self.margins)
+        """Store the companions of a chunk, and return the chunk; `lost`: they are not written to the disk."""
+        found = chunk.companions(self.kind, margins=self.margins)
         if self.partial:
             found["scalars"] = replace(chunk, counters={})
-        self.hold(part, found, lost=lost)
+        self.store_companions(part, found, lost=lost)
         return chunk
 
-    def hold(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
-        """Hold what was computed beside others; what lies on the disk is read there, and what is lost does not."""
+    def store_companions(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
+        """Store chunks of other kinds for the inputs of a part: by reference if they are on the disk."""
         stored = None if lost else self.checkpoint and (self.checkpoint, self.key(part))
         for kind, chunk in chunks.items():
             self.known[kind, _digest(part)] = stored or chunk
 
-    def held(self, part: Array) -> Chunk | None:
-        """Return a chunk that was computed beside others."""
+    def find_companion(self, part: Array) -> Chunk | None:
+        """Return a chunk that was computed with another kind of outputs."""
         found = None if self.kind == "outputs" else self.known.get((self.kind, _digest(part)))
         if not isinstance(found, tuple):
             return found

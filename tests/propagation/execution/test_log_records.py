@@ -16,7 +16,7 @@ import pytest
 
 import uqmbd
 from uqmbd.propagation.execution.in_order import run_in_order
-from uqmbd.propagation.execution.transport import said
+from uqmbd.propagation.execution.transport import log_records
 from uqmbd.propagation.execution.workers import pool
 from uqmbd.testing.propagators.moments import difference
 from uqmbd_montecarlo import MonteCarlo
@@ -86,7 +86,9 @@ def test_all_that_is_said_is_heard_once_in_the_order_of_the_pieces(made: Any, ca
     assert sorted(lines) == sorted(expected)
     if made is not threads:  # threads of this process say it at once
         assert lines == expected
-        assert "ValueError: odd" in heard[4].getMessage() and {record.process for record in heard} - {said.os.getpid()}
+        assert "ValueError: odd" in heard[4].getMessage() and {record.process for record in heard} - {
+            log_records.os.getpid()
+        }
     assert [record.number for record in heard if hasattr(record, "number")] == [k for k in range(12)] or made is threads
 
 
@@ -97,8 +99,8 @@ def test_what_was_said_before_an_error_is_heard(caplog: pytest.LogCaptureFixture
     assert [record.getMessage() for record in caplog.records if record.name == "uqmbd.mine"] == ["begins 0"]
 
 
-def stranger() -> said.Listener:
-    return said.Listener("elsewhere", 1, (("uqmbd", logging.INFO), ("uqmbd.mine", logging.DEBUG)))
+def stranger() -> log_records.Listener:
+    return log_records.Listener("elsewhere", 1, (("uqmbd", logging.INFO), ("uqmbd.mine", logging.DEBUG)))
 
 
 def test_threads_of_a_worker_hear_their_own_and_leave_loggers_as_they_were(caplog: pytest.LogCaptureFixture) -> None:
@@ -108,7 +110,7 @@ def test_threads_of_a_worker_hear_their_own_and_leave_loggers_as_they_were(caplo
     barrier = threading.Barrier(4)
 
     def one(number: int) -> list[str]:
-        with said.collected(stranger()) as found:
+        with log_records.collect_records(stranger()) as found:
             barrier.wait()
             mine.debug("%d", number)
             logging.getLogger("uqmbd.methods").debug("not asked for")
@@ -122,26 +124,26 @@ def test_threads_of_a_worker_hear_their_own_and_leave_loggers_as_they_were(caplo
 
 
 def test_a_level_that_changes_on_the_way_decides(caplog: pytest.LogCaptureFixture) -> None:
-    with said.collected(stranger()) as found:
+    with log_records.collect_records(stranger()) as found:
         mine.info("late")
-    said.forward(found)
+    log_records.forward(found)
     assert not caplog.records
     with caplog.at_level("INFO", logger="uqmbd.mine"):
-        said.forward(found)
+        log_records.forward(found)
     assert [record.getMessage() for record in caplog.records] == ["late"]
 
 
 def test_where_nobody_listens_nothing_is_collected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A handler that does nothing hears nothing; pytest's own are put aside."""
     monkeypatch.setattr(logging.getLogger(), "handlers", [logging.NullHandler()])
-    assert said.listener() is None
+    assert log_records.listener() is None
     before = list(logging.getLogger("uqmbd").handlers)
-    with said.collected(said.listener()) as found:
+    with log_records.collect_records(log_records.listener()) as found:
         assert logging.getLogger("uqmbd").handlers == before
         mine.warning("to nobody")
     assert found == []
     monkeypatch.setattr(mine, "handlers", [logging.StreamHandler()])
-    assert said.listener() is not None
+    assert log_records.listener() is not None
 
 
 def push(time: float, measured: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The workers that have answered: nobody says how many an executor has, and they come and go."""
+"""Workers that have replied: an executor does not report its number of workers, and that number may change."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from uqmbd.propagation.execution.transport.identity import Versions, Worker
 __all__ = ["AHEAD", "WorkerRegistry"]
 
 AHEAD = 64
-"""Pieces that are sent at least before one of them is answered."""
+"""Least number of pieces that are sent before the first reply."""
 
 EACH = 4
-"""Pieces that are sent for each worker that has answered: while some answer, others who have come find work."""
+"""Pieces that are sent for each worker that has replied, so that new workers also receive pieces."""
 
 PATIENCE = 256
-"""Refusals, one after another, after which nobody is expected to accept."""
+"""Consecutive refusals after which the run gives up."""
 
 
 class WorkerRegistry:
-    """Who has answered lately, who lacks a packed object, and who has refused."""
+    """Workers that have replied lately, that lack a packed object, or that have refused."""
 
     def __init__(self, expected: Versions) -> None:
         self._expected = expected
@@ -29,28 +29,28 @@ class WorkerRegistry:
         self._lacking: set[tuple[str, int]] = set()
         self._refusers: OrderedDict[tuple[str, int], str] = OrderedDict()
         self.refused = 0
-        """Refusals since somebody accepted."""
+        """Refusals since a worker accepted."""
         self.typical = 0.0
-        """Seconds that a piece takes."""
+        """Typical wall time of a piece, s."""
 
     @property
     def count(self) -> int:
-        """Workers that have answered lately."""
+        """Number of workers that have replied lately."""
         return len(self._last)
 
     def wants(self, carried: int) -> bool:
-        """Tell whether packed objects go with the next piece, where they are under way with so many others.
+        """Return whether the next piece carries packed objects, if `carried` others do.
 
-        They go once for each process that has asked and has not got them yet; where some refuse, who may take what is
-        meant for others, with all.
+        They are sent once for each process that has asked.  If some workers refuse, every piece carries them, because a
+        refusing worker may take a piece that was sent for another one.
         """
         return len(self._lacking) > (0 if self._refusers else carried)
 
     @property
     def window(self) -> int:
-        """Pieces that may be under way."""
+        """Most pieces that may be submitted at once."""
         if self._refusers:
-            # whoever refuses is free at once, and would take all that waits for the others
+            # a refusing worker is free at once, and would take all pieces that wait for the others
             return max(1, self.count + 1)
         return max(AHEAD, EACH * self.count)
 
@@ -70,7 +70,7 @@ class WorkerRegistry:
         self._lacking.add(worker.key[:2])
 
     def gone(self) -> None:
-        """Note that a worker has died, nobody knows which: those that lack something will ask again."""
+        """Note that an unknown worker has died: workers that lack objects will ask again."""
         self._lacking.clear()
 
     def refuse(self, worker: Worker) -> None:

@@ -1,4 +1,4 @@
-"""What loggers say in the process of a worker, on its way to those of the process that started the run."""
+"""Log records of worker processes, which are forwarded to the process that started the run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from uqmbd.logs import ROOT
 
-__all__ = ["Listener", "collected", "forward", "listener"]
+__all__ = ["Listener", "collect_records", "forward", "listener"]
 
 _PLAIN = (str, int, float, bool, type(None))
 
@@ -29,7 +29,7 @@ class Listener:
 
 
 def listener() -> Listener | None:
-    """Return this process as the listener; None where it has no handlers that would show or store a record.
+    """Return this process as the listener; None if it has no handler that shows or stores records.
 
     >>> listener() is None or dict(listener().levels)["uqmbd"] >= logging.NOTSET
     True
@@ -40,46 +40,46 @@ def listener() -> Listener | None:
         for name, one in [(ROOT.name, ROOT), *ROOT.manager.loggerDict.copy().items()]
         if (one is ROOT or name.startswith(below)) and isinstance(one, logging.Logger)
     }
-    if not any(_heard(one) for one in own.values()):
+    if not any(_has_handler(one) for one in own.values()):
         return None
     return Listener(
         socket.gethostname(), os.getpid(), tuple((name, one.level) for name, one in own.items() if one.level)
     )
 
 
-def _heard(logger: logging.Logger) -> bool:
-    """Whether a logger, or one above it, has a handler that does anything."""
+def _has_handler(logger: logging.Logger) -> bool:
+    """Return whether a logger, or one above it, has a handler that shows or stores records."""
     at: logging.Logger | None = logger
     while at is not None:
-        if any(not _to_nobody(handler) for handler in at.handlers):
+        if any(not _discards(handler) for handler in at.handlers):
             return True
         at = at.parent if at.propagate else None
     return False
 
 
-def _to_nobody(handler: logging.Handler) -> bool:
-    """Whether a handler does nothing, or writes to nowhere, as the one that chaospy adds when it is imported."""
+def _discards(handler: logging.Handler) -> bool:
+    """Return whether a handler discards records, as the one that chaospy adds on import."""
     nowhere = isinstance(handler, logging.FileHandler) and handler.baseFilename == os.path.abspath(os.devnull)
     return nowhere or isinstance(handler, logging.NullHandler)
 
 
 @contextmanager
-def collected(told: Listener | None) -> Iterator[list[logging.LogRecord]]:
-    """Collect what this thread says, at the levels of the listener; nothing where that is this process, or nobody.
+def collect_records(listener: Listener | None) -> Iterator[list[logging.LogRecord]]:
+    """Collect log records of this thread at the levels of the listener; none if that is this process, or missing.
 
-    Handlers of this process do not get it: processes of MPI run the script that adds them, too, and would show all
-    of it twice.
+    Handlers of this process do not receive them: processes of MPI also run the script that adds handlers, and would
+    show all records twice.
     """
     found: list[logging.LogRecord] = []
-    if told is None or (told.host, told.process) == (socket.gethostname(), os.getpid()):
+    if listener is None or (listener.host, listener.process) == (socket.gethostname(), os.getpid()):
         yield found
         return
     collector = _Collector(found)
     with _lock:
         _now.append(collector)
         if len(_now) == 1:
-            _before.update({name: logging.getLogger(name).level for name, _ in told.levels})
-        for name, level in told.levels:
+            _before.update({name: logging.getLogger(name).level for name, _ in listener.levels})
+        for name, level in listener.levels:
             _set_level(name, level)
         ROOT.propagate = False
         ROOT.addHandler(collector)
@@ -96,7 +96,7 @@ def collected(told: Listener | None) -> Iterator[list[logging.LogRecord]]:
                 _before.clear()
 
 
-# Loggers belong to the process, and so does what is known of those that are changed: threads of a worker share them.
+# Loggers belong to the process, and so does the record of changed levels: the threads of a worker share both.
 _lock = threading.Lock()
 _now: list[_Collector] = []
 _before: dict[str, int] = {}
@@ -104,12 +104,12 @@ _before: dict[str, int] = {}
 
 def _set_level(name: str, level: int) -> None:
     logger = logging.getLogger(name)
-    if logger.level != level:  # it makes all loggers forget what is enabled
+    if logger.level != level:  # setting a level clears the caches of all loggers
         logger.setLevel(level)
 
 
 class _Collector(logging.Handler):
-    """Keeps what one thread says, in a form that travels."""
+    """Stores the log records of one thread, in a form that can be pickled."""
 
     def __init__(self, found: list[logging.LogRecord]) -> None:
         super().__init__()
@@ -121,19 +121,19 @@ class _Collector(logging.Handler):
 
 
 def _movable(handler: logging.Handler, record: logging.LogRecord) -> logging.LogRecord:
-    """Return a record without objects that others may not know; its text has the traceback, as that of queues has."""
+    """Return a record without objects that cannot be pickled; its text includes the traceback."""
     found = copy.copy(record)
     found.msg, found.args = handler.format(record), None
     found.exc_info = found.exc_text = found.stack_info = None
     try:
         pickle.dumps(vars(found))
-    except Exception:  # whatever somebody's object raises
+    except Exception:  # objects of users may raise any error
         found.__dict__ = {name: value for name, value in vars(found).items() if isinstance(value, _PLAIN)}
     return found
 
 
 def forward(records: Sequence[logging.LogRecord]) -> None:
-    """Let the loggers of this process say what those of a worker have said."""
+    """Pass log records of a worker to the loggers of this process."""
     for record in records:
         logger = logging.getLogger(record.name)
         if logger.isEnabledFor(record.levelno):
