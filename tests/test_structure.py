@@ -27,7 +27,7 @@ STATEMENTS = {
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 269,
     "uqmbd.compiled": 2020,
-    "uqmbd.dynamics": 13410,
+    "uqmbd.dynamics": 13445,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 147,
     "uqmbd.mechanism": 4540,

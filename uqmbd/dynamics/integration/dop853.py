@@ -11,7 +11,6 @@ References
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Iterator
 from dataclasses import replace
@@ -47,8 +46,6 @@ SURPLUS = 4.0
 """... by how many tolerances a step may leave the constraints, before the rank is looked at."""
 BETWEEN = 3.0
 """Error of an interpolant from which its step is rejected, over the largest of a smooth oscillation."""
-TIGHT = 1e-10
-"""Tolerance below which interpolants are not checked: rounding is a part of their errors."""
 SETTLED = 3
 """Projections by which a state is put on the constraints to rounding."""
 FAR = 1000.0
@@ -95,7 +92,7 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
         attempts=STEPS if attempts is None else attempts,
         guarded=guarded,
         # the estimate is of order 7, and steps are chosen for an error of order 8
-        between=BETWEEN * rtol ** (-1 / ORDER) if rtol >= TIGHT else math.inf,
+        between=BETWEEN * rtol ** (-1 / ORDER),
     )
 
 

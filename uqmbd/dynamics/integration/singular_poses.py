@@ -8,6 +8,9 @@ a motion that ends in the pose (a mechanism that locks up) has no such polynomia
 magnified by the inverse square of the distance: where it hides the tolerance, the continuation with the least
 difference is taken, if that is small enough.
 
+The fixed order of elimination can fail in a pose that is regular: a pivot passes through zero there.  Steps that are
+refused next to it lead to the order being chosen anew, at that pose.
+
 References
 ----------
 .. [1] E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, II.6.
@@ -24,7 +27,7 @@ import numpy as np
 
 from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
 from uqmbd.dynamics.equations import Model, state_arguments
-from uqmbd.dynamics.linear import accelerations, excess, index1_system
+from uqmbd.dynamics.linear import accelerations, excess, index1_system, residuals
 from uqmbd.typing import Array
 
 __all__ = ["SingularPoseWatcher", "repivoted"]
@@ -50,8 +53,16 @@ DEPENDENT = 0.2
 """Kept equations are nearly dependent if their smallest singular value is below this part of that of all."""
 STRAY = 0.05
 """Part of the way over a pose by which the constraints may correct what was continued: branches lie farther apart."""
+POOR = 0.1
+"""Relative residual of the index-1 system, over the tolerance, above which its pivots are poor."""
+BETTER = 0.1
+"""Part of the residual to which another order of elimination must reduce it."""
+TRIALS = 3
+"""Orders that were no better, after which no other is tried."""
+PLACES = np.array([0.0, 0.1, 0.3, 1.0])
+"""Parts of a refused step at which the residual is evaluated."""
 SYSTEMS = 8
-"""Systems of other equations that are remembered."""
+"""Systems of other equations or orders of elimination that are remembered."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +94,25 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
         return model
     new = replace(model, layout=replace(layout, kept=kept, active=np.setdiff1d(kept, freezing)))
     key = (model.digest, kept.tobytes())
-    system = _systems.get(key)
-    if system is None:
-        shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
-        near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
-        typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
-        system = index1_system(new, typical)
+    with _LOCK:
+        system = _systems.get(key)
+    return replace(new, system=system) if system else _eliminated_anew(new, q, s, time, parameters, key)
+
+
+def _eliminated_anew(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, key: tuple[str, bytes] | None = None
+) -> Model:
+    """Choose the order of elimination anew, at a pose of one realisation; remember it if there is a `key`."""
+    shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
+    near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
+    typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
+    system = index1_system(model, typical)
+    if key is not None:
         with _LOCK:
             while len(_systems) >= SYSTEMS:
                 del _systems[next(iter(_systems))]
             _systems[key] = system
-    return replace(new, system=system)
+    return replace(model, system=system)
 
 
 @dataclass
@@ -107,8 +126,9 @@ class SingularPoseWatcher:
     passed: int = 0  # number of singular poses passed
 
     def __post_init__(self) -> None:
-        # changes, in words
+        # changes of the kept equations, in words
         self.notes: list[str] = []
+        self.reordered, self.no_better = 0, 0  # orders of elimination that were taken, and that were not
         # choices of equations, with the time from which they hold
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
         # final: whether the failure is one of the mechanism: no other method could continue either
@@ -140,7 +160,7 @@ class SingularPoseWatcher:
             return self._others(now, z, rank)
         if not self.alert:
             if abs(rank.ahead) > REACH * max(size, step):
-                return None
+                return Continuation(others=True) if self._reorder(now, z, size) else None
             if abs(rank.ahead) < FOOTING * step and len(times) > 1:
                 return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
@@ -171,6 +191,30 @@ class SingularPoseWatcher:
         before, self.looks, self.limit = self.looks, 0, np.inf
         self.best, self.least, self.distance = None, np.inf, np.inf
         return Continuation() if before else None
+
+    def _reorder(self, now: float, z: Array, size: float) -> bool:
+        """Choose the order of elimination anew if its pivots are poor within a step of this size; whether one was."""
+        layout = self.model.layout
+        ahead = np.repeat(z[None], len(PLACES), axis=0)
+        n = layout.coordinates
+        ahead[:, :n] += size * PLACES[:, None] * z[None, layout.velocities :]
+        times = now + size * PLACES
+        with np.errstate(all="ignore"):
+            before = residuals(self.model, ahead, times, self.parameters)
+            worst = int(np.argmax(np.nan_to_num(before, nan=np.inf)))
+            if before[worst] <= POOR * self.tolerance or self.no_better >= TRIALS:
+                return False
+            q, s, _ = layout.split(ahead[worst])
+            model = _eliminated_anew(self.model, q, s, times[worst], self.parameters)
+            better = residuals(model, ahead, times, self.parameters).max() <= BETTER * before[worst]
+        if not better:
+            self.no_better += 1
+            return False
+        self.reordered += 1
+        self.model = model
+        self.models.append((now, model))
+        self._calm()
+        return True
 
     def _others(self, now: float, z: Array, rank: Rank) -> Continuation | None:
         """Keep other equations."""

@@ -11,6 +11,7 @@ from uqmbd.dynamics.linear.index1 import (
     impulses,
     index1_system,
     massless_direction,
+    residuals,
 )
 from uqmbd.dynamics.linear.nodal import nodal_systems
 from uqmbd.dynamics.linear.pivoting import lemke
@@ -28,4 +29,5 @@ __all__ = [
     "lemke",
     "massless_direction",
     "nodal_systems",
+    "residuals",
 ]

@@ -21,6 +21,7 @@ __all__ = [
     "impulses",
     "index1_system",
     "massless_direction",
+    "residuals",
 ]
 
 
@@ -62,6 +63,14 @@ def _by_program(
         values = model.evaluators["acceleration"](state_arguments(times, q[poor], s[poor], v[poor]), parameters[poor])
         found[poor, :size] = solve_directly(system, values, system.right(values))
     return found[:, :n], found[:, n:size], found[:, size : size + states]
+
+
+def residuals(model: Model, states: Array, times: Array, parameters: Array) -> Array:
+    """Relative residuals (S,) of the solutions by fixed pivots at states (S, width), times (S,), of one realisation."""
+    q, s, v = model.layout.split(states)
+    block = np.repeat(parameters[None, : model.block_parameters], len(states), axis=0)
+    found = model.system.programs.motion(q, s, v, times.reshape(-1, 1), np.zeros((1, 1)), block)
+    return np.sqrt(found[:, -1])
 
 
 def excess(model: Model, states: Array, time: Array | float, parameters: Array) -> tuple[Array, Array]:
