@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
-from uqmbd_calibration.finding import Found, find
 from uqmbd_calibration.inference import Bias, require_sampler
+from uqmbd_calibration.posterior_search import Found, find
 from uqmbd_calibration.records import Record, check_size, checked_records, short
 from uqmbd_calibration.result import Calibration, tree_of, warn_of
 

@@ -19,11 +19,11 @@ import uqmbd
 from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment import (
-    CombinedPaths,
+    CombinedTrajectories,
     EndsEarlyWarning,
-    EventPaths,
+    EventTrajectories,
     Impossible,
-    PhasePaths,
+    PhaseTrajectories,
     Runs,
     align,
     chosen_over_time,
@@ -68,9 +68,9 @@ class _FamilyContext:
     plans: Plans
     limits: uqmbd.extend.ElementLimits
     tolerance: Limits
-    phase: PhasePaths
-    events: EventPaths | None = None
-    both: CombinedPaths | None = None
+    phase: PhaseTrajectories
+    events: EventTrajectories | None = None
+    both: CombinedTrajectories | None = None
     given: uqmbd.extend.Verification | None = None
     found: dict[Way, Expanded] = field(default_factory=dict)
     told: dict[Way, list[Warning]] = field(default_factory=dict)
@@ -85,10 +85,10 @@ class _FamilyContext:
         if family == "phase":
             return self._aligned(self.phase)
         if family == "events":
-            self.events = EventPaths(self.problem)
+            self.events = EventTrajectories(self.problem)
             return self._aligned(self.events)
         if family == COMBINED:
-            self.both = CombinedPaths.of(self.problem, self.events, self.phase.clock)
+            self.both = CombinedTrajectories.of(self.problem, self.events, self.phase.clock)
             return self._aligned(self.both)
         if family == "two-frequency":
             found = expand_series(self.problem, self.space, self.plans, self.limits, self.tolerance, self.given)
@@ -103,7 +103,7 @@ class _FamilyContext:
             self.counters.update(found.counters)
         return found
 
-    def _aligned(self, paths: EventPaths | PhasePaths | CombinedPaths) -> Expanded:
+    def _aligned(self, paths: EventTrajectories | PhaseTrajectories | CombinedTrajectories) -> Expanded:
         found = align(self.problem, self.space, self.plans, paths, self.limits, self.tolerance, self.given)
         self.beside += found.realisations - paths.spent
         self.counters.update(found.counters - paths.counters)
@@ -161,7 +161,7 @@ class _AtTimes(DerivedSource):
     """A problem whose realisations are read from those that were followed for a clock."""
 
     problem: uqmbd.extend.Problem
-    paths: PhasePaths
+    paths: PhaseTrajectories
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
         """Compute realisations, or read them."""
@@ -172,7 +172,7 @@ def impossible(problem: uqmbd.extend.Problem, family: Family) -> str:
     """Say why a family is impossible, as far as that is known before anything is computed; else nothing."""
     try:
         if family == "events":
-            EventPaths(problem)
+            EventTrajectories(problem)
             problem.require("segments")
     except Impossible as error:
         return error.reason
@@ -197,7 +197,7 @@ def expand_families(
     With both events and phases their combination is one more family, if it is possible. Raise StudyError or
     IntegrationError if all families are impossible or, with `wanted`, if one is; without `wanted` it is left out.
     """
-    work = _FamilyContext(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
+    work = _FamilyContext(problem, space, plans, limits, tolerance, PhaseTrajectories(problem, clock))
     ways: tuple[Way, ...] = (*names, COMBINED) if {"events", "phase"} <= set(names) else tuple(names)
     for family in sorted(ways, key=FIRST.index):
         if family == COMBINED:

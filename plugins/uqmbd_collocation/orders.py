@@ -9,10 +9,10 @@ import numpy as np
 
 import uqmbd
 from uqmbd_collocation.fitting import Fit, QuadratureProjection, Regression
-from uqmbd_collocation.given import GivenProjection
 from uqmbd_collocation.refinement import Limits, Refinement, RefinementStep, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import CollocationRuns
 from uqmbd_collocation.sparse_grids import SparseProjection
+from uqmbd_collocation.user_expansion import UserProjection
 
 __all__ = ["HIGHEST", "raise_order"]
 
@@ -24,7 +24,7 @@ HIGHEST = 32
 def raise_order(
     runs: CollocationRuns,
     points: uqmbd.extend.VerificationPoints,
-    plan: Callable[[int], QuadratureProjection | SparseProjection | Regression | GivenProjection],
+    plan: Callable[[int], QuadratureProjection | SparseProjection | Regression | UserProjection],
     first: int,
     limits: Limits,
     label: str,

@@ -13,9 +13,9 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import QuadratureProjection, Regression
-from uqmbd_collocation.given import Given, GivenProjection
 from uqmbd_collocation.sparse import SOLVERS, linear_models
 from uqmbd_collocation.sparse_grids import SparseProjection, fewest_nodes, level_of, levels_for, levels_of
+from uqmbd_collocation.user_expansion import UserExpansion, UserProjection
 
 __all__ = ["DEFAULT_ORDER", "STREAM", "Adaptive", "Method", "Plans", "Terms"]
 
@@ -59,7 +59,7 @@ class Plans:
     max_realisations: int
     verify: int
     seed: int
-    expansion: Given | None = None
+    expansion: UserExpansion | None = None
 
     def __post_init__(self) -> None:
         if self.expansion is not None:
@@ -132,7 +132,7 @@ class Plans:
 
     def plan(
         self, space: uqmbd.extend.GermSpace, order: int | None
-    ) -> QuadratureProjection | SparseProjection | Regression | GivenProjection:
+    ) -> QuadratureProjection | SparseProjection | Regression | UserProjection:
         """Choose nodes and fit without computing realisations.
 
         Raise StudyError if an option does not suit the inputs or more than ``max_realisations`` would be needed.
@@ -145,7 +145,7 @@ class Plans:
 
     def _planned(
         self, space: uqmbd.extend.GermSpace, order: int | None
-    ) -> QuadratureProjection | SparseProjection | Regression | GivenProjection:
+    ) -> QuadratureProjection | SparseProjection | Regression | UserProjection:
         """Choose nodes; too many are refused without a remedy."""
         if self.expansion is not None:
             given = self.expansion.plan(space, self.label)

@@ -12,16 +12,16 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
+from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
-from uqmbd_collocation.given import Given
 from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import DEFAULT_ORDER, Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import announced_once
 from uqmbd_collocation.two_frequency import expand_series
+from uqmbd_collocation.user_expansion import UserExpansion
 
 __all__ = ["Collocation"]
 
@@ -233,9 +233,9 @@ class Collocation(uqmbd.extend.Propagator):
         for name, usual in (("order", (None, DEFAULT_ORDER)), ("transform", (Collocation.transform,))):
             if (given := getattr(self, name)) not in usual:
                 raise uqmbd.StudyError(f"Collocation: {name}={given!r} means nothing with expansion=; leave it out.")
-        if isinstance(self.expansion, Given) and self.nodes is None and self.weights is None:
+        if isinstance(self.expansion, UserExpansion) and self.nodes is None and self.weights is None:
             return
-        object.__setattr__(self, "expansion", Given.of(self.expansion, self.nodes, self.weights))
+        object.__setattr__(self, "expansion", UserExpansion.of(self.expansion, self.nodes, self.weights))
         object.__setattr__(self, "nodes", None)
         object.__setattr__(self, "weights", None)
 
@@ -415,5 +415,5 @@ class Collocation(uqmbd.extend.Propagator):
         (family,) = self.families
         if family == "two-frequency":
             return expand_series(problem, space, plans, *about)
-        paths = EventPaths(problem) if family == "events" else PhasePaths(problem, self.clock)
+        paths = EventTrajectories(problem) if family == "events" else PhaseTrajectories(problem, self.clock)
         return align(problem, space, plans, paths, *about)

@@ -33,7 +33,7 @@ IN_TIME = 4
 
 
 @dataclass(eq=False)
-class _AlignedPath:
+class _AlignedTrajectory:
     """Coefficients (P, S, N, width + 1) of states and time at the points of consecutive segments, up to a phase."""
 
     motion: uqmbd.extend.PhaseMotion
@@ -154,11 +154,11 @@ def galerkin_in_phase(
 
 def _started(
     problem: uqmbd.extend.Problem, projected: uqmbd.extend.ProjectedEnsemble, rates: ClockRates
-) -> _AlignedPath:
+) -> _AlignedTrajectory:
     """Begin in phase; where the clock starts at rest, in time until it runs."""
     times, rtol = problem.times, problem.rtol
     if rates.until <= times[0]:
-        return _AlignedPath(_in_phase(problem, projected, rates, times, projected.start.state), [])
+        return _AlignedTrajectory(_in_phase(problem, projected, rates, times, projected.start.state), [])
     points = points_of(np.linspace(times[0], rates.until, IN_TIME + 1))
     own, inverse = np.unique(points.ravel(), return_inverse=True)
     found = projected.integrate(own, rtol, "dop853")
@@ -169,7 +169,7 @@ def _started(
     whole[0, :, -1] = own
     later = np.array([rates.until, max(times[-1], 2 * rates.until - times[0])])
     motion = _in_phase(problem, projected, rates, later, found.coefficients[:, -1])
-    return _AlignedPath(motion, [whole[:, inverse].reshape(len(whole), *points.shape, -1)])
+    return _AlignedTrajectory(motion, [whole[:, inverse].reshape(len(whole), *points.shape, -1)])
 
 
 def _in_phase(
@@ -185,7 +185,7 @@ def _in_phase(
     return projected.in_phase(rates, times, problem.rtol, state, *ahead)
 
 
-def _follow_nodes(path: _AlignedPath, projected: uqmbd.extend.ProjectedEnsemble, end: float) -> None:
+def _follow_nodes(path: _AlignedTrajectory, projected: uqmbd.extend.ProjectedEnsemble, end: float) -> None:
     """Integrate until all nodes have reached a time."""
     path.follow(1.0)
     while True:
@@ -199,7 +199,7 @@ def _follow_nodes(path: _AlignedPath, projected: uqmbd.extend.ProjectedEnsemble,
 
 
 def _late(
-    path: _AlignedPath,
+    path: _AlignedTrajectory,
     box: uqmbd.extend.GermBox,
     terms: Index,
     problem: uqmbd.extend.Problem,

@@ -53,11 +53,11 @@ def require_sizes(path: str, root: XmlElement) -> None:
 
     `path`: the file; `root`: as parsed. Raise StudyError with file, line and element.
     """
-    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _Looked())
+    _look(path, root, frozenset((str(Path(path).resolve()),)), 1.0, _SizeCheck())
 
 
 @dataclass
-class _Looked:
+class _SizeCheck:
     """What was found so far."""
 
     bodies: float = 0.0
@@ -65,7 +65,7 @@ class _Looked:
     """Of each file that is included: its root, the most copies that were looked at, and bodies of each copy."""
 
 
-def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _Looked) -> None:
+def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
     """Look at all elements, each with the number of its copies."""
     waiting = [(root, copies)]
     while waiting:
@@ -92,7 +92,7 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
         waiting.extend((inner, times) for inner in element)
 
 
-def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _Looked) -> None:
+def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
     """Look at a file of the model; one that is not found is left to MuJoCo, which names it.
 
     What a file asks for grows with its copies: a file that was examined with as many copies is not examined again.

@@ -239,7 +239,7 @@ class Reliability(uqmbd.extend.Propagator):
         """Say what is in the way: nothing random, or a requirement that there is not."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
-        if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_dear(study)):
+        if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_expensive(study)):
             return f"its surrogate {self.surrogate.name!r}: {found}"
         return self._unknown(list(study.mechanism.requirements))
 
@@ -291,7 +291,7 @@ class Reliability(uqmbd.extend.Propagator):
         found = analyse(runs, dimension, method=self.method, target=target, most=most - spent, generator=generator)
         return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
 
-    def _too_dear(self, study: uqmbd.Study) -> str | None:
+    def _too_expensive(self, study: uqmbd.Study) -> str | None:
         """Say that a surrogate may leave too little of the realisations."""
         if self.surrogate is None or (planned := self.surrogate.estimate(study)) is None:
             return None

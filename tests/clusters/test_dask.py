@@ -273,7 +273,7 @@ def test_workers_find_the_functions_of_a_script_and_what_lies_beside_it(
 def test_a_cluster_without_workers_is_told_and_waited_for(cluster: Any) -> None:
     with (
         pytest.warns(uqmbd.StudyWarning, match="the cluster has no workers"),
-        uqmbd.Workers(dask=cluster.address).at_work() as executor,
+        uqmbd.Workers(dask=cluster.address).start() as executor,
     ):
         found = executor.submit(abs, -3)
         cluster.hire()
@@ -297,7 +297,7 @@ def test_a_worker_without_uqmbd_is_told(cluster: Any, command: Any, tmp_path: Pa
 def test_a_cluster_that_is_started_here_is_reached_from_here_alone():
     """Whoever reaches a scheduler may have it run code, and its pages tell of the work."""
     psutil = pytest.importorskip("psutil")
-    with uqmbd.Workers(count=1, dask="local").at_work() as executor:
+    with uqmbd.Workers(count=1, dask="local").start() as executor:
         assert executor.submit(abs, -3).result() == 3
         own = psutil.Process()
         listening = [

@@ -23,7 +23,7 @@ class Show:
     help = "Show who computes."
 
     def run(self, word: Annotated[str, typer.Argument(help="Any.")] = "x", *, workers: uqmbd.Workers) -> None:
-        with workers.at_work() as executor:
+        with workers.start() as executor:
             print(word, executor)
 
 
@@ -57,7 +57,7 @@ def test_an_address_that_is_empty_is_no_worker_here():
 
 def test_an_executor_that_is_there_is_used_and_left_open():
     with ThreadPoolExecutor(1) as mine:
-        with uqmbd.Workers(executor=mine).at_work() as found:
+        with uqmbd.Workers(executor=mine).start() as found:
             assert found is mine
         assert mine.submit(max, 1, 2).result() == 2
 
@@ -91,13 +91,13 @@ def test_a_library_that_is_missing_is_named(
     module: str, workers: uqmbd.Workers, expected: str, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(uqmbd.StudyError, match=expected), workers.at_work():
+    with pytest.raises(uqmbd.StudyError, match=expected), workers.start():
         pass
 
 
 def _at_work(workers: uqmbd.Workers) -> Callable[[], None]:
     def work() -> None:
-        with workers.at_work():
+        with workers.start():
             pass
 
     return work

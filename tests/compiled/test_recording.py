@@ -75,7 +75,7 @@ def test_smallest_values_so_far_are_those_of_many_times():
     own = np.repeat([0, 1], 5)
     nodes = begin[:, None] + PLACES * (end - begin)[:, None]
     values = np.stack([function[k](t) for k, t in zip(own, nodes, strict=True)])[:, None]
-    found = fitted(values, begin, end).least_so_far(np.array([0, 5]), times)
+    found = fitted(values, begin, end).cumulative_minimum(np.array([0, 5]), times)
     dense = np.linspace(0, 3, 20_001)
     for row, f in zip(found, function, strict=True):
         so_far = np.minimum.accumulate(f(dense))[np.searchsorted(dense, times - 1e-12)]

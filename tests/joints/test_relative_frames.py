@@ -150,7 +150,7 @@ def moved(mechanism):
     model = kinematic_model(mechanism)
     parameters = model.parameters(mechanism.inputs.means[None, :])
     before = parameters[:, model.drawn]
-    after, messages = positions(model, before, 0.0, parameters, model.layout.kept_holonomic)
+    after, messages = positions(model, before, 0.0, parameters, model.layout.independent_holonomic)
     assert messages == [""]
     arguments = np.concatenate([before, np.zeros((1, model.layout.states + before.shape[1] + 2))], axis=1)
     residual = model.evaluate("position", arguments, parameters)["phi"]
@@ -270,7 +270,7 @@ def test_random_axes_are_parallel_in_each_realisation(joint):
     model = kinematic_model(mechanism)
     rows = random.standard_normal((16, 2)) * 0.01
     parameters = model.parameters(rows)
-    found, messages = positions(model, parameters[:, model.drawn], 0.0, parameters, model.layout.kept_holonomic)
+    found, messages = positions(model, parameters[:, model.drawn], 0.0, parameters, model.layout.independent_holonomic)
     assert not any(messages)
     for k, (axis, shifts, axis_j) in enumerate(axes):
         wanted = axis + rows @ shifts.T

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.units import SPELLINGS, TABLE, Unit, advice_on, read_units
-from uqmbd.units.asked import unit_of_pint
+from uqmbd.units.pint_units import unit_of_pint
 
 pint = pytest.importorskip("pint")
 

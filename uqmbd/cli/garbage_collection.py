@@ -45,10 +45,10 @@ def loading() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.set_threshold(*thresholds)
-        _ask_late()
+        _defer_checks()
 
 
-def _ask_late() -> None:
+def _defer_checks() -> None:
     """Let xarray ask for arrays of Dask and pint when somebody has imported these packages, not before."""
     compatibility, tools = (sys.modules.get(f"xarray.namedarray.{name}") for name in ("pycompat", "utils"))
     known, made = (getattr(compatibility, name, None) for name in ("_cached_duck_array_modules", "DuckArrayModule"))

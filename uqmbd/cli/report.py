@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-from uqmbd.results.storage import FIGURES, is_ours, is_recognised, make_way, not_verified, start_manifest
+from uqmbd.results.storage import FIGURES, is_ours, is_recognised, move_unlisted, not_verified, start_manifest
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "MOTION", "POSES", "keep_motion", "open_report", "rewrite_report", "write"]
+__all__ = ["FIGURES", "MOTION", "POSES", "write_motion", "open_report", "rewrite_report", "write"]
 
 MOTION = "motion.nc"
 """Poses of the mechanism, from which the report draws its motion."""
@@ -53,7 +53,7 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
         open_report(path)
 
 
-def keep_motion(tree: xr.DataTree, folder: Path) -> None:
+def write_motion(tree: xr.DataTree, folder: Path) -> None:
     """Write the poses from which the report draws the motion, and their surrogates, if there are any."""
     from uqmbd.results import save
 
@@ -79,7 +79,7 @@ def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
         )
     try:
         # what is there is replaced where uqmbd wrote it, and else left
-        previous = make_way(run, [path.name, *([FIGURES] if figures else [])])
+        previous = move_unlisted(run, [path.name, *([FIGURES] if figures else [])])
         if previous is not None:
             print(f"Note: the earlier report in {run} was moved to {previous}.", file=sys.stderr, flush=True)
         start_manifest(run)

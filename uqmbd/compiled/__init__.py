@@ -21,7 +21,16 @@ from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Program, ProgramPart, ProgramWriter
-from uqmbd.compiled.recording import FINE, PLACES, SERIES, FittedPolynomials, Need, PartTable, RecordedPath, StepHistory
+from uqmbd.compiled.recording import (
+    FINE,
+    PLACES,
+    SERIES,
+    FittedPolynomials,
+    Need,
+    PartTable,
+    RecordedSteps,
+    StepHistory,
+)
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.writer import LANES
@@ -50,7 +59,7 @@ __all__ = [
     "Operation",
     "ProgramPart",
     "PartTable",
-    "RecordedPath",
+    "RecordedSteps",
     "Program",
     "IntegrationState",
     "SegmentTable",

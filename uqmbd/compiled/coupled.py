@@ -114,7 +114,7 @@ class CoupledSystems:
         self._times, self._paces = aligned(groups), aligned(groups)
 
     def _guarded(self, outside: Callable[[Array, bool], None]) -> Callable[[int], None]:
-        """Keep an exception, which cannot pass the driver, until `_told` raises it; there is no solution then."""
+        """Store an exception, which cannot pass the driver, until `_raise_stored` raises it; the solution is void."""
 
         def call(what: int) -> None:
             try:
@@ -127,7 +127,7 @@ class CoupledSystems:
 
         return call
 
-    def _told(self) -> None:
+    def _raise_stored(self) -> None:
         raised, self._raised = self._raised, None
         if raised is not None:
             raise raised
@@ -149,7 +149,7 @@ class CoupledSystems:
         self._take(time, state)
         found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
         load_driver().coupled_rate(self._address, address(self._state), address(found))
-        self._told()
+        self._raise_stored()
         rows = self._coefficients(found)
         rates = rows[:, self.systems.size :]
         if self.structure.paces and rates.shape[1]:
@@ -166,7 +166,7 @@ class CoupledSystems:
         found = aligned(2 * n * self.blocks)
         load_driver().coupled_place(self._address, address(self._state))
         load_driver().coupled_excess(self._address, address(self._state), address(found))
-        self._told()
+        self._raise_stored()
         rows = self._coefficients(found)
         return rows[:, :n], rows[:, n:]
 

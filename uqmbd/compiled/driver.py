@@ -27,7 +27,7 @@ __all__ = [
     "SOURCES",
     "ContactsStruct",
     "CoupledStruct",
-    "CourseStruct",
+    "MotionStruct",
     "EncountersStruct",
     "EquationsStruct",
     "FittedStruct",
@@ -35,7 +35,7 @@ __all__ = [
     "PoolStruct",
     "ProblemStruct",
     "ProgramStruct",
-    "SeenStruct",
+    "RangeStruct",
     "SegmentsStruct",
     "SourceStruct",
     "StepStruct",
@@ -198,7 +198,7 @@ class SegmentsStruct(ctypes.Structure):
     )
 
 
-class CourseStruct(ctypes.Structure):
+class MotionStruct(ctypes.Structure):
     """``Course`` of parts.c."""
 
     _fields_ = (
@@ -208,7 +208,7 @@ class CourseStruct(ctypes.Structure):
     )
 
 
-class SeenStruct(ctypes.Structure):
+class RangeStruct(ctypes.Structure):
     """``Seen`` of parts.c."""
 
     _fields_ = (
@@ -302,7 +302,7 @@ class _Driver:
                 EquationsStruct,
                 TurnsStruct,
             ),
-            *(SegmentsStruct, CourseStruct, SeenStruct, PartsStruct, FittedStruct),
+            *(SegmentsStruct, MotionStruct, RangeStruct, PartsStruct, FittedStruct),
         )
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))

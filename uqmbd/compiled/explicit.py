@@ -242,7 +242,7 @@ class IntegrationState:
         load_driver().project(*places, address(queue), len(queue), address(workspace))
 
     # -- for whoever decides -----------------------------------------------------------------------------------------
-    def known_nodes(self, member: int) -> tuple[Array, Array]:
+    def last_nodes(self, member: int) -> tuple[Array, Array]:
         """Return the states that were reached last: times (N,) and states (N, width)."""
         first = NODES - int(self.known[member])
         return self.node_times[member, first:], self.nodes[member, first:]

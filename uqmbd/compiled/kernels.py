@@ -109,14 +109,14 @@ def _plainly(expressions: Sequence[Any], point: dict[Any, float], tables: Tables
 
     try:
         inserted = replaced(expressions, values)
-        while tables and (found := _looked_up(inserted, tables)):
+        while tables and (found := _evaluate_lookups(inserted, tables)):
             inserted = replaced(inserted, found)
     except RuntimeError:
         return None
     return np.array([number(e) for e in inserted])
 
 
-def _looked_up(expressions: Sequence[Any], tables: Tables) -> dict[Any, Any]:
+def _evaluate_lookups(expressions: Sequence[Any], tables: Tables) -> dict[Any, Any]:
     """Look up what is looked up at numbers."""
     import symengine as se
 

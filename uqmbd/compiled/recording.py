@@ -29,7 +29,7 @@ __all__ = [
     "FittedPolynomials",
     "Need",
     "PartTable",
-    "RecordedPath",
+    "RecordedSteps",
     "StepRecorder",
 ]
 
@@ -57,7 +57,7 @@ _MEAN = np.linalg.solve(_VANDER(2 * PLACES - 1, 7).T, [1 / (1 - k * k) if k % 2 
 of Clenshaw and Curtis."""
 
 
-class RecordedPath(NamedTuple):
+class RecordedSteps(NamedTuple):
     """Recorded steps of realisations, in the order in which they were taken; later steps replace earlier ones."""
 
     owner: Index  # (P,): realisation of each step
@@ -65,16 +65,16 @@ class RecordedPath(NamedTuple):
     kept: Mask  # (P,): whether contacts last
     states: Array  # (P, 8, width): interpolated at `PLACES` from begin to end, on the constraints
 
-    def placed(self, numbers: Index) -> RecordedPath:
+    def placed(self, numbers: Index) -> RecordedSteps:
         """Return the steps of realisations that have other numbers elsewhere; those with negative ones are left out."""
         owner = numbers[self.owner]
         some = owner >= 0
         if some.all():
             return self._replace(owner=owner)
-        return RecordedPath(owner[some], self.ends[some], self.kept[some], self.states[some])
+        return RecordedSteps(owner[some], self.ends[some], self.kept[some], self.states[some])
 
     @classmethod
-    def joined(cls, paths: Iterable[RecordedPath | None]) -> RecordedPath | None:
+    def joined(cls, paths: Iterable[RecordedSteps | None]) -> RecordedSteps | None:
         """Join several; None where there is none."""
         found = [path for path in paths if path is not None]
         found = [path for path in found if len(path.owner)] or found[:1]
@@ -88,10 +88,10 @@ class StepRecorder:
 
     def __init__(self, count: int, width: int, *, recording: bool) -> None:
         self.room = max(min(ROOM // (len(PLACES) * max(1, width)), LEAST * count), LEAST) if recording else 0
-        self.width, self.owner, self.taken = width, np.arange(count), list[RecordedPath]()
-        self._begin_anew()
+        self.width, self.owner, self.taken = width, np.arange(count), list[RecordedSteps]()
+        self._restart()
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         self.path = np.empty((self.room, len(PLACES), self.width))
         self.path_ends, self.path_kept = np.empty((self.room, 2)), np.zeros(self.room, dtype=np.int8)
         self.path_owner, self.recorded = np.zeros(self.room, dtype=np.int64), np.zeros(1, dtype=np.int64)
@@ -101,7 +101,7 @@ class StepRecorder:
         """Make the recorder of one of the realisations, which goes on elsewhere; what was recorded stays together."""
         other = copy(self)
         other.owner, other.room = self.owner[member : member + 1].copy(), min(self.room, LEAST)
-        other._begin_anew()
+        other._restart()
         return other
 
     def take(self) -> None:
@@ -116,23 +116,23 @@ class StepRecorder:
         some = slice(self.since, end)
         self.begin, self.latest = end, len(self.taken)
         owner, kept = self.owner[self.path_owner[some]], self.path_kept[some] != 0
-        self.taken.append(RecordedPath(owner, self.path_ends[some], kept, self.path[some]))
+        self.taken.append(RecordedSteps(owner, self.path_ends[some], kept, self.path[some]))
         if end + LANES > self.room:
-            self._begin_anew()
+            self._restart()
 
     def passed(self, member: int, ends: Array, states: Array) -> None:
         """Record what somebody else has led a member through: states (1, 8, width) at `PLACES`, ends (1, 2)."""
         if self.room:
-            self.taken.append(RecordedPath(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
+            self.taken.append(RecordedSteps(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
 
     @property
-    def found(self) -> RecordedPath | None:
+    def found(self) -> RecordedSteps | None:
         """All steps that were recorded; None: none is."""
         if not self.room:
             return None
         none = np.zeros((0, len(PLACES), self.width))
-        first = RecordedPath(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
-        return RecordedPath.joined([first, *self.taken])
+        first = RecordedSteps(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
+        return RecordedSteps.joined([first, *self.taken])
 
 
 @dataclass(frozen=True)
@@ -148,13 +148,13 @@ class StepHistory:
     states: Array  # (row, 8, width): at the nodes of the polynomial
 
     @cached_property
-    def structure(self) -> c.CourseStruct:
+    def structure(self) -> c.MotionStruct:
         """As the driver takes it."""
         integers = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.owner, self.row)]
         times = [np.ascontiguousarray(x, dtype=float) for x in (self.begin, self.end, self.last)]
         rest = [self.kept.astype(np.int8), np.ascontiguousarray(self.states, dtype=float), PLACES, _WEIGHTS]
         kept = integers + times + rest
-        found = c.CourseStruct(self.states.shape[2], *map(address, kept))
+        found = c.MotionStruct(self.states.shape[2], *map(address, kept))
         found.held = kept
         return found
 
@@ -175,7 +175,7 @@ class StepHistory:
         arrays = [np.ascontiguousarray(x, dtype=float) for x in (block, values, low, high)]
         steps, part, work = np.ascontiguousarray(steps), outputs.part.structure, aligned(outputs.rows)
         sizes = arrays[0].shape[1], arrays[1].shape[1], found.shape[1]
-        given = c.SeenStruct(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
+        given = c.RangeStruct(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
         places = (ctypes.addressof(x) for x in (self.structure, given))
         load_driver().observe_parts(*places, len(steps), *map(address, (steps, *arrays[2:], found, work)))
         return found
@@ -224,7 +224,7 @@ class PartTable:
     def begin_with(self, course: StepHistory, step: Index, low: Array, high: Array) -> None:
         """Begin with parts of steps (E,), in order."""
         self.course, self.count, self.seen = course, len(step), 0
-        self._make_room(0)
+        self._reserve(0)
         some, owner = slice(self.count), course.owner[step]
         self.step[some], self.low[some], self.high[some] = step, low, high
         self.depth[some], self.beside[some] = 0, 0
@@ -233,7 +233,7 @@ class PartTable:
         # allowed (R, O): absolute tolerances of the realisations
         self.open, self.allowed = np.ones_like(self.first), np.zeros((len(self.first), self.outputs))
 
-    def _make_room(self, used: int) -> None:
+    def _reserve(self, used: int) -> None:
         """Let there be room for all parts to be divided by three; so many are kept."""
         if self.room >= 4 * self.count:
             return
@@ -257,7 +257,7 @@ class PartTable:
     def refine(self, values: Array) -> bool:
         """Take the values (E, output, 8) of new parts; tell whether there are more."""
         self.values[self.seen : self.count] = values
-        self._make_room(self.count)
+        self._reserve(self.count)
         structure, begun, self.seen = self._structure(), self.seen, self.count
         self.count = load_driver().refine_parts(ctypes.addressof(structure), begun, self.count)
         return self.count > self.seen
@@ -313,7 +313,7 @@ class FittedPolynomials:
         )
         return place, value
 
-    def least_so_far(self, first: Index, times: Array) -> Array:
+    def cumulative_minimum(self, first: Index, times: Array) -> Array:
         """Find the smallest values so far at ascending times (T,), of realisations whose first parts are given: (R, T).
 
         At the last of the times, that of all parts.

@@ -15,7 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import Frame, Mark, Mechanism, collect_skeleton, nominal
 from uqmbd.typing import Array
 
-__all__ = ["Move", "apart", "extent_of", "known_places", "moved", "moves", "size_of"]
+__all__ = ["Move", "apart", "extent_of", "drawn_points", "moved", "moves", "size_of"]
 
 MOVED = 0.01
 """A body that assembly moves by less than this, in sizes of the drawn mechanism, is drawn where it is meant."""
@@ -50,7 +50,7 @@ def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
     return tuple(found)
 
 
-def known_places(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
+def drawn_points(mechanism: Mechanism) -> dict[str, list[tuple[Mark, Array]]]:
     """Known points of each body as drawn, m, at the means; a point without a finite place is left out."""
     poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
     poses["ground"] = mechanism.ground.q
@@ -76,7 +76,7 @@ def extent_of(places: Sequence[Array]) -> float:
 
 def size_of(mechanism: Mechanism) -> float:
     """Largest extent of the mechanism as drawn, m, at the means: of all points that are known of its bodies."""
-    return extent_of([place for found in known_places(mechanism).values() for _, place in found])
+    return extent_of([place for found in drawn_points(mechanism).values() for _, place in found])
 
 
 def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tuple[Move, ...]:
@@ -84,7 +84,7 @@ def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tupl
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
     free = replace(model, conditions=None)
-    q, _ = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
+    q, _ = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
     found = [m for m in moves(model, drawn[0], q[0]) if m.turn > TILTED or m.distance > 1e-9]
     limit = 0.0
     if found:  # which takes SymPy long

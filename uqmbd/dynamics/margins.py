@@ -67,9 +67,9 @@ class MarginMap:
         return self.moving is not None or (self.still is not None and self.still.needs_motion)
 
     @property
-    def needs_path(self) -> bool:
+    def needs_dense_output(self) -> bool:
         """Whether the motion between the output times is needed."""
-        return self.moving is not None or (self.still is not None and self.still.needs_path)
+        return self.moving is not None or (self.still is not None and self.still.needs_dense_output)
 
     @property
     def over_time(self) -> NDArray[np.bool_]:

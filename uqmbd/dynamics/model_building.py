@@ -46,7 +46,7 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.margins import margin_map
-from uqmbd.dynamics.model_checks import Assembled, looked_at, model_findings
+from uqmbd.dynamics.model_checks import Assembled, inputs_of_notices, model_findings
 from uqmbd.dynamics.model_key import compute_model_key
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
@@ -277,7 +277,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, 
     `uqmbd.AssemblyError` or `uqmbd.StudyError` if the mechanism cannot be assembled at the means, or no force can
     accelerate a body.
     """
-    key = compute_model_key(mechanism, time, fuse, rows=looked_at(mechanism))
+    key = compute_model_key(mechanism, time, fuse, rows=inputs_of_notices(mechanism))
     make = partial(_built, mechanism, time, fuse)
     model: Model = make() if key is None else cached(("model", key), make)
     for finding in () if quiet else model.findings:
@@ -316,7 +316,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
-    q, _ = positions(model, drawn, time, parameters, layout.kept_holonomic)
+    q, _ = positions(model, drawn, time, parameters, layout.independent_holonomic)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
     if layout.constraints > layout.rank:
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])

@@ -15,7 +15,7 @@ import sympy
 
 from uqmbd.dynamics.assembly import dropped_in_dead_centre, positions
 from uqmbd.dynamics.control import unused_commands
-from uqmbd.dynamics.drawn_pose import apart, extent_of, known_places, moved
+from uqmbd.dynamics.drawn_pose import apart, drawn_points, extent_of, moved
 from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
 from uqmbd.dynamics.margins import undetermined_margins
 from uqmbd.errors import Finding, RedundantConstraintWarning, Severity
@@ -33,7 +33,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.typing import Array
 
-__all__ = ["Assembled", "looked_at", "model_findings"]
+__all__ = ["Assembled", "inputs_of_notices", "model_findings"]
 
 
 FAR = 1.0
@@ -75,7 +75,7 @@ class Assembled:
     @cached_property
     def places(self) -> dict[str, list[tuple[Mark, Array]]]:
         """Known points of each body, as drawn, in the world frame, m."""
-        return known_places(self.mechanism)
+        return drawn_points(self.mechanism)
 
     @cached_property
     def size(self) -> float:
@@ -260,7 +260,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
     """Angles at which drivers start and are drawn, rad, in the realisations that are looked at."""
     if not drivers:
         return []
-    rows = looked_at(mechanism)
+    rows = inputs_of_notices(mechanism)
     places = [x for body in mechanism.bodies.values() for x in body.q]
     expressions = [(_angle_at_start(x, model.time), plain(_drawn_angle(x))) for x in drivers]
     symbols, known = list(mechanism.inputs.variables), rows
@@ -268,7 +268,7 @@ def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) ->
         parameters = model.parameters(rows)
         # start conditions move followed joints and their followers together, and turns are counted on the way
         drawn, free = parameters[:, model.drawn], replace(model, conditions=None)
-        q, messages = positions(free, drawn, model.time, parameters, model.layout.kept_holonomic)
+        q, messages = positions(free, drawn, model.time, parameters, model.layout.independent_holonomic)
         assembled = np.flatnonzero([not message for message in messages])
         symbols, known = [*symbols, *places], np.concatenate([rows, q], axis=1)[assembled]
     values = [ParameterMap.of(pair, symbols)(known) for pair in expressions]
@@ -285,7 +285,7 @@ def _angle_at_start(component: Component, time: float) -> sympy.Expr:
     return plain(angle.xreplace({t: sympy.Float(time)}))
 
 
-def looked_at(mechanism: Mechanism) -> Array:
+def inputs_of_notices(mechanism: Mechanism) -> Array:
     """Return the values of the inputs that notices depend on, shape (K, input): the means, and where drivers turn more.
 
     The latter where an angle is prescribed, at points that are spread over the inputs.

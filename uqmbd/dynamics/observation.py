@@ -11,7 +11,7 @@ from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
 from uqmbd.dynamics.linear import RESIDUAL, Programs, accelerations
 from uqmbd.typing import Array, Index
 
-__all__ = ["energies", "observe", "observe_along", "observe_one_by_one", "output_program", "prepare"]
+__all__ = ["energies", "observe", "observe_along", "observe_singly", "output_program", "prepare"]
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
@@ -39,10 +39,10 @@ def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner:
         return _by_program(
             program, model, outputs, states, *map(Columns, (time, batch.block[owner], batch.values[owner]))
         )
-    return observe_one_by_one(batch, outputs, states, time, owner)
+    return observe_singly(batch, outputs, states, time, owner)
 
 
-def observe_one_by_one(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:
+def observe_singly(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:
     """Do the same with pivots of its own for each state."""
     return _one_by_one(batch.model, outputs, states, time, batch.block[owner], batch.values[owner])
 

@@ -68,7 +68,7 @@ class RandomisedQuantity:
 
 @dataclass
 class VariationLaw:
-    """How a number varies: by a standard deviation, by a distribution of a factor, or by one that is made for it."""
+    """How a number varies: by a standard deviation, by the distribution of a factor, or by that of a function."""
 
     where: str
     relative: float | None
@@ -81,17 +81,17 @@ class VariationLaw:
     @property
     def scales(self) -> bool:
         """Whether what is zero stays zero."""
-        return self.absolute is None and not self.made
+        return self.absolute is None and not self.has_function
 
     @property
-    def made(self) -> bool:
+    def has_function(self) -> bool:
         """Whether a function makes the distribution of each number."""
         return callable(self.distribution) and not is_distribution(self.distribution)
 
     def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
         """Return the distribution of a number, or say what cannot be."""
-        if self.made or is_distribution(self.distribution):
-            found = self._made_for(name, value) if self.made else value * self.distribution
+        if self.has_function or is_distribution(self.distribution):
+            found = self._distribution_for(name, value) if self.has_function else value * self.distribution
             if not is_distribution(found):
                 raise StudyError(
                     f"{self.where}: distribution({value:g}), of {name}, is {shown(found)}; expected a chaospy "
@@ -111,7 +111,7 @@ class VariationLaw:
                 "deviation, or give distribution= as a chaospy distribution of the factor by which it is multiplied."
             ) from None
 
-    def _made_for(self, name: str, value: float) -> Any:
+    def _distribution_for(self, name: str, value: float) -> Any:
         """Return what the function makes of a number."""
         try:
             found = self.distribution(value)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from uqmbd.plugins.command import Command, command_line
 from uqmbd.plugins.hooks import KINDS, HookKind, hookimpl, integrator_problem
-from uqmbd.plugins.loading import PluginInfo, Registry, load, merged, offered_by_core, registered_name
+from uqmbd.plugins.loading import PluginInfo, Registry, core_offers, load, merged, registered_name
 from uqmbd.plugins.registry import (
     checks,
     commands,
@@ -59,7 +59,7 @@ __all__ = [
     "integrators",
     "load",
     "merged",
-    "offered_by_core",
+    "core_offers",
     "owner",
     "propagator",
     "propagators",

@@ -20,7 +20,7 @@ class Command(Protocol):
     commands, and shows the traceback.
 
     A parameter of the type `uqmbd.Workers` without a default, after a ``*``, becomes the options ``--workers``,
-    ``--dask`` and ``--mpi``: ``with workers.at_work(script) as executor:`` yields what `Study.run`,
+    ``--dask`` and ``--mpi``: ``with workers.start(script) as executor:`` yields what `Study.run`,
     `uqmbd.extend.pool` and others take as workers.
 
     Attributes

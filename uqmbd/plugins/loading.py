@@ -15,7 +15,7 @@ from uqmbd.isolation import Isolated, last_line
 from uqmbd.names import lineage
 from uqmbd.plugins.hooks import GROUP, KINDS, HookKind, plugin_manager
 
-__all__ = ["PluginInfo", "Registry", "load", "merged", "offered_by_core", "registered_name"]
+__all__ = ["PluginInfo", "Registry", "load", "merged", "core_offers", "registered_name"]
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def load(
     return Registry(tuple(plugins), classes)
 
 
-def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
+def core_offers(implementation: object, kind: str) -> dict[str, type]:
     """Return what the core offers by a hook, looked at as what a plugin offers.
 
     `implementation`: implements the hook.

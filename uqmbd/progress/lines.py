@@ -45,7 +45,7 @@ class Lines:
         for label, work in reversed(list(self.board.works.items())):
             if work.state == "running":
                 if now - self.last >= max(SOON, LATER * (now - work.begin)):
-                    self._tell(label, work, now)
+                    self._print_progress(label, work, now)
                 return
 
     def start(self, label: str, total: int) -> None:
@@ -67,9 +67,9 @@ class Lines:
         work.done += count
         now = self.clock()
         if now - self.last >= max(SOON, LATER * (now - work.begin)):
-            self._tell(label, work, now)
+            self._print_progress(label, work, now)
 
-    def _tell(self, label: str, work: TaskProgress, now: float) -> None:
+    def _print_progress(self, label: str, work: TaskProgress, now: float) -> None:
         self.last = now
         spent = format_duration(now - work.begin, rough=True)
         if label in self.board.stages:

@@ -121,7 +121,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     statistics = node.children["statistics"].to_dataset(inherit=False)
     shape = problem.labels.shape
     mean = statistics.get("mean")
-    if "integration_error" in statistics or not shape[0] or _still(problem):
+    if "integration_error" in statistics or not shape[0] or _is_static(problem):
         return node
     if mean is None or mean.dims != ("output", "time") or mean.shape != shape:
         return node
@@ -134,7 +134,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     return node
 
 
-def _still(problem: Problem) -> bool:
+def _is_static(problem: Problem) -> bool:
     """Tell whether nothing is integrated."""
     return len(problem.times if problem.over is None else problem.over) < 2
 

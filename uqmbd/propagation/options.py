@@ -28,7 +28,7 @@ __all__ = [
     "check_report_times",
     "check_rtol",
     "check_start",
-    "check_still",
+    "check_timeless",
     "check_times",
 ]
 
@@ -113,7 +113,7 @@ def check_times(times: ArrayLike, where: str) -> Array:
     return grid
 
 
-def check_still(mechanism: Mechanism, where: str) -> Array:
+def check_timeless(mechanism: Mechanism, where: str) -> Array:
     """Return the times of a study without output times, 0 s alone, or say which outputs need some."""
     from uqmbd.mechanism import MotionSymbol
 

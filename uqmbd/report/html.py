@@ -23,7 +23,7 @@ from uqmbd.report.live import page_scripts
 from uqmbd.report.overview import ANSWERS
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
-from uqmbd.results.storage import FIGURES, errors_of_files, has_manifest, make_way, record
+from uqmbd.results.storage import FIGURES, errors_of_files, has_manifest, move_unlisted, record
 
 __all__ = ["Section", "write_report"]
 
@@ -135,7 +135,7 @@ def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Pa
     """Write a report, and figures beside it, to the folder of a run: only what uqmbd wrote there is replaced."""
     run = target.parent
     beside = figures is not None and figures.resolve() == (run / FIGURES).resolve()
-    previous = make_way(run, [REPORT, *([FIGURES] if beside else [])])
+    previous = move_unlisted(run, [REPORT, *([FIGURES] if beside else [])])
     if previous is not None:
         warnings.warn(f"the earlier report in {run} was moved to {previous}", StudyWarning, stacklevel=3)
     with scratch(run) as place:

@@ -175,7 +175,7 @@ class StudyResult:
     @classmethod
     def of(cls, tree: xr.DataTree) -> StudyResult:
         """Parse a tree."""
-        nodes = _until_known(propagator_nodes(tree))
+        nodes = _drop_unknown_times(propagator_nodes(tree))
         return cls(tree, {label: Method(label, node) for label, node in nodes.items()})
 
     @property
@@ -317,7 +317,7 @@ def _written(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+def _drop_unknown_times(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Leave out times at which no method has a result: where all end early."""
     ends = [node.attrs.get("ends_at") for node in nodes.values()]
     if not ends or any(end is None for end in ends):

@@ -195,7 +195,7 @@ def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
     turn = found.coords.get("output_angle")
     if turn is not None and float(turn) and RESPONSE in found:
         found[RESPONSE].attrs["turn"] = float(turn)
-    told: dict[str, Any] = {"Conventions": CF} if all(_tells(one) for one in found.data_vars.values()) else {}
+    told: dict[str, Any] = {"Conventions": CF} if all(_has_unit(one) for one in found.data_vars.values()) else {}
     return found.drop_vars([x for x in _OF_OUTPUTS if x in found.coords]).assign_attrs(told)
 
 
@@ -211,6 +211,6 @@ def _motion(data: xr.Dataset, name: str) -> xr.Dataset:
     return found
 
 
-def _tells(variable: xr.DataArray) -> bool:
+def _has_unit(variable: xr.DataArray) -> bool:
     """Tell whether a variable has its unit, or needs none: texts and numbers that count."""
     return variable.dtype.kind != "f" or "units" in variable.attrs

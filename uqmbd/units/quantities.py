@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.units.asked import unit_of_pint
+from uqmbd.units.pint_units import unit_of_pint
 from uqmbd.units.text import read_units
 from uqmbd.units.unit import Unit, in_words
 

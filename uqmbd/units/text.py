@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 
-from uqmbd.units.asked import asked_of_pint
 from uqmbd.units.names import SPELLINGS, TABLE
+from uqmbd.units.pint_units import unit_from_name
 from uqmbd.units.unit import Unit
 
 __all__ = ["advice_on", "read_units", "spelling"]
@@ -99,7 +99,7 @@ def _read(text: str) -> tuple[Unit | None, str]:
         except _Unreadable:
             pass
     try:
-        return _product(text, lambda name: TABLE.get(name) or asked_of_pint(name)), ""
+        return _product(text, lambda name: TABLE.get(name) or unit_from_name(name)), ""
     except _Unreadable:
         return None, _unknown(text)
 

@@ -84,7 +84,7 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
     study = uqmbd.load_study(script)
     records = _records(paths, options)
     methods = chosen_methods(study, options.only)
-    with uqmbd.extend.output_folder(out, WRITTEN), options.workers.at_work(script) as workers:
+    with uqmbd.extend.output_folder(out, WRITTEN), options.workers.start(script) as workers:
         found = calibrate(
             study,
             records,

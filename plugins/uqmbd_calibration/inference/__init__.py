@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from uqmbd_calibration.inference.bias import Bias
 from uqmbd_calibration.inference.blocks import FREEDOM, Block
-from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks, climb
 from uqmbd_calibration.inference.identifiability import Direction, combination, directions, expected_covariance
 from uqmbd_calibration.inference.inferring import Inferred, Mode, PosteriorCheck, infer
+from uqmbd_calibration.inference.machine_records import MachineRecords
 from uqmbd_calibration.inference.points import OperatingPoint
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, read_prior_surrogates

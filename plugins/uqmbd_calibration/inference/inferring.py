@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks
 from uqmbd_calibration.inference.correcting import CorrectedPredictions
+from uqmbd_calibration.inference.machine_records import MachineRecords
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
 from uqmbd_calibration.inference.settling import Mode, settle

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_calibration.inference.cases import MachineRecords
+from uqmbd_calibration.inference.machine_records import MachineRecords
 from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Unknowns
 
 __all__ = ["Linearised", "Posterior", "Predictor"]

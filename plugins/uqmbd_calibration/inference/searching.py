@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import norm, qmc
 
 from uqmbd.typing import Array, Index
-from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import Peaks, climb, distinct
+from uqmbd_calibration.inference.machine_records import MachineRecords
 from uqmbd_calibration.inference.posterior import Posterior
 
 __all__ = ["Builder", "search", "spread_over_prior"]

@@ -11,9 +11,9 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.blocks import FREEDOM
-from uqmbd_calibration.inference.cases import MachineRecords
 from uqmbd_calibration.inference.climbing import REACH, climb
 from uqmbd_calibration.inference.correcting import CorrectedPredictions, corrected, enough, tangent
+from uqmbd_calibration.inference.machine_records import MachineRecords
 from uqmbd_calibration.inference.points import SearchExhausted
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample

@@ -11,8 +11,8 @@ import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_calibration.finding import Found
 from uqmbd_calibration.inference import Mode
+from uqmbd_calibration.posterior_search import Found
 from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, find_discrepancy
 
 __all__ = ["checks_of", "named_strays", "warn_of"]

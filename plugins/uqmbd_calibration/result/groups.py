@@ -11,8 +11,8 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.typing import Array, Index
-from uqmbd_calibration.finding import Found
 from uqmbd_calibration.inference import Block, Posterior, spread_over_prior
+from uqmbd_calibration.posterior_search import Found
 from uqmbd_calibration.result.checks import checks_of
 from uqmbd_calibration.result.discrepancy import Residuals, residuals
 from uqmbd_calibration.result.marginals import marginals_of

@@ -17,7 +17,7 @@ from scipy.stats import rankdata
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_calibration.finding import Found
+from uqmbd_calibration.posterior_search import Found
 
 __all__ = ["CURVED", "GRID", "joint_distribution", "marginals_of"]
 

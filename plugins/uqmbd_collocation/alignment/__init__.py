@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from uqmbd_collocation.alignment.aligned_elements import align
 from uqmbd_collocation.alignment.choice import Runs, chosen_over_time, runs_in_words, taken_values
-from uqmbd_collocation.alignment.combined_paths import CombinedPaths
-from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.combined_trajectories import CombinedTrajectories
+from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
 from uqmbd_collocation.alignment.impossible import EndsEarlyWarning, Impossible
 from uqmbd_collocation.alignment.merging import merged
-from uqmbd_collocation.alignment.phase_paths import PhasePaths
+from uqmbd_collocation.alignment.phase_trajectories import PhaseTrajectories
 
 __all__ = [
-    "CombinedPaths",
+    "CombinedTrajectories",
     "EndsEarlyWarning",
-    "EventPaths",
+    "EventTrajectories",
     "Impossible",
-    "PhasePaths",
+    "PhaseTrajectories",
     "Runs",
     "align",
     "chosen_over_time",

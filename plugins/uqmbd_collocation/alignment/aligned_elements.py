@@ -18,11 +18,11 @@ from uqmbd.extend import AlignedElement
 from uqmbd.results import AlignedChaos, Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem
-from uqmbd_collocation.alignment.combined_paths import CombinedPaths
-from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.combined_trajectories import CombinedTrajectories
+from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
 from uqmbd_collocation.alignment.impossible import EndsEarlyWarning
-from uqmbd_collocation.alignment.landmarks import PER_TURN
-from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
+from uqmbd_collocation.alignment.markers import PER_TURN
+from uqmbd_collocation.alignment.phase_trajectories import STANDS, PhaseTrajectories
 from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.element_fits import ElementFits, FittedElement
@@ -36,7 +36,7 @@ __all__ = ["Alignment", "align"]
 
 Alignment = Literal["events", "phase"]
 Sequence = tuple[str, ...]
-Paths = EventPaths | PhasePaths | CombinedPaths
+Paths = EventTrajectories | PhaseTrajectories | CombinedTrajectories
 
 SPREAD = 4096
 """Points of the germ space at which the phases that are needed are estimated."""
@@ -175,7 +175,7 @@ def align(
             stacklevel=3,
         )
     standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)
-    if standing > 0 and isinstance(paths, PhasePaths):
+    if standing > 0 and isinstance(paths, PhaseTrajectories):
         warnings.warn(paths.of_standing(standing, [one.sequence for one in kept]), stacklevel=3)
     return work.expanded(
         chaos,
@@ -186,7 +186,7 @@ def align(
         {
             "segments": max(len(e.events) for e in chaos.elements),
             "mixed": float(mixed),
-            **({"standing": float(standing)} if isinstance(paths, PhasePaths) else {}),
+            **({"standing": float(standing)} if isinstance(paths, PhaseTrajectories) else {}),
             **paths.attributes([one.sequence for one in kept]),
         },
     )

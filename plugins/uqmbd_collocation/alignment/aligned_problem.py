@@ -12,7 +12,7 @@ import numpy as np
 import uqmbd
 from uqmbd.extend import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment.landmarks import Cut
+from uqmbd_collocation.alignment.markers import Cut
 from uqmbd_collocation.runs import DerivedSource
 
 __all__ = ["AlignedProblem"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
+from uqmbd_collocation.alignment.markers import PER_TURN, TURN
 
 __all__ = ["Merged", "merged"]
 

@@ -14,7 +14,7 @@ from uqmbd_collocation.runs import DerivedSource
 __all__ = ["Watching"]
 
 
-class MarkerPaths(Protocol):
+class MarkerTrajectories(Protocol):
     """Whatever knows sequences of landmarks."""
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask: ...
@@ -25,7 +25,7 @@ class Watching(DerivedSource):
     """Problem that records watched outputs of its realisations."""
 
     problem: uqmbd.extend.Problem
-    paths: MarkerPaths  # identify the sequence from the watched outputs
+    paths: MarkerTrajectories  # identify the sequence from the watched outputs
     _seen: list[Array] = field(default_factory=list)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:

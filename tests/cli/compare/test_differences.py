@@ -4,7 +4,7 @@ import chaospy
 import pytest
 
 import uqmbd
-from uqmbd.cli.compare.differences import what_differs
+from uqmbd.cli.compare.differences import find_differences
 from uqmbd.extend import InputInfo, labels, sample_dataset, statistics_dataset
 from uqmbd.results import propagator_node, save, study_tree
 from uqmbd_collocation import Collocation
@@ -37,7 +37,7 @@ K = InputInfo("k", "N/m", "Normal(20, 1)")
     ],
 )
 def test_inputs_that_nobody_recorded_are_not_said_to_be_equal(one, other, found):
-    assert what_differs({"A": stored(one), "B": stored(other)}) == found
+    assert find_differences({"A": stored(one), "B": stored(other)}) == found
 
 
 def test_what_does_not_always_happen_is_not_compared(command_line, tmp_path):

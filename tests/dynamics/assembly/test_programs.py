@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.dynamics.assembly.assembly import poses_by_iteration, statement_rows
+from uqmbd.dynamics.assembly.assembly import iterate_poses, statement_rows
 from uqmbd.dynamics.assembly.programs import closed_poses, least_velocities
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd_drivers import RotationDriver
@@ -78,9 +78,9 @@ def test_poses_are_those_of_the_iteration_with_singular_values(model, count, amo
     parameters = model.parameters(random.uniform(-0.09, 0.09, (count, 1)) + (model.name == "slider_crank") * 0.4)
     drawn = parameters[:, model.drawn]
     drawn = drawn + amount * random.uniform(-1, 1, drawn.shape)
-    rows = model.layout.kept_holonomic
+    rows = model.layout.independent_holonomic
     found, undecided = closed_poses(model, drawn, 0.0, parameters, rows)
-    expected, messages = poses_by_iteration(model, drawn, 0.0, parameters, rows)
+    expected, messages = iterate_poses(model, drawn, 0.0, parameters, rows)
     decided = np.flatnonzero(~undecided)
     assert len(decided) >= 0.5 * count - 1  # the driver does the work
     assert not any(messages[k] for k in decided)
@@ -115,5 +115,5 @@ def test_an_ordinary_ensemble_is_assembled_without_decisions(model, watched_eval
     watched = watched_evaluator(watched_evaluator(model, "position", decided.append), "velocity", decided.append)
     assert Ensemble(watched, values).start.ok.all()
     assert not decided, "ordinary realisations were left to be decided"
-    poses_by_iteration(watched, watched.parameters(values)[:, model.drawn], 0.0, watched.parameters(values), None)
+    iterate_poses(watched, watched.parameters(values)[:, model.drawn], 0.0, watched.parameters(values), None)
     assert decided, "the iteration evaluates the constraints"

@@ -12,8 +12,8 @@ import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.contact.coulomb import Touch
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
-from uqmbd.dynamics.contact.lasting import Lasting, contact_motion
 from uqmbd.dynamics.contact.limits import contacts_at_limit, slipping_together
+from uqmbd.dynamics.contact.persistent import Lasting, contact_motion
 from uqmbd.dynamics.contact.redundant import HELD, reserves, roomiest, unmoving
 from uqmbd_contact import PlaneContact, PlaneImpact
 from uqmbd_springs import PointForce

@@ -18,7 +18,7 @@ import uqmbd
 from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.contact.lasting import contact_forces, lasting_contacts
+from uqmbd.dynamics.contact.persistent import contact_forces, persistent_contacts
 from uqmbd_contact import PlaneImpact
 from uqmbd_montecarlo import MonteCarlo
 
@@ -176,7 +176,7 @@ def check_rest(count, samples, seed):
         sliding = rng.choice([0.0, 0.0, 1.0, -1.0], size=count)
         rows = np.concatenate([across[:, None], along[:, None]], axis=1).reshape(-1, 3)
         speed = np.column_stack([np.zeros(count), sliding * rng.uniform(0.1, 1, count)]).reshape(1, -1)
-        found = lasting_contacts(
+        found = persistent_contacts(
             ContactQuantities(
                 np.zeros((1, count)), tuple(range(0, 2 * count + 1, 2)), np.column_stack([0 * mu, mu])[None], speed,
                 np.zeros_like(speed), rows[None], free[None], np.linalg.solve(mass, rows.T)[None],

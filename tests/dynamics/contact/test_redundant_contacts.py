@@ -8,7 +8,7 @@ import scipy.optimize
 
 import uqmbd
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
-from uqmbd.dynamics.contact.lasting import lasting_contacts
+from uqmbd.dynamics.contact.persistent import persistent_contacts
 from uqmbd_contact import PlaneImpact
 from uqmbd_springs import Torque
 
@@ -41,7 +41,7 @@ def test_forces_on_a_disc_in_a_vee_satisfy_the_laws():
         rows = np.array([r for a in slopes for r in ((np.cos(a), np.sin(a), 0), (np.sin(a), -np.cos(a), -RADIUS))])
         applied = np.append(rng.normal(size=2) * 20, rng.normal() * 0.5) + (0, -20, 0)
         free, answer = np.linalg.solve(mass, applied), np.linalg.solve(mass, rows.T)
-        found = lasting_contacts(
+        found = persistent_contacts(
             ContactQuantities(
                 np.zeros((1, 2)), (0, 2, 4), np.column_stack([0 * mu, mu])[None], np.zeros((1, 4)), np.zeros((1, 4)),
                 rows[None], free[None], answer[None], (rows @ answer)[None],

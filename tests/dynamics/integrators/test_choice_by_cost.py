@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.integration import integrate_by_dop853
-from uqmbd.dynamics.integration.ida import reaches_by_ida
+from uqmbd.dynamics.integration.ida import can_finish_with_ida
 from uqmbd_joints import Revolute
 from uqmbd_springs import Bushing, SpringDamper
 
@@ -95,8 +95,8 @@ def test_who_integrates_depends_on_nothing_but_the_realisation():
 
 def test_a_comparison_ends_where_it_costs_more_than_was_spent():
     ensemble, times = Ensemble(oscillator(100.0), np.array([[100.0]])), np.linspace(0, 10, 11)
-    enough, whole = reaches_by_ida(ensemble, times, 1e-6, 1e12)
+    enough, whole = can_finish_with_ida(ensemble, times, 1e-6, 1e12)
     assert enough
-    too_little, part = reaches_by_ida(ensemble, times, 1e-6, 12_000 * whole.residuals / 2)
+    too_little, part = can_finish_with_ida(ensemble, times, 1e-6, 12_000 * whole.residuals / 2)
     assert not too_little
     assert 0 < part.residuals < whole.residuals / 2

@@ -176,7 +176,7 @@ def test_coupled_system_is_solved_as_a_dense_one(mechanisms, project, monkeypatc
     mechanism = very_random(mechanisms) if name == "very random" else mechanisms[name]()
     projected = project(mechanism, 3)
     if not compiled:
-        monkeypatch.setattr(nodal, "worth_while", lambda operations: False)
+        monkeypatch.setattr(nodal, "is_compilable", lambda operations: False)
         projected.model.system.programs.others.clear()
     state = projected.start.state
     coupled = ProjectedSystem(projected.model, projected.psi, projected.adjoint, projected.ensemble.block)

@@ -122,7 +122,7 @@ def test_errors_fall_with_the_tolerance():
 
 def test_errors_of_a_given_spacing_fall_with_its_order(stages, monkeypatch):
     """Of an integrator without steps of its own: with the eighth power of the spacing of its states."""
-    from uqmbd.dynamics.integration import path_through
+    from uqmbd.dynamics.integration import interpolate_steps
     from uqmbd.dynamics.summaries.motion import motion_of
 
     mechanism, _ = oscillator()
@@ -134,7 +134,7 @@ def test_errors_of_a_given_spacing_fall_with_its_order(stages, monkeypatch):
         def exact(t):
             return np.stack([1.5 + 0.5 * np.cos(10 * t), 0 * t, -5 * np.sin(10 * t), 0 * t], axis=-1)
 
-        path = path_through(times, exact(times)[None], None, np.zeros(1, dtype=np.int64))
+        path = interpolate_steps(times, exact(times)[None], None, np.zeros(1, dtype=np.int64))
         motion = motion_of(ensemble, path, np.zeros(1, dtype=np.int64), 0.0, np.zeros((1, 4)))
         steps = np.arange(len(motion.course.owner))
         states, moments = motion.course.states_of(steps, 0.0 * steps, np.ones(len(steps)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from uqmbd.cli.compare.differences import what_differs
+from uqmbd.cli.compare.differences import find_differences
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.wording import typeset_units
@@ -120,7 +120,7 @@ def _first(group: Sequence[str], nodes: Mapping[str, xr.DataTree]) -> str:
 
 
 def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None:
-    found = what_differs(trees)
+    found = find_differences(trees)
     if len(trees) < 2:
         return
     if not found:
@@ -197,7 +197,7 @@ def _write(
     attrs: dict[str, Any] = {"rtol": rtol, **({"notes": " ".join(notes)} if notes else {})}
     attrs |= {"failed": json.dumps(failed, ensure_ascii=False)} if failed else {}
     attrs |= {
-        f"what differs: {n}": "; ".join(f"{k}: {v}" for k, v in given.items()) for n, given in what_differs(trees)
+        f"what differs: {n}": "; ".join(f"{k}: {v}" for k, v in given.items()) for n, given in find_differences(trees)
     }
     tree = study_tree(
         aligned.values(),

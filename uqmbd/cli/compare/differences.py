@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-__all__ = ["what_differs"]
+__all__ = ["find_differences"]
 
 INPUT = "input "
 """Begin of the facts about inputs."""
@@ -18,7 +18,7 @@ _PASSED_OVER = frozenset(
 )
 
 
-def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
+def find_differences(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
     """Return what differs between results: a name, and what each of them says.
 
     `trees`: results of studies, by letter.

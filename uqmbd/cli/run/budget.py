@@ -28,7 +28,7 @@ def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
         return {}
     budget_of(budget, "--budget")
     accuracy_of(accuracy, "--accuracy")
-    return {"budget": budget, "accuracy": accuracy, "planned": _say}
+    return {"budget": budget, "accuracy": accuracy, "planned": _print_sentence}
 
 
 def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], only: Sequence[str]) -> None:
@@ -57,5 +57,5 @@ def too_small_for(tree: xr.DataTree) -> list[str]:
     return list(json.loads(tree.attrs.get("budget", "{}")).get("too_small_for", []))
 
 
-def _say(sentence: str) -> None:
+def _print_sentence(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)

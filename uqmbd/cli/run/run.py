@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.cli.garbage_collection import loading
-from uqmbd.cli.report import FIGURES, MOTION, POSES, keep_motion, open_report, write
+from uqmbd.cli.report import FIGURES, MOTION, POSES, open_report, write, write_motion
 from uqmbd.cli.run.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.run.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
@@ -33,7 +33,7 @@ from uqmbd.propagation import (
     warning_of,
     writable,
 )
-from uqmbd.results.storage import is_kept
+from uqmbd.results.storage import is_unfinished
 from uqmbd.wording import format_duration, format_probability
 
 if TYPE_CHECKING:
@@ -137,8 +137,8 @@ def _run_and_write(
     with claimed(writable(out)):
         if workers is not None and (awaited := workers.awaited):
             progress.stage(awaited)
-        with (workers or Workers()).at_work(script) as executor:
-            if resume and not is_kept(out):
+        with (workers or Workers()).start(script) as executor:
+            if resume and not is_unfinished(out):
                 print(
                     f"Note: --resume: {out} contains no unfinished run; a new run starts.", file=sys.stderr, flush=True
                 )
@@ -191,12 +191,12 @@ def _computed(
                 executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before, **chosen
             )
     except KeyboardInterrupt:
-        print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+        print(_resume_hint(script, out), file=sys.stderr, flush=True)
         raise
     except UqmbdError as error:
         # what cannot be used is to be changed, and nothing goes on with it
-        if (error.failed or not isinstance(error, StudyError)) and is_kept(out):
-            print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+        if (error.failed or not isinstance(error, StudyError)) and is_unfinished(out):
+            print(_resume_hint(script, out), file=sys.stderr, flush=True)
         raise
 
 
@@ -228,8 +228,8 @@ def _delivered(
         failed = failed_methods(tree)
         for label, reason in failed.items():
             print(f"Error: {label} has no results: {reason}", file=sys.stderr, flush=True)
-        if failed.keys() - too_small_for(tree) and is_kept(out):
-            print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+        if failed.keys() - too_small_for(tree) and is_unfinished(out):
+            print(_resume_hint(script, out), file=sys.stderr, flush=True)
         if problem:
             print(
                 f"Error: {problem}\nThe results are complete. To write their report: uqmbd report {out}",
@@ -254,7 +254,7 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], 
         else:
             tree, _ = with_poses(tree, study)
         # poses have a file of their own
-        keep_motion(tree, out)
+        write_motion(tree, out)
     if work.failed:
         print(f"Note: the report shows no animation of the mechanism: {work.reason}", file=sys.stderr, flush=True)
     with Isolated(*ERRORS_AND_EXITS) as work:
@@ -273,7 +273,7 @@ def _origin(script: Path, require: float | None) -> dict[str, Any]:
     return {"script": script.name, **digest, **command, **allowed}
 
 
-def _how_to_go_on(script: Path, out: Path) -> str:
+def _resume_hint(script: Path, out: Path) -> str:
     return (
         f"The completed part is stored in {out}. To continue (with the same other options): "
         f"uqmbd run {script} --out {out} --resume"

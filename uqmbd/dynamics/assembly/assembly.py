@@ -19,7 +19,7 @@ from uqmbd.dynamics.assembly.dead_centre import (
     amplified,
     dead_centre_of_pose,
     dead_centre_of_speeds,
-    follow_here_only,
+    locally_dependent,
     singular_pose,
 )
 from uqmbd.dynamics.assembly.least_norm import solve_least_norm
@@ -108,18 +108,18 @@ def placed(
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
     """Move drawn poses as little as closes all constraints: by the driver, what it leaves by the iteration here."""
     if rows is None:
-        return poses_by_iteration(model, drawn, time, parameters, rows)
+        return iterate_poses(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)
     messages = [""] * len(q)
     left = np.flatnonzero(undecided)
     if len(left):
-        q[left], found = poses_by_iteration(model, drawn[left], time, parameters[left], rows)
+        q[left], found = iterate_poses(model, drawn[left], time, parameters[left], rows)
         for k, message in zip(left.tolist(), found, strict=True):
             messages[k] = message
     return q, messages
 
 
-def poses_by_iteration(
+def iterate_poses(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
     """Move drawn poses as little as closes all constraints, through singular ones, too; say what hinders."""
@@ -236,10 +236,10 @@ def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
 
     `parameters` are those of one realisation, (1, parameter).
     """
-    q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
+    q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
     if messages[0]:
         return ""
-    here = follow_here_only(model, q[0], time, parameters[0])
+    here = locally_dependent(model, q[0], time, parameters[0])
     if not len(here):
         return ""
     return (
@@ -418,7 +418,7 @@ def _dead_centre(
         return float(_least_contradicting(*equations[:2])[3].max())
 
     def close(drawn: Array) -> tuple[Array, list[str]]:
-        return _closed(model, drawn, time, parameters[one], model.layout.kept_holonomic)
+        return _closed(model, drawn, time, parameters[one], model.layout.independent_holonomic)
 
     return dead_centre_of_speeds(model, q[k], directions, error, contradiction, close)
 
@@ -461,7 +461,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     safe = all_parameters
     if bad.any():
         safe = np.where(bad[:, None], np.nan_to_num(safe, nan=1.0, posinf=1.0, neginf=1.0), safe)
-    q, s, messages = placed(model, safe[:, model.drawn], time, safe, model.layout.kept_holonomic)
+    q, s, messages = placed(model, safe[:, model.drawn], time, safe, model.layout.independent_holonomic)
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
     outside = ~bad & np.array([bool(n) for n in forbidden], dtype=bool)

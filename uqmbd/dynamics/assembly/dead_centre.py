@@ -20,7 +20,7 @@ __all__ = [
     "amplified",
     "dead_centre_of_pose",
     "dead_centre_of_speeds",
-    "follow_here_only",
+    "locally_dependent",
     "singular_pose",
 ]
 
@@ -137,7 +137,9 @@ def dead_centre_of_speeds(
     motions, *_ = _motions(directions)
     if not motions.shape[1]:
         return ""
-    better = [x for x in motions.T[:DIRECTIONS] if any(_met(q + k * x, error, contradiction, close) for k in _SIDES)]
+    better = [
+        x for x in motions.T[:DIRECTIONS] if any(_can_be_met(q + k * x, error, contradiction, close) for k in _SIDES)
+    ]
     if not better:
         return ""
     bodies = _moved(model, np.sqrt(np.sum(np.square(better), axis=0)))
@@ -150,7 +152,7 @@ def dead_centre_of_speeds(
 _SIDES = (ASIDE, -ASIDE)
 
 
-def _met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
+def _can_be_met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
     """Whether what is stated can be realised in the pose that is nearest to a drawn one."""
     q, messages = close(drawn[None])
     return not messages[0] and contradiction(q[0]) < BETTER * error
@@ -166,7 +168,7 @@ def amplified(model: Model, v: Array, given: float) -> str:
     )
 
 
-def follow_here_only(model: Model, q: Array, time: float, parameters: Array) -> Index:
+def locally_dependent(model: Model, q: Array, time: float, parameters: Array) -> Index:
     """Find the equations that were left out as redundant, and follow from the others in this pose only.
 
     Along the motions that the others leave, equations that follow from them stay closed.
@@ -176,7 +178,7 @@ def follow_here_only(model: Model, q: Array, time: float, parameters: Array) -> 
     if not len(left):
         return none
     a, lengths = _scaled(model, q, time, parameters)
-    free, kept = np.setdiff1d(np.arange(len(q)), model.held), model.layout.kept_holonomic
+    free, kept = np.setdiff1d(np.arange(len(q)), model.held), model.layout.independent_holonomic
     if not np.isfinite(a).all():
         return none
     motions, *_ = _motions(a[kept][:, free])

@@ -25,7 +25,7 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
     The parameters (1, parameter) are those at the means.  Raises `uqmbd.AssemblyError` or `uqmbd.StudyError`.
     """
     conditions = model.conditions
-    q, s, messages = placed(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
+    q, s, messages = placed(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
     if messages[0]:
         raise AssemblyError(f"{where} cannot start: {messages[0]}")
     _, by_q, by_v = conditions(q, s, time, parameters)
@@ -58,7 +58,11 @@ def _chosen(model: Model, time: float, parameters: Array) -> Index:
         return which
     # as components state their angles where the drivers hold the bodies, without the conditions
     q, s, _ = placed(
-        replace(model, conditions=None), parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic
+        replace(model, conditions=None),
+        parameters[:, model.drawn],
+        time,
+        parameters,
+        model.layout.independent_holonomic,
     )
     residual = conditions(q, s, time, parameters)[0][0, which]
     turns = residual / (2 * np.pi)

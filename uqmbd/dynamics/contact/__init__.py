@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.integrate import event_times, integrate_with_events, motion_in_segments
-from uqmbd.dynamics.contact.lasting import states_in_contact
+from uqmbd.dynamics.contact.persistent import states_in_contact
 
 __all__ = [
     "ContactEvaluator",

@@ -12,18 +12,18 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.contact.lasting import (
+from uqmbd.dynamics.contact.limits import AtLimit, contacts_at_limit, most_durable_forces, slipping_together
+from uqmbd.dynamics.contact.persistent import (
     CLOSED,
+    ContactModes,
     ContactMotion,
-    Lasting,
     Mode,
     contact_motion,
-    lasting_contacts,
     onto_contacts,
+    persistent_contacts,
     pressed,
     with_internal,
 )
-from uqmbd.dynamics.contact.limits import AtLimit, contacts_at_limit, held_longest, slipping_together
 from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.typing import Array
@@ -64,7 +64,7 @@ class Decisions:
         self.bodies = [k for k, (*_, directions) in enumerate(self.model.events) if directions]
         # why a realisation cannot continue
         self.messages = [""] * len(batch)
-        self.lasting: dict[int, Lasting] = {}
+        self.lasting: dict[int, ContactModes] = {}
         self.length = encounters.length
         # starting (M,): sliding speed that counts as zero since contacts began to slip, if this was the last event, m/s
         self.duration, self.coarse, self.starting = duration, START * tolerance, np.zeros(len(batch))
@@ -154,7 +154,7 @@ class Decisions:
         if len(before.modes) > 1 and not again:
             # others may slip, too, or internal forces hold the bodies
             z = self.settle(member, time, z)
-            after = self.lasting.get(member, Lasting({}, {}))
+            after = self.lasting.get(member, ContactModes({}, {}))
             if self.messages[member] or after.modes.get(event) != "stick":
                 return z
             before, contacts = after, self.contacts(member, time, z)
@@ -163,7 +163,7 @@ class Decisions:
         span = self._span(member, time)
         ahead = self._ahead(member, time, z, motion, span) if len(before.modes) > 1 else contacts
         if len(before.modes) > 1 and event not in limited and not again:
-            self._keep(member, held_longest(contacts, ahead, before, motion, span), contacts)
+            self._keep(member, most_durable_forces(contacts, ahead, before, motion, span), contacts)
             self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
             return z
         limited = sorted({*limited, *forced, event})
@@ -177,7 +177,7 @@ class Decisions:
             )
             return z
         modes: dict[int, Mode] = {**before.modes, **dict.fromkeys(slips, "slip")}
-        found, _ = with_internal(contacts, Lasting(modes, {**before.headings, **slips}))
+        found, _ = with_internal(contacts, ContactModes(modes, {**before.headings, **slips}))
         self._keep(member, found, contacts)
         self.starting[member] = self.coarse[member]
         self.at_limit[member] = AtLimit(time, frozenset(slips), frozenset(limited) - frozenset(slips))
@@ -192,7 +192,7 @@ class Decisions:
         if found.internal is None or not pressed(contacts, found, motion):
             return False
         span = self._span(member, time)
-        found = held_longest(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
+        found = most_durable_forces(contacts, self._ahead(member, time, z, motion, span), found, motion, span)
         self._keep(member, found, contacts)
         self.at_limit[member] = AtLimit(time, frozenset(), frozenset())
         return True
@@ -206,7 +206,7 @@ class Decisions:
         """Time over which rates of forces are taken, s."""
         return max(0.0, min(AHEAD * self.duration, 0.5 * float(self.until[member] - time)))
 
-    def held_at_limit(self, member: int, time: float) -> frozenset[int]:
+    def sticking_at_limit(self, member: int, time: float) -> frozenset[int]:
         """Contacts that stick without a reserve of friction, by a decision at this time."""
         return self.at_limit[member].held if self._again(member, time) else frozenset()
 
@@ -282,11 +282,11 @@ class Decisions:
             and gaps[k] <= (HELD if k in before else CLOSED) * length
             and abs(contacts.speed[0, contacts.normal(k)]) <= slow
         ]
-        if (found := lasting_contacts(contacts, near, slow)) is None:
+        if (found := persistent_contacts(contacts, near, slow)) is None:
             # speeds across the surfaces that are none leave slidings that are not those of bodies which stay together
             z = self._onto(member, time, z, dict.fromkeys(near, "slip"))
             contacts = self.contacts(member, time, z)
-            found = lasting_contacts(contacts, near, slow)
+            found = persistent_contacts(contacts, near, slow)
         if found is None:
             names = ", ".join(repr(self.model.events[k][0]) for k in near)
             self.messages[member] = (
@@ -312,7 +312,7 @@ class Decisions:
     def _modes(self, member: int) -> dict[int, Mode]:
         return self.lasting[member].modes if member in self.lasting else {}
 
-    def _keep(self, member: int, lasting: Lasting, contacts: ContactQuantities) -> None:
+    def _keep(self, member: int, lasting: ContactModes, contacts: ContactQuantities) -> None:
         """Remember what lasts, and tell the driver."""
         e = self.encounters
         e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0

@@ -18,7 +18,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.decisions import Decisions
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, ContactQuantities
-from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
+from uqmbd.dynamics.contact.persistent import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.contact.single_impacts import solve_single_impacts
@@ -93,13 +93,13 @@ class EventDrivenMotion:
         """Integrate all to the last output time, or to where they fail."""
         every, begin = np.arange(len(self.batch)), float(self.times[0])
         self._begin(every)
-        self._stop(self._going(every), begin)
-        self._guard(self._going(every))
-        self._restart(self._going(every))
+        self._stop(self._active(every), begin)
+        self._guard(self._active(every))
+        self._restart(self._active(every))
         while self.advance():
             pass
         if self.sampling is not None and (end := float(self.times[-1])) in self.sampled and end > begin:
-            self._stop(self._going(every), end)
+            self._stop(self._active(every), end)
         self._failed()
         self.run.project()
         for m in np.flatnonzero(self.run.column < len(self.times)).tolist():
@@ -125,8 +125,8 @@ class EventDrivenMotion:
         self._failed()
         if len(events):
             others = self._happened(events)
-            self._guard(self._going(others))
-            self._restart(self._going(events))
+            self._guard(self._active(others))
+            self._restart(self._active(events))
         elif not np.any(status == ExplicitStatus.RUNNING) and len(
             waiting := np.flatnonzero(status == ExplicitStatus.JUMP)
         ):
@@ -134,11 +134,11 @@ class EventDrivenMotion:
             time = float(run.now[waiting].min())
             some = waiting[run.now[waiting] == time]
             self._stop(some, time)
-            self._guard(self._going(some))
-            self._restart(self._going(some))
+            self._guard(self._active(some))
+            self._restart(self._active(some))
         return bool(np.any((status == ExplicitStatus.RUNNING) | (status == ExplicitStatus.JUMP)))
 
-    def _going(self, members: Index) -> Index:
+    def _active(self, members: Index) -> Index:
         """Those that have not failed."""
         return members[[not self.messages[m] for m in members.tolist()]]
 
@@ -190,25 +190,25 @@ class EventDrivenMotion:
             return
         run = self.run
         change, reasons = speed_jumps(self.model, run.z[members], time, self.batch.block[members], self.rtol)
-        self._told(members, reasons)
+        self._record_reasons(members, reasons)
         self._push(members, change)
-        members = self._going(members)
+        members = self._active(members)
         if self.sampling is not None and time in self.sampled and len(members):
             states, reasons = self.sampling.after(self.sampled[time], run.z[members], members)
             change, more = self.sampling.jumps(time, states, members)
-            self._told(members, more | reasons)
+            self._record_reasons(members, more | reasons)
             run.z[members] = states
             self._push(members, change)
         at = np.flatnonzero(np.abs(self.times - time) <= 1e-13 * max(1.0, abs(time)))
         if len(at):
-            going = self._going(members)
+            going = self._active(members)
             run.result[going, at[0]] = run.z[going]
         run.status[members] = np.where(
             run.status[members] == ExplicitStatus.JUMP, ExplicitStatus.RUNNING, run.status[members]
         )
         self._failed()
 
-    def _told(self, members: Index, reasons: dict[int, str]) -> None:
+    def _record_reasons(self, members: Index, reasons: dict[int, str]) -> None:
         for row, reason in reasons.items():
             self.messages[int(members[row])] = reason
 
@@ -349,7 +349,7 @@ class EventDrivenMotion:
             tangents = slice(self.first[k] + 1, self.first[k + 1])
             e.resting[members[row], 2 * k + 1] = contacts.speed[row, tangents] @ heading[tangents] <= slow[row]
         for m in members.tolist():
-            for k in self.decisions.held_at_limit(m, float(run.now[m])):
+            for k in self.decisions.sticking_at_limit(m, float(run.now[m])):
                 e.resting[m, 2 * k + 1] = e.mode[m, k] == Touching.STICK
 
     def _rest(self, members: Index) -> None:

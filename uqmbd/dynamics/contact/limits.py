@@ -17,19 +17,19 @@ from typing import NamedTuple
 import numpy as np
 
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
-from uqmbd.dynamics.contact.lasting import (
+from uqmbd.dynamics.contact.persistent import (
+    ContactModes,
     ContactMotion,
-    Lasting,
     contact_motion,
     heading_of,
-    held_touches,
+    persistent_touches,
     spread_of,
 )
 from uqmbd.dynamics.contact.redundant import AT_LIMIT, holding_longest, reserves, unmoving
 from uqmbd.dynamics.linear import lemke
 from uqmbd.typing import Array
 
-__all__ = ["AtLimit", "contacts_at_limit", "held_longest", "slipping_together"]
+__all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_together"]
 
 
 RESTS = 1e-7
@@ -52,16 +52,20 @@ class AtLimit(NamedTuple):
     held: frozenset[int]
 
 
-def contacts_at_limit(contacts: ContactQuantities, lasting: Lasting, force: Array) -> list[int]:
+def contacts_at_limit(contacts: ContactQuantities, lasting: ContactModes, force: Array) -> list[int]:
     """Contacts that stick and whose friction is at its limit, at one state with forces (direction,)."""
-    touches = held_touches(contacts, lasting)
+    touches = persistent_touches(contacts, lasting)
     rooms = zip(lasting.modes, touches, reserves(touches, force).tolist(), strict=True)
     return [k for k, x, room in rooms if x.tangents and room <= AT_LIMIT * x.friction * force[x.normal]]
 
 
-def held_longest(
-    contacts: ContactQuantities, ahead: ContactQuantities, lasting: Lasting, motion: ContactMotion, span: float
-) -> Lasting:
+def most_durable_forces(
+    contacts: ContactQuantities,
+    ahead: ContactQuantities,
+    lasting: ContactModes,
+    motion: ContactMotion,
+    span: float,
+) -> ContactModes:
     """Choose the internal forces of redundant contacts that stick so that they hold longest, as the loads change.
 
     Arguments are those of `slipping_together`; `span` is the time until `ahead`, s.
@@ -71,14 +75,14 @@ def held_longest(
     alone = lasting._replace(internal=None)
     rate = (contact_motion(ahead, alone).force[0] - contact_motion(contacts, alone).force[0]) / span
     ways = unmoving(contacts.delassus[0], spread_of(contacts, lasting))
-    force = holding_longest(held_touches(contacts, lasting), motion.force[0], rate, ways)
+    force = holding_longest(persistent_touches(contacts, lasting), motion.force[0], rate, ways)
     return lasting._replace(internal=lasting.internal + force - motion.force[0])
 
 
 def slipping_together(
     contacts: ContactQuantities,
     ahead: ContactQuantities,
-    lasting: Lasting,
+    lasting: ContactModes,
     motion: ContactMotion,
     limited: Sequence[int],
     forced: Collection[int],
@@ -100,7 +104,7 @@ def slipping_together(
 def _slips(
     contacts: ContactQuantities,
     ahead: ContactQuantities,
-    lasting: Lasting,
+    lasting: ContactModes,
     headings: dict[int, Array],
     forced: Collection[int],
     force: Array,
@@ -131,7 +135,7 @@ def _slips(
 
 
 def _turned(
-    contacts: ContactQuantities, lasting: Lasting, headings: dict[int, Array], force: Array
+    contacts: ContactQuantities, lasting: ContactModes, headings: dict[int, Array], force: Array
 ) -> dict[int, Array]:
     """Turn headings so that contacts begin to slide along them.
 
@@ -166,10 +170,10 @@ class _Rates(NamedTuple):
 
     @classmethod
     def of(
-        cls, contacts: ContactQuantities, lasting: Lasting, headings: dict[int, Array], free: Sequence[int]
+        cls, contacts: ContactQuantities, lasting: ContactModes, headings: dict[int, Array], free: Sequence[int]
     ) -> _Rates:
         """Solve, for the contacts `free`, at one state."""
-        slipping = Lasting({**lasting.modes, **dict.fromkeys(headings, "slip")}, {**lasting.headings, **headings})
+        slipping = ContactModes({**lasting.modes, **dict.fromkeys(headings, "slip")}, {**lasting.headings, **headings})
         matrix, unit = contacts.delassus[0], np.eye(contacts.speed.shape[1])
         columns = list(spread_of(contacts, slipping).T)
         rows, more, turning = list[Array](), list[Array](), list[int]()

@@ -40,7 +40,7 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
         return _columns(where, "commands", found, loop.commands, count, time, about), np.zeros((count, 0))
     if not (isinstance(found, (tuple, list)) and len(found) == 2):
         raise StudyError(
-            f"{where}: its function returned {_told(found)} at t = {time:.6g} s; expected the pair (commands, state), "
+            f"{where}: its function returned {_shown(found)} at t = {time:.6g} s; expected the pair (commands, state), "
             f"as the controller has the state{'s' * (len(loop.states) > 1)} {', '.join(map(repr, loop.states))}."
         )
     return (
@@ -103,7 +103,7 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
     if value is None or np.iscomplexobj(value):
         hint = "; a return is missing" if value is None else ", which is not real"
         raise StudyError(
-            f"{where}: its function returned as {what} {_told(value)}{hint}, at t = {time:.6g} s{about}; {expected}."
+            f"{where}: its function returned as {what} {_shown(value)}{hint}, at t = {time:.6g} s{about}; {expected}."
         )
     if any(np.ma.is_masked(x) for x in (value if isinstance(value, (tuple, list)) else (value,))):
         raise StudyError(
@@ -118,7 +118,7 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise StudyError(
-            f"{where}: its function returned as {what} {_told(value)} at t = {time:.6g} s{about}; {expected}."
+            f"{where}: its function returned as {what} {_shown(value)} at t = {time:.6g} s{about}; {expected}."
         ) from None
     if array.shape == (count, width):
         return array.copy()
@@ -129,7 +129,7 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
     )
 
 
-def _told(value: Any) -> str:
+def _shown(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     if isinstance(value, (tuple, list)):

@@ -21,7 +21,7 @@ from uqmbd.dynamics.equations.expressions import (
     require_velocities,
     settled_expression,
 )
-from uqmbd.dynamics.equations.local_values import bodies_of, held_by, localise, symbols_of
+from uqmbd.dynamics.equations.local_values import bodies_of, controller_symbols, localise, symbols_of
 from uqmbd.errors import StudyError
 from uqmbd.logs import logged
 from uqmbd.mechanism import (
@@ -166,7 +166,7 @@ def instances_of(components: list[Component], space: Space) -> list[Instance]:
 
 def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:
     bodies = bodies_of(component)
-    held = held_by(component)
+    held = controller_symbols(component)
     values, counted, parameters, pattern = localise(component, bodies, space, held)
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
     key = (type(component), space.name, kinds, len(bodies), pattern)

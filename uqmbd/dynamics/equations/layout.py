@@ -101,7 +101,7 @@ class Layout:
         return len(self.kept)
 
     @cached_property
-    def kept_holonomic(self) -> Index:
+    def independent_holonomic(self) -> Index:
         """Independent equations of positions."""
         return np.setdiff1d(self.kept, self.nonholonomic)
 

@@ -24,7 +24,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["bodies_of", "held_by", "localise", "symbols_of"]
+__all__ = ["bodies_of", "controller_symbols", "localise", "symbols_of"]
 
 
 def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
@@ -48,7 +48,7 @@ def bodies_of(component: Component) -> list[Body]:
     return bodies
 
 
-def held_by(component: Component) -> tuple[HeldSymbol, ...]:
+def controller_symbols(component: Component) -> tuple[HeldSymbol, ...]:
     """Commands and states of controllers that parameters of a component contain, each once."""
     found: dict[HeldSymbol, None] = {}
     for value in component.values.values():

@@ -109,9 +109,9 @@ class Model:
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
     @property
-    def needs_path(self) -> bool:
+    def needs_dense_output(self) -> bool:
         """Whether outputs or requirements need the motion between the output times."""
-        return any(one is not None and one.needs_path for one in (self.scalars, self.margins))
+        return any(one is not None and one.needs_dense_output for one in (self.scalars, self.margins))
 
     def between_samples(self, time: float) -> Model:
         """Return the model with another initial time, s, and without controllers: what they command is constant.

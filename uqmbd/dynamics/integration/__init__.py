@@ -18,7 +18,7 @@ from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
-from uqmbd.dynamics.integration.steps import path_through, settled
+from uqmbd.dynamics.integration.steps import interpolate_steps, settled
 from uqmbd.dynamics.integration.sundials import import_sundials, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
@@ -45,7 +45,7 @@ __all__ = [
     "off_states",
     "over_allowed",
     "pace",
-    "path_through",
+    "interpolate_steps",
     "position_jumps",
     "prescribed_by",
     "residuals",

@@ -19,7 +19,7 @@ import numpy as np
 
 from uqmbd.compiled import ORDER, PLACES, Dynamics, ExplicitOptions, ExplicitStatus, IntegrationState
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
+from uqmbd.dynamics.integration.cost_comparison import FIRST, Comparison
 from uqmbd.dynamics.integration.intervals import Interval, intervals_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
@@ -244,7 +244,7 @@ class Integration:
         if self.jumping:
             change, reasons = speed_jumps(self.model, before, time, self.batch.block[members], self.rtol)
             after[:, self.model.layout.velocities :] += change
-            self._told(members, reasons)
+            self._record_reasons(members, reasons)
         if self.sampling is not None and time in self.sampled:
             going = np.flatnonzero([not self.messages[m] for m in members.tolist()])
             some = members[going]
@@ -252,7 +252,7 @@ class Integration:
             change, more = self.sampling.jumps(time, states, some)
             states[:, self.model.layout.velocities :] += change
             after[going] = states
-            self._told(some, more | reasons)
+            self._record_reasons(some, more | reasons)
         changed, at = np.any(after != before, axis=1), np.flatnonzero(self.times == time)
         for pool, k, rows in self._parted(members):
             pool.status[k] = np.where(pool.status[k] == ExplicitStatus.JUMP, ExplicitStatus.RUNNING, pool.status[k])
@@ -261,7 +261,7 @@ class Integration:
             pool.z[k] = pool.nodes[k, -1] = after[rows]
             pool.result[np.ix_(k, at)] = after[rows, None]
 
-    def _told(self, members: Index, reasons: dict[int, str]) -> None:
+    def _record_reasons(self, members: Index, reasons: dict[int, str]) -> None:
         """Let rows of members fail, for reasons that hold for any method."""
         for row, reason in reasons.items():
             self._fail(int(members[row]), reason, final=True)
@@ -287,7 +287,7 @@ class Integration:
             pool.status[k] = ExplicitStatus.RUNNING
             if status == ExplicitStatus.STEPPED:
                 self._settle(member)
-            void = self._doubt(member, size)
+            void = self._check_rank(member, size)
             pool, k = self._place(member)
             if status == ExplicitStatus.STRAYED:
                 pool.trusted[k] = not void
@@ -323,14 +323,14 @@ class Integration:
     def _sure(self, member: int) -> bool:
         return member in self.watchers and self.watchers[member].final
 
-    def _doubt(self, member: int, size: float) -> bool:
+    def _check_rank(self, member: int, size: float) -> bool:
         """Ask the watcher of the rank about a member in difficulties: whether the last step is void."""
         pool, k = self._place(member)
         watcher, calm = self._watcher(member), not pool.told[k]
         end, back = float(pool.interval_ends[pool.interval[k]]), False
         while True:
             now = float(pool.now[k])
-            course = watcher.look(now, pool.known_nodes(k), size, end)
+            course = watcher.look(now, pool.last_nodes(k), size, end)
             pool.limit[k], pool.told[k] = watcher.limit, watcher.alert
             if course is None:
                 return back

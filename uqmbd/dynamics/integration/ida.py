@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.compiled import RecordedPath
+from uqmbd.compiled import RecordedSteps
 from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
@@ -28,13 +28,13 @@ from uqmbd.dynamics.integration.intervals import pace, times_between
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.slow_progress import Pace
-from uqmbd.dynamics.integration.steps import path_through, settled
+from uqmbd.dynamics.integration.steps import interpolate_steps, settled
 from uqmbd.dynamics.integration.sundials import SundialsSolution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
 
-__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "reaches_by_ida", "step_limits", "step_tolerance"]
+__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "can_finish_with_ida", "step_limits", "step_tolerance"]
 
 Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
@@ -66,7 +66,7 @@ class _StackIntegration:
     message: str
     counters: Counters
     singular: bool = False
-    path: RecordedPath | None = None
+    path: RecordedSteps | None = None
 
 
 def integrate_by_ida(
@@ -86,13 +86,13 @@ def integrate_by_ida(
     purse = None if most is None else _Purse(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
-    counters, paths = Counters(), dict[int, RecordedPath]()
+    counters, paths = Counters(), dict[int, RecordedSteps]()
     todo = [np.arange(len(members))]
     while todo:
         part = todo.pop(0)
         try:
             run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse, recording=recording)
-        except _TooDearError:
+        except _TooExpensiveError:
             for k in np.concatenate([part, *todo]).tolist():
                 messages[k] = "implicit steps cost more than explicit ones"
             counters = counters + Counters(integrations=1)
@@ -115,20 +115,20 @@ def integrate_by_ida(
             counters = counters + Counters(alone=len(hard))
     if purse is not None:
         counters = replace(counters, residuals=purse.residuals, jacobians=purse.jacobians)
-    return Solved(states, tuple(messages), counters, tuple(final), path=RecordedPath.joined(paths.values()))
+    return Solved(states, tuple(messages), counters, tuple(final), path=RecordedSteps.joined(paths.values()))
 
 
-def reaches_by_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
+def can_finish_with_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
     """Tell whether IDA integrates the only realisation of a batch to the last time for less than some cost."""
     purse = _Purse(most)
     try:
         reached = not _integrate_stack(ensemble, times, rtol, purse).message
-    except _TooDearError:
+    except _TooExpensiveError:
         reached = False
     return reached, Counters(purse.residuals, purse.jacobians, 1)
 
 
-class _TooDearError(Exception):
+class _TooExpensiveError(Exception):
     """An integration has cost more than it may."""
 
 
@@ -159,7 +159,7 @@ class _Purse:
     def _pay(self, cost: float) -> None:
         self.left -= cost
         if self.left < 0:
-            raise _TooDearError
+            raise _TooExpensiveError
 
 
 def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
@@ -201,7 +201,9 @@ def _integrate_stack(
     result[:, 0] = start.state
     if not ensemble.model.layout.unknowns:  # nothing can move
         result[:] = result[:, :1]
-        still = path_through(times[[0, -1]], result[:, [0, -1]], None, np.arange(len(ensemble))) if recording else None
+        still = (
+            interpolate_steps(times[[0, -1]], result[:, [0, -1]], None, np.arange(len(ensemble))) if recording else None
+        )
         return _StackIntegration(result, "", Counters(), path=still)
     y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
@@ -209,7 +211,7 @@ def _integrate_stack(
     callbacks = _watched(ensemble, stack_callbacks(ensemble), Pace(ensemble.model, float(times[0]), float(times[-1])))
     if purse is not None:
         callbacks = purse.paying(ensemble, callbacks)
-    now, paths = float(times[0]), list[RecordedPath]()
+    now, paths = float(times[0]), list[RecordedSteps]()
     for stop, longest, _ in pace(ensemble, times, rtol):
         inside, grid = times_between(times, now, stop)
         if ensemble.breaks.size or now > times[0]:
@@ -234,10 +236,10 @@ def _integrate_stack(
         if solution.steps is not None:
             paths.append(_path(ensemble, *solution.steps))
         now, y = stop, found[-1].copy()
-    return _StackIntegration(result, "", counters, path=RecordedPath.joined(paths))
+    return _StackIntegration(result, "", counters, path=RecordedSteps.joined(paths))
 
 
-def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedPath:
+def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedSteps:
     """Return the motion of a stack through the steps of an integration.
 
     Rates are those of the method: of stiff equations they are as smooth as the states, which those of the equations at
@@ -247,7 +249,7 @@ def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> RecordedPath:
     states, rates = (np.concatenate(ensemble.expand(x.reshape(shape).transpose(1, 0, 2)), axis=2) for x in (y, yp))
     layout = ensemble.model.layout
     rates[:, :, layout.frozen] = 0.0
-    path = path_through(times, states, rates, np.arange(len(ensemble)))
+    path = interpolate_steps(times, states, rates, np.arange(len(ensemble)))
     return path._replace(states=settled(ensemble, path.owner, path.ends, path.states))
 
 

@@ -90,7 +90,7 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
     freezing = np.setdiff1d(layout.kept, layout.active)
     first = np.union1d(model.norms, freezing).astype(np.int64)
     kept, _ = independent_rows(gradient(model, q, s, time, parameters), first, layout.nonholonomic)
-    if len(kept) != layout.rank or len(np.setdiff1d(kept, layout.nonholonomic)) != len(layout.kept_holonomic):
+    if len(kept) != layout.rank or len(np.setdiff1d(kept, layout.nonholonomic)) != len(layout.independent_holonomic):
         return model
     new = replace(model, layout=replace(layout, kept=kept, active=np.setdiff1d(kept, freezing)))
     key = (model.digest, kept.tobytes())

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, RecordedPath
+from uqmbd.compiled import PLACES, RecordedSteps
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["path_through", "settled"]
+__all__ = ["interpolate_steps", "settled"]
 
 
 ALONE = 8
@@ -27,9 +27,9 @@ INSIDE = 1e-12
 """Part of a time by which constraints are evaluated inside a step."""
 
 
-def path_through(
+def interpolate_steps(
     times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None
-) -> RecordedPath:
+) -> RecordedSteps:
     """Return the motion from each time to the next, on an interval in which it is smooth.
 
     Increasing times (S,), s; states (M, S, width) of realisations that share the times, and optional rates of that
@@ -37,17 +37,17 @@ def path_through(
     """
     if len(times) < 2:
         none = np.zeros((0, len(PLACES), states.shape[2]))
-        return RecordedPath(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
+        return RecordedSteps(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
     last = times[1:].copy()
     last[-1] = last[-1] if end is None else min(end, float(last[-1]))
     places = PLACES * ((last - times[:-1]) / np.diff(times))[:, None]
     found = np.zeros((len(states), len(last), len(PLACES), states.shape[2]))
-    for some, window in _even_windows(len(times)) if rates is None else _apart_windows(times):
+    for some, window in _even_windows(len(times)) if rates is None else _separated_windows(times):
         found[:, some] = _polynomials(times, states, rates, some, window, places[some])
     members = len(states)
     ends = np.broadcast_to(np.stack([times[:-1], last], axis=1), (members, len(last), 2)).reshape(-1, 2)
     flat = found.reshape(-1, *found.shape[2:])
-    return RecordedPath(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
+    return RecordedSteps(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
 
 
 def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
@@ -76,7 +76,7 @@ def _even_windows(count: int) -> list[tuple[Index, Index]]:
     return [(number, np.clip(number - (most - 2) // 2, 0, count - most)[:, None] + np.arange(most))]
 
 
-def _apart_windows(times: Array) -> list[tuple[Index, Index]]:
+def _separated_windows(times: Array) -> list[tuple[Index, Index]]:
     """Return intervals between the times of steps, and of each its ends and times that are far enough from these.
 
     Some intervals at once: those that have as many of them.

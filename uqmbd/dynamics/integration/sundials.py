@@ -129,7 +129,7 @@ def solve(
             solver = ida(callbacks.residual(residual), **options, **settings)
         try:
             if recording:
-                return _step_by_step(solver, times, y, yp, int(settings["max_num_steps"]), said)
+                return _solve_stepwise(solver, times, y, yp, int(settings["max_num_steps"]), said)
             found = solver.solve(times, y, yp)
         except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:
             if callbacks.raised is not None:
@@ -150,7 +150,7 @@ def solve(
     )
 
 
-def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> SundialsSolution:
+def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> SundialsSolution:
     """Integrate as `solve` does, and keep all steps."""
     solver.init_step(float(times[0]), y, yp)
     end, now = float(times[-1]), float(times[0])

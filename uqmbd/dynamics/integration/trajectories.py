@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uqmbd.arguments import Size, typechecked
-from uqmbd.compiled import RecordedPath
+from uqmbd.compiled import RecordedSteps
 from uqmbd.typing import Array
 
 __all__ = ["Counters", "Segment", "SegmentedMotion", "Solved", "Trajectories", "stops"]
@@ -119,7 +119,7 @@ class Trajectories:
     scalars: Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     off: Array | None = None
-    path: RecordedPath | None = field(default=None, repr=False)
+    path: RecordedSteps | None = field(default=None, repr=False)
     rtol: float = 1e-6
 
 
@@ -136,7 +136,7 @@ class Solved:
     # of each that another integrator can do at lower cost: estimated cost here, in counts; else zero; empty: none
     explicit_cost: tuple[float, ...] = ()
     off: Array | None = None  # (M, residual + 1), as that of `Trajectories`
-    path: RecordedPath | None = None  # as that of `Trajectories`
+    path: RecordedSteps | None = None  # as that of `Trajectories`
 
 
 @typechecked

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, RecordedPath
+from uqmbd.compiled import PLACES, RecordedSteps
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Counters, Trajectories, path_through, settled, stops
+from uqmbd.dynamics.integration import Counters, Trajectories, interpolate_steps, settled, stops
 from uqmbd.typing import Array, Index
 
 __all__ = ["with_motion_between"]
@@ -64,7 +64,7 @@ class _IntervalRun(NamedTuple):
 
     stretches: tuple[_TimeSpan, ...]
     found: Trajectories
-    pieces: list[RecordedPath]
+    pieces: list[RecordedSteps]
     wrong: list[Array]
 
     def longest(self, k: int) -> float:
@@ -111,7 +111,7 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
             stacklevel=2,
         )
     states = np.full((count, len(times), ensemble.model.layout.width), np.nan)
-    messages, scalars, paths = [""] * count, dict[str, Array](), list[RecordedPath]()
+    messages, scalars, paths = [""] * count, dict[str, Array](), list[RecordedSteps]()
     for run in {id(run): run for run, _ in kept.values()}.values():
         numbers = np.full(len(run.found.messages), -1)
         for member, (its, k) in kept.items():
@@ -124,7 +124,7 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
         for path in (piece.placed(numbers) for piece in run.pieces):
             paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
     found = Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes))
-    return replace(found, path=RecordedPath.joined(paths))
+    return replace(found, path=RecordedSteps.joined(paths))
 
 
 def _run(
@@ -133,7 +133,7 @@ def _run(
     """Integrate realisations that share their stretches."""
     every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
     found = method(ensemble, every, rtol)
-    pieces, wrong = list[RecordedPath](), list[Array]()
+    pieces, wrong = list[RecordedSteps](), list[Array]()
     for stretch in stretches:
         path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
         pieces.append(path)
@@ -194,16 +194,16 @@ def _surprise(states: Array) -> Array:
     return np.asarray(np.minimum(sides[0], sides[1][:, ::-1]))
 
 
-def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[RecordedPath, Array]:
+def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[RecordedSteps, Array]:
     """Return polynomials through states (M, S, width), straight where they are not smooth, and what is wrong.
 
     That is (M, 2, S - 1): whether an interval is to be resolved, and by how many tolerances its change is a surprise.
     """
     members = np.arange(len(states))
-    path = path_through(grid, states, None, members)
+    path = interpolate_steps(grid, states, None, members)
     if len(grid) == 2:
         return path, np.zeros((len(states), 2, 1))
-    coarse = path_through(grid[::2], states[:, ::2], None, members)
+    coarse = interpolate_steps(grid[::2], states[:, ::2], None, members)
     shape = (len(states), -1, len(PLACES), states.shape[2])
     middle = _interpolate(coarse.states.reshape(shape), 0.5)
     scale = ENOUGH * rtol * np.maximum(np.abs(states).max(axis=1), 1e-3)[:, None]

@@ -18,9 +18,9 @@ from uqmbd.dynamics.integrators.protocol import Capability, Integrator, capabili
 from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.dynamics.integrators.stacks import checked
 from uqmbd.errors import StudyError
+from uqmbd.plugins import core_offers
 from uqmbd.plugins import integrator as integrator_of_plugin
 from uqmbd.plugins import integrators as integrators_of_plugins
-from uqmbd.plugins import offered_by_core
 from uqmbd.typing import Array
 
 __all__ = ["built_in_names", "integrate", "integrator_class", "integrators", "require", "require_for"]
@@ -28,7 +28,7 @@ __all__ = ["built_in_names", "integrate", "integrator_class", "integrators", "re
 
 @cache
 def _offered() -> dict[str, type]:
-    return offered_by_core(BuiltInIntegrators(), "integrators")
+    return core_offers(BuiltInIntegrators(), "integrators")
 
 
 def built_in_names() -> tuple[str, ...]:

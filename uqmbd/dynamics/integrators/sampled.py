@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import RecordedPath
+from uqmbd.compiled import RecordedSteps
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.ensemble import Ensemble
@@ -45,20 +45,20 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     states = np.full((len(ensemble), len(times), width), np.nan)
     messages, counters, notes = list(start.messages), Counters(), list[str]()
     happened: dict[int, dict[str, list[float]]] = {}
-    paths = list[RecordedPath | None]()
+    paths = list[RecordedSteps | None]()
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
         # what is prescribed jumps first, and is seen by the controllers
         change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
         now[:, velocities:] += change
-        alive, now = _going(messages, alive, now, reasons)
+        alive, now = _active(messages, alive, now, reasons)
         if not len(alive):
             break
         now, reasons = sampling.after(number, now, alive)
         change, more = sampling.jumps(begin, now, alive)
         now[:, velocities:] += change
-        alive, now = _going(messages, alive, now, more | reasons)
+        alive, now = _active(messages, alive, now, more | reasons)
         if not len(alive):
             break
         at = np.flatnonzero(times == begin)
@@ -75,12 +75,12 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
         paths.append(None if found.path is None else found.path.placed(alive))
         notes += [note for note in found.notes if note not in notes]
         _note(happened, found.scalars, alive, begin if number else -np.inf)
-        alive, now = _going(messages, alive, found.states[:, -1], dict(enumerate(found.messages)))
-    scalars, path = _times_of(happened, len(ensemble)), RecordedPath.joined(paths)
+        alive, now = _active(messages, alive, found.states[:, -1], dict(enumerate(found.messages)))
+    scalars, path = _times_of(happened, len(ensemble)), RecordedSteps.joined(paths)
     return Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes), path=path)
 
 
-def _going(messages: list[str], alive: Index, now: Array, reasons: dict[int, str]) -> tuple[Index, Array]:
+def _active(messages: list[str], alive: Index, now: Array, reasons: dict[int, str]) -> tuple[Index, Array]:
     """Store the reasons of some rows as messages; return the realisations without one, and their states (K, width)."""
     for row, reason in reasons.items():
         messages[alive[row]] = reason

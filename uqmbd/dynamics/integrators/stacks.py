@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import RecordedPath
+from uqmbd.compiled import RecordedSteps
 from uqmbd.dynamics.assembly import violated
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Counters, Solved, Trajectories, integrate_by_ida, off_constraints, position_jumps
@@ -106,7 +106,7 @@ class IntegratedRealisations:
         if path is not None and other.path is not None:
             kept, placed = np.arange(len(messages)), np.full(len(other.messages), -1)
             kept[mine], placed[taken] = -1, mine
-            path = RecordedPath.joined([path.placed(kept), other.path.placed(placed)])
+            path = RecordedSteps.joined([path.placed(kept), other.path.placed(placed)])
         notes = self.solved.notes + tuple(note for note in other.notes if note not in self.solved.notes)
         counters = self.solved.counters + other.counters
         return IntegratedRealisations(
@@ -136,7 +136,7 @@ def in_stacks(
     """
     start, layout = ensemble.start, ensemble.model.layout
     messages, by = list(start.messages), list[str]()
-    counters, notes, paths = Counters(), list[str](), list[RecordedPath | None]()
+    counters, notes, paths = Counters(), list[str](), list[RecordedSteps | None]()
     assembled = np.flatnonzero(start.ok)
     whole = len(assembled) == len(ensemble) <= stack
     states, off = np.full((0 if whole else len(ensemble), len(times), layout.width), np.nan), None
@@ -166,5 +166,5 @@ def in_stacks(
         )
     counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"))
     return Trajectories(
-        times, states, tuple(messages), counters, notes=tuple(notes), off=off, path=RecordedPath.joined(paths)
+        times, states, tuple(messages), counters, notes=tuple(notes), off=off, path=RecordedSteps.joined(paths)
     )

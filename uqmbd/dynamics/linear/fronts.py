@@ -22,7 +22,7 @@ import numpy as np
 from uqmbd.compiled import Kernel, Operation, Program, ProgramWriter, cached, compile_operations
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
-from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
+from uqmbd.dynamics.linear.unrolled import eliminated, is_compilable
 from uqmbd.typing import Array, Index
 
 __all__ = ["FrontalSolver", "Fronts", "frontal"]
@@ -246,7 +246,7 @@ def _code(key: Any, typical: Array) -> _Code | None:
     for place, (j, k) in enumerate(beside):
         back.append(("difference", results[k], place, len(beside) + size + j))
         results[k] = begin + len(back) - 1
-    if not worth_while(operations):
+    if not is_compilable(operations):
         return None
     name = ("front", key, order.steps)
     forward, backward = cached(

@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd.compiled import Kernel, NodalSystems, Operation, ProgramPart, ProgramWriter, cached, compile_operations
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
-from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
+from uqmbd.dynamics.linear.unrolled import eliminated, is_compilable
 from uqmbd.typing import Array, Index
 
 __all__ = ["Nodal", "Outside", "nodal_systems"]
@@ -112,7 +112,7 @@ def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | Non
     size, entries = system.size, (system.rows, system.columns, system.source)
     rights = given + np.arange(size)[None, :]
     operations, solution = eliminated(system.elimination, *entries, rights, given + size, size)
-    if not worth_while(operations):
+    if not is_compilable(operations):
         return None, None
 
     first = given + size

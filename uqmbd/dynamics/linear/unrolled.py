@@ -14,7 +14,7 @@ __all__ = [
     "eliminated",
     "residual_kernel",
     "unroll",
-    "worth_while",
+    "is_compilable",
 ]
 
 
@@ -36,14 +36,14 @@ def unroll(
     matrix entries and right-hand sides among the given values; -1: zero.
     """
     operations, solution = eliminated(elimination, rows, columns, entries, rights, given, wanted)
-    if not worth_while(operations):
+    if not is_compilable(operations):
         return None
     key = ("elimination", given, wanted, *(x.tolist() for x in (rows, columns, entries, rights)), elimination.steps)
     kernel: Kernel = cached(key, lambda: compile_operations(operations, range(given), solution, given))
     return kernel
 
 
-def worth_while(operations: list[Operation]) -> bool:
+def is_compilable(operations: list[Operation]) -> bool:
     """Whether operations are not too many to be compiled."""
     return len(operations) <= LIMIT
 

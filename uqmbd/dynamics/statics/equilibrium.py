@@ -109,7 +109,7 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
         search = _EquilibriumSearch(ensemble.select(members))
         search.run()
         if len(ensemble.model.layout.nonholonomic):
-            search.hold_against(_EquilibriumSearch(ensemble.select(members), SHORTER))
+            search.compare_search(_EquilibriumSearch(ensemble.select(members), SHORTER))
         q[members], s[members] = search.rest.whole(search.every, search.q), search.s
         stable[members], steps[members] = search.stable, search.steps
         for member, message in zip(members, search.messages, strict=True):
@@ -151,7 +151,7 @@ class _EquilibriumSearch:
         for k in active.tolist():
             self.messages[k] = self._unbalanced(k)
 
-    def hold_against(self, other: _EquilibriumSearch) -> None:
+    def compare_search(self, other: _EquilibriumSearch) -> None:
         """Compare with a search along another way: where that ends elsewhere, no equilibrium is determined."""
         other.run()
         apart = np.abs(self.q - other.q).max(axis=1, initial=0.0) / self.size

@@ -124,7 +124,7 @@ def _instant(one: Batch, screws: Screws, after: float) -> _SteadyInstant:
     part = layout.slices
     blocks = {i + k: whole[0][part[i], part[k]] for i in "vsm" for k in "qsv"}
     mass = (whole[1] - whole[0])[part["v"], part["v"]]
-    gradient = model.evaluate("velocity", _arguments(time, q, s), one.parameters)["d"][0][layout.kept_holonomic]
+    gradient = model.evaluate("velocity", _arguments(time, q, s), one.parameters)["d"][0][layout.independent_holonomic]
     return _SteadyInstant(after, blocks, mass, gradient, screws.attitudes(after))
 
 

@@ -310,7 +310,7 @@ def _newton(
     """Find the steps of the coordinates (K, n) that balance the forces to first order."""
     count, n = q.shape
     found = model.evaluate("velocity", state_arguments(model.time, q, s, np.zeros_like(q)), parameters)
-    gradient = found["d"][:, model.layout.kept_holonomic]
+    gradient = found["d"][:, model.layout.independent_holonomic]
     values, directions = np.linalg.eigh(_tangents(gradient))
     freedom = int(np.round(values.sum(axis=1)).max())
     basis = directions[:, :, n - freedom :]
@@ -351,7 +351,7 @@ def _counted(model: Model, q: Array, s: Array, moved: Array, parameters: Array) 
 
 def _closed(model: Model, q: Array, s: Array, step: Array, parameters: Array) -> tuple[Array, Array]:
     """Take steps, and close the constraints again by the least change; NaN where they do not close."""
-    x, y, kept = q + step, s, model.layout.kept_holonomic
+    x, y, kept = q + step, s, model.layout.independent_holonomic
     for _ in range(12):
         y = s + _counted(model, q, s, x, parameters)
         arguments = state_arguments(model.time, x, y, np.zeros_like(x))

@@ -103,9 +103,9 @@ class ScalarMap:
         return bool(self.motion or self.summed.names)
 
     @property
-    def needs_path(self) -> bool:
+    def needs_dense_output(self) -> bool:
         """Whether the motion between the output times is needed."""
-        return self.summed.needs_path
+        return self.summed.needs_dense_output
 
     def of_events(self, output: int) -> bool:
         """Whether times of events are in an output, by number."""

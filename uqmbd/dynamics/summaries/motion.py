@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, RecordedPath, StepHistory
+from uqmbd.compiled import PLACES, RecordedSteps, StepHistory
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.linear import RESIDUAL
-from uqmbd.dynamics.observation import observe, observe_one_by_one, output_program
+from uqmbd.dynamics.observation import observe, observe_singly, output_program
 from uqmbd.typing import Array, Index
 
 __all__ = ["SteppedMotion", "motion_of"]
@@ -46,7 +46,7 @@ class SteppedMotion:
             if len(rows):
                 states, times = self.course.states_of(steps[rows], low[rows], high[rows])
                 each, owner = np.arange(len(rows)), self.course.owner[steps[rows]]
-                poor = observe_one_by_one(self.batch, outputs, states[each, places], times[each, places], owner)
+                poor = observe_singly(self.batch, outputs, states[each, places], times[each, places], owner)
                 found[rows, :count, places] = poor
         return found[:, :count]
 
@@ -72,16 +72,16 @@ STEPS = ("owner", "begin", "end", "last", "kept")
 """What a course says of each step, but where its states stand."""
 
 
-def motion_of(batch: Batch, path: RecordedPath, members: Index, time: float, states: Array) -> SteppedMotion:
+def motion_of(batch: Batch, path: RecordedSteps, members: Index, time: float, states: Array) -> SteppedMotion:
     """Return the motion of some realisations (ascending numbers) from recorded steps; what was recorded later holds.
 
     Those without steps, as there is one time only, stay in their `states` (K, width) at a time.
     """
     if len(still := np.setdiff1d(members, path.owner)):
         ends, kept = np.tile([time, time], (len(still), 1)), np.zeros(len(still), dtype=bool)
-        alone = RecordedPath(still, ends, kept, np.repeat(states[still, None], len(PLACES), axis=1))
+        alone = RecordedSteps(still, ends, kept, np.repeat(states[still, None], len(PLACES), axis=1))
         path = (
-            alone if not len(path.owner) else RecordedPath(*(np.concatenate(x) for x in zip(path, alone, strict=True)))
+            alone if not len(path.owner) else RecordedSteps(*(np.concatenate(x) for x in zip(path, alone, strict=True)))
         )
     wanted = np.zeros(len(batch), dtype=bool)
     wanted[members] = True

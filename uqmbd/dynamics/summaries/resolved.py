@@ -149,9 +149,9 @@ def resolve_outputs(
     The outputs of time and inputs alone are `timed`.  From the times `since` (R,), s, on an output is not a finite real
     number (infinite: never); parts begin there, because values that are not finite are not divided.
     """
-    begun = _begun(motion.course)
+    begun = _initial_parts(motion.course)
     if timed is not None:
-        begun = _looked_through(motion, timed, *begun, table.share)
+        begun = _divide_timed(motion, timed, *begun, table.share)
     if since is not None and (since < np.inf).any():
         begun = _cut(motion.course, *begun, since)
     table.begin_with(motion.course, *begun)
@@ -161,7 +161,7 @@ def resolve_outputs(
     return StepParts(table)
 
 
-def _begun(course: StepHistory) -> tuple[Index, Array, Array]:
+def _initial_parts(course: StepHistory) -> tuple[Index, Array, Array]:
     """Return the steps, divided evenly where they are long: of which step each part is, from where to where."""
     length, turns = course.end - course.begin, np.flatnonzero(np.diff(course.owner, prepend=-1))
     whole = np.add.reduceat(length, turns)[np.cumsum(np.diff(course.owner, prepend=course.owner[:1]) != 0)]
@@ -176,7 +176,7 @@ def _begun(course: StepHistory) -> tuple[Index, Array, Array]:
     return step, reach * number / of, np.where(number + 1 == of, reach, reach * (number + 1) / of)
 
 
-def _looked_through(
+def _divide_timed(
     motion: SteppedMotion, timed: TimedOutputs, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
     """Divide parts on which outputs of time alone do what their polynomials do not show: of which step, from, to."""

@@ -91,7 +91,7 @@ class SummaryMap:
     domain: Domain  # conditions under which the expressions are finite real numbers
 
     @property
-    def needs_path(self) -> bool:
+    def needs_dense_output(self) -> bool:
         """Whether the motion between the output times counts."""
         return bool(self.along.names)
 
@@ -163,7 +163,7 @@ def summarised(
                 found[:, k] = values[:, column]
                 lost = np.where(np.isfinite(found[:, k]), np.inf, last)
                 _note(reasons, np.arange(len(members)), k, lost)
-    if not seen.needs_path:
+    if not seen.needs_dense_output:
         return found, reasons
     along = [k for k, kind in enumerate(seen.kinds) if kind != "final"]
 
@@ -256,7 +256,7 @@ def running_minimum(
 
     def collect(rows: Index, parts: StepParts, allowed: Array, since: Array) -> None:
         for column, lost in enumerate(since.T):
-            smallest = parts.fitted(column).least_so_far(parts.first, times)
+            smallest = parts.fitted(column).cumulative_minimum(parts.first, times)
             found[members[rows], column] = np.where(lost[:, None] < np.inf, np.nan, smallest)
             rough = _rough_since(parts, column, allowed, SO_FAR, smallest[:, -1])
             _note(reasons, members[rows], column, lost, rough)

@@ -17,7 +17,7 @@ __all__ = [
     "OwnFunction",
     "Placeholder",
     "foreign_part",
-    "told",
+    "describe_foreign_part",
 ]
 
 FUNCTIONS: tuple[type[sympy.Basic], ...] = (
@@ -80,10 +80,10 @@ def foreign_part(expression: Any) -> sympy.Basic | None:
     return None
 
 
-def told(part: sympy.Basic) -> str:
+def describe_foreign_part(part: sympy.Basic) -> str:
     """Return, as the end of a sentence, why a part found by `foreign_part` is invalid, and what to write instead.
 
-    >>> print(told(sympy.Function("f")(sympy.Symbol("x"))))
+    >>> print(describe_foreign_part(sympy.Function("f")(sympy.Symbol("x"))))
     it contains f(x), and the function f is not defined; write the expression that it stands for.
     """
     text = str(part)

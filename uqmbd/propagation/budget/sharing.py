@@ -19,7 +19,7 @@ from uqmbd.isolation import ERRORS_AND_EXITS, Isolated, release
 from uqmbd.progress import Progress
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
 from uqmbd.propagation.budget.reach import BudgetTooSmallError, out_of_reach
-from uqmbd.propagation.budget.sized import Left, Sized, Stage
+from uqmbd.propagation.budget.sized import RemainingBudget, Sized, Stage
 from uqmbd.propagation.budget.timing import first_problem
 from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Ledger, explained
 from uqmbd.propagation.methods import Propagator, Studied, obstacle_of, run_method
@@ -124,15 +124,15 @@ class BudgetedRun:
             problem = first_problem(self.study, propagators[0])
             problem.realise(problem.inputs.means[None, :])
 
-    def _left(self, shared_by: int) -> Left:
+    def _left(self, shared_by: int) -> RemainingBudget:
         """Return the part that the next of some methods may take."""
         budget = self.terms.budget or Amount()
         spent = sum(ledger.spent for ledger in self._ledgers.values())
         seconds = budget.seconds - self._elapsed()
         most = max(budget.realisations - spent, 0) / shared_by
-        return Left(math.floor(most) if math.isfinite(most) else most, max(seconds, 0.0) / shared_by)
+        return RemainingBudget(math.floor(most) if math.isfinite(most) else most, max(seconds, 0.0) / shared_by)
 
-    def _left_for_pilot(self, one: Sized, shared_by: int) -> Left:
+    def _left_for_pilot(self, one: Sized, shared_by: int) -> RemainingBudget:
         """Return its part, or what its smallest size takes, which there is."""
         left, least = self._left(shared_by), 0
         with Isolated(*ERRORS_AND_EXITS):  # the run of this size reports the error
@@ -202,7 +202,7 @@ class BudgetedRun:
 
         return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of, usual=usual)
 
-    def _turn(self, one: Sized, left: Left, *, pilot: bool = False) -> None:
+    def _turn(self, one: Sized, left: RemainingBudget, *, pilot: bool = False) -> None:
         """Run a method at one size after the other, until it is accurate enough or has taken its part.
 
         One that fails at its first size has failed; at a later one it keeps what it has.
@@ -250,10 +250,10 @@ class BudgetedRun:
                 return
             del self._record[one.label][len(one.stages) :]
 
-    def _remaining(self, ledger: Ledger) -> Left:
-        return Left(ledger.most - ledger.spent, max(ledger.until - self.terms.clock(), 0.0))
+    def _remaining(self, ledger: Ledger) -> RemainingBudget:
+        return RemainingBudget(ledger.most - ledger.spent, max(ledger.until - self.terms.clock(), 0.0))
 
-    def _next(self, one: Sized, left: Left) -> int | None:
+    def _next(self, one: Sized, left: RemainingBudget) -> int | None:
         """Choose the next size, or take the one that was chosen before the run was interrupted."""
         known = self._record.get(one.label, [])
         if len(one.stages) < len(known):

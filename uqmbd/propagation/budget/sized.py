@@ -12,7 +12,7 @@ from uqmbd.propagation.methods import Propagator, Sizing
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Left", "Sized", "Stage"]
+__all__ = ["RemainingBudget", "Sized", "Stage"]
 
 MARGIN = 1.1
 """Samples over those at which the stated error, extrapolated, is the accuracy."""
@@ -56,7 +56,7 @@ MOST = 10_000_000
 
 
 @dataclass(frozen=True)
-class Left:
+class RemainingBudget:
     """What a method may still take: realisations, and seconds."""
 
     realisations: float = math.inf
@@ -132,7 +132,7 @@ class Sized:
         bound = self.sizing.bound if self.sizing.falls == "itself" and self.accuracy is not None else None
         return self.wanted() if bound is None else float(bound)
 
-    def first(self, left: Left) -> int:
+    def first(self, left: RemainingBudget) -> int:
         """Return the first size."""
         least = self.sizing.least
         if self.needs_pilot(timed=math.isfinite(left.seconds)):
@@ -181,7 +181,7 @@ class Sized:
             return self.stages[-1].size + 1
         return max(self.stages[-1].size + 1, one.size + math.ceil(math.log(one.accuracy / self.accuracy) / min(rates)))
 
-    def following(self, left: Left) -> int | None:
+    def following(self, left: RemainingBudget) -> int | None:
         """Return the next size to run, or nothing: it is accurate enough, or there is none that may be run."""
         last = self.stages[-1]
         if self.problem or self._enough():
@@ -220,7 +220,7 @@ class Sized:
             size, factor = self.sizing.largest(factor * number), factor + 1
         return size
 
-    def _affordable(self, size: int, left: Left) -> int:
+    def _affordable(self, size: int, left: RemainingBudget) -> int:
         """Return the largest size up to one that may be run; not more than the last one if there is none."""
         low, high = self.stages[-1].size, size
         if high <= low or self._fits(high, left):
@@ -236,7 +236,7 @@ class Sized:
                 high = tried
         return self.sizing.largest(low)
 
-    def _fits(self, size: int, left: Left) -> bool:
+    def _fits(self, size: int, left: RemainingBudget) -> bool:
         if self.fresh(size) > left.realisations:
             return False
         share = RESERVE if self.sizing.falls == "steps" or self.fresh(size) <= FEW * self._timed() else GUESSED
@@ -289,7 +289,7 @@ class Sized:
             return float(last.seconds * (self.cost(size) / max(last.cost, 1)) ** TOGETHER)
         return self._besides() + self._rate() * self.fresh(size)
 
-    def _following_step(self, left: Left) -> int | None:
+    def _following_step(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
         rtol = float(getattr(self.study, "rtol", 0.0))
         if last.accuracy < INTEGRATION * rtol:
@@ -312,7 +312,7 @@ class Sized:
             return None
         return size
 
-    def _following_bound(self, left: Left) -> int | None:
+    def _following_bound(self, left: RemainingBudget) -> int | None:
         last = self.stages[-1]
         if last.cost < last.size:
             self.problem = f"it ends by itself, with {last.cost} realisations"
@@ -325,7 +325,7 @@ class Sized:
             return None
         return size
 
-    def _why(self, left: Left, size: int | None = None) -> str:
+    def _why(self, left: RemainingBudget, size: int | None = None) -> str:
         """Say that a budget ends it, and what it would take."""
         last = self.stages[-1]
         if math.isinf(left.realisations) and math.isinf(left.seconds):

@@ -21,7 +21,7 @@ from uqmbd.propagation.execution.chunks import Chunk, Kind
 from uqmbd.propagation.execution.cost import CostClock
 from uqmbd.propagation.execution.ledger import Ledger
 from uqmbd.randomness import JointInput
-from uqmbd.results.storage import FOLDER, how_to_go_on, make
+from uqmbd.results.storage import FOLDER, make, resume_hint
 from uqmbd.typing import Array
 from uqmbd.version import __version__
 
@@ -121,7 +121,7 @@ class Checkpoint:
                 np.savez(file, **{_ABOUT: text}, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
         except OSError as error:
             reason = error.strerror or error
-            raise StudyError(f"{path} cannot be written: {reason}.{how_to_go_on(self.folder)}") from error
+            raise StudyError(f"{path} cannot be written: {reason}.{resume_hint(self.folder)}") from error
 
 
 StoredChunks = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]

@@ -158,7 +158,7 @@ def compute_chunk(
     with one_thread():
         ensemble = Ensemble(model, values)
         scalars = model.scalars if kind != "requirements" else None
-        moves, between = needs_motion(model, kind), model.needs_path
+        moves, between = needs_motion(model, kind), model.needs_dense_output
         trajectories = integrate(ensemble, times, rtol, integrator, between=between) if moves else None
         chunk = Chunk(np.zeros((len(values), 0, 0)), np.zeros(len(values), dtype=np.int64), ("",) * len(values), {})
         if kind == "outputs" and trajectories is not None:

@@ -116,7 +116,7 @@ def explained(executor: Executor | None) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if executor is None or not _gave_up(executor, error):
+        if executor is None or not _has_ended(executor, error):
             raise
         if isinstance(executor, WorkerPool):
             raise IntegrationError(
@@ -131,7 +131,7 @@ def explained(executor: Executor | None) -> Iterator[None]:
         ) from error
 
 
-def _gave_up(executor: Executor, error: Exception) -> bool:
+def _has_ended(executor: Executor, error: Exception) -> bool:
     """Whether an error says that an executor has ended: those of Python's executors, and of the executor's package."""
     if isinstance(error, BrokenExecutor):
         return True

@@ -138,7 +138,7 @@ def simulate(
         alone = {} if model.scalars is None else _scalars(mechanism, ensemble, None)
         return as_text(with_margins(xr.Dataset(alone, attrs=still), mechanism.name, ensemble, grid))
     refuse_jumps(ensemble, grid, rtol, where)
-    trajectories = integrate(ensemble, grid, rtol, integrator, between=model.needs_path)
+    trajectories = integrate(ensemble, grid, rtol, integrator, between=model.needs_dense_output)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)

@@ -169,4 +169,4 @@ class CoreChecks:
 
 @cache
 def _built_in() -> dict[str, type[Any]]:
-    return plugins.offered_by_core(CoreChecks(), "checks")
+    return plugins.core_offers(CoreChecks(), "checks")

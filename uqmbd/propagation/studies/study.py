@@ -40,7 +40,7 @@ from uqmbd.propagation.options import (
     check_report_times,
     check_rtol,
     check_start,
-    check_still,
+    check_timeless,
     check_times,
 )
 from uqmbd.propagation.studies.checks import ranges, warned_findings
@@ -134,7 +134,7 @@ class Study:
             raise StudyError(f"study {name!r}: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
         self.mechanism = mechanism
         self.times = (
-            check_still(mechanism, f"study {name!r}") if times is None else check_times(times, f"study {name!r}")
+            check_timeless(mechanism, f"study {name!r}") if times is None else check_times(times, f"study {name!r}")
         )
         self.rtol = check_rtol(rtol, f"study {name!r}")
         self.integrator = check_integrator(integrator, f"study {name!r}")
@@ -226,7 +226,7 @@ class Study:
 
         if len(self.times) == 1:
             # outputs may have been added since
-            check_still(self.mechanism, f"study {self.name!r}")
+            check_timeless(self.mechanism, f"study {self.name!r}")
         model = self._observed(self.mechanism)
         require_for(model, self.integrator, f"study {self.name!r}")
         means = Ensemble(replace(model, start_at="drawn"), self.mechanism.inputs.means[None, :])

@@ -15,8 +15,8 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
+from uqmbd.plugins import core_offers, hookimpl
 from uqmbd.plugins import designs as designs_of_plugins
-from uqmbd.plugins import hookimpl, offered_by_core
 from uqmbd.typing import Array
 
 __all__ = [
@@ -240,7 +240,7 @@ def design_problem(points: Array, shape: tuple[int, int]) -> str:
 
 @cache
 def _offered() -> dict[str, type]:
-    return offered_by_core(BuiltInDesigns(), "designs")
+    return core_offers(BuiltInDesigns(), "designs")
 
 
 def sampling_designs() -> tuple[str, ...]:

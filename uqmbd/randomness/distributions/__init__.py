@@ -5,10 +5,10 @@ Those of other packages are adopted: they become distributions of chaospy.
 
 from __future__ import annotations
 
-from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
 from uqmbd.randomness.distributions.adopted import adopt_distribution, distribution_of
+from uqmbd.randomness.distributions.around_number import distribution_about, is_distribution, strays
 from uqmbd.randomness.distributions.decomposed import AffineDistribution, is_dependent
-from uqmbd.randomness.distributions.sound import flaw_of
+from uqmbd.randomness.distributions.flaws import flaw_of
 from uqmbd.randomness.distributions.table_functions import tabulated
 from uqmbd.randomness.distributions.tails import FEWEST, Tail, heaviest_tail, tail_of
 

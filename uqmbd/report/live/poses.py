@@ -70,7 +70,7 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surro
         chaos = _fitted(study, known, frames)
         parts, realisations = {"chaos": chaos.to_dataset()}, len(known.multi_index) * 2 + CHECKED
     else:
-        parts, realisations = _run_again(study, method, frames)
+        parts, realisations = _fit_poses(study, method, frames)
     found = xr.DataTree(name="pose_surrogate")
     found.attrs |= {
         "method": method,
@@ -123,7 +123,7 @@ def _columns(study: Study, space: GermSpace) -> list[int]:
     return [list(space.inputs).index(name) for name in study.mechanism.inputs.names]
 
 
-def _run_again(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dataset], int]:
+def _fit_poses(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dataset], int]:
     """Return surrogates of the coordinates by the method itself, by their paths, and how many realisations it took."""
     node, names = observed_bodies(study, frames, method)
     if not surrogate_parts(node):

@@ -17,7 +17,7 @@ from uqmbd.report.mechanisms.animation import (
 )
 from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.film import Film
-from uqmbd.report.mechanisms.still_picture import mechanism, pose_still, still
+from uqmbd.report.mechanisms.still_picture import draw_pose, mechanism, still
 from uqmbd.report.mechanisms.symbols import Stroke
 
 __all__ = [
@@ -34,7 +34,7 @@ __all__ = [
     "mechanism",
     "motion",
     "observed_bodies",
-    "pose_still",
+    "draw_pose",
     "poses",
     "still",
     "with_motion",

@@ -59,7 +59,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     try:
         model = mechanism.remembered(("kinematics", time), lambda: kinematic_model(mechanism, time))
         parameters = model.parameters(point)
-        q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
+        q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.independent_holonomic)
         note, owners = messages[0], model.owners
     except AssemblyError as error:
         drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["mechanism", "pose_still", "still"]
+__all__ = ["mechanism", "draw_pose", "still"]
 
 
 @typechecked
@@ -129,7 +129,7 @@ def still(data: xr.Dataset) -> Drawing:
     return made
 
 
-def pose_still(data: xr.Dataset) -> Drawing:
+def draw_pose(data: xr.Dataset) -> Drawing:
     """Draw a mechanism in one pose, with the names of its bodies and components.
 
     `data`: of `drawn_pose`; a line above the drawing states its note on why the mechanism is not assembled.

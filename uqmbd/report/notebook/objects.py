@@ -125,10 +125,10 @@ def picture(mechanism: Mechanism) -> str:
     """Picture as an image with an alternative text; a note where it cannot be drawn."""
     if not mechanism.bodies:
         return ""
-    from uqmbd.report.mechanisms import drawn_pose, pose_still
+    from uqmbd.report.mechanisms import draw_pose, drawn_pose
 
     try:
-        source = pose_still(drawn_pose(mechanism)).source()
+        source = draw_pose(drawn_pose(mechanism)).source()
     except Exception as error:  # noqa: BLE001 - a mechanism may be unfinished in any way; its tables must stand
         return f"<p>The mechanism cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
     alt = escape(f"The mechanism {mechanism.name} in its assembled pose.", quote=True)

@@ -115,7 +115,7 @@ def _verdict(
         return Verdict(DIFFERS, f"differs: {what}", within)
     if coarse:
         order = f"order {found.order} is too low" if found.order is not None else "its surrogate is not accurate enough"
-        why = f"its stated error is {_told(found, o, times)}" if np.isfinite(stated) else (
+        why = f"its stated error is {_describe_error(found, o, times)}" if np.isfinite(stated) else (
             f"{format_percent(float(found.top_order[o]))} of the standard deviation is in terms of its highest order"
         )  # fmt: skip
         return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
@@ -132,7 +132,7 @@ def _verdict(
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
 
-def _told(found: OwnError, o: int, times: Array) -> str:
+def _describe_error(found: OwnError, o: int, times: Array) -> str:
     """Say how large the stated error of an under-resolved surrogate is."""
     return error_words(found.told[o], times if len(times) > 1 else None, EXACT)
 

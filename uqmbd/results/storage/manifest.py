@@ -28,7 +28,7 @@ __all__ = [
     "in_manifest",
     "is_ours",
     "is_recognised",
-    "make_way",
+    "move_unlisted",
     "move_aside",
     "record",
     "start_manifest",
@@ -77,7 +77,7 @@ def start_manifest(folder: Path) -> None:
     if not os.path.lexists(place):
         _write(folder, {})
     elif _read(place) is None:
-        raise _in_the_way(place)
+        raise _is_obstacle(place)
 
 
 def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *, stated: bool = False) -> None:
@@ -143,7 +143,7 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
     """
     manifest = folder / MANIFEST
     if os.path.lexists(manifest) and _read(manifest) is None:
-        raise _in_the_way(manifest)
+        raise _is_obstacle(manifest)
     recognised = []
     for name in names:
         place = folder / name
@@ -152,15 +152,15 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
         if name == FIGURES:
             noted = [f"{FIGURES}/{one}" for one in os.listdir(place)] if _is_folder(place) else [""]
             if not all(is_ours(folder, one) for one in noted):
-                raise _in_the_way(place)
+                raise _is_obstacle(place)
         elif is_recognised(place):
             recognised.append(name)
         else:
-            raise _in_the_way(place)
+            raise _is_obstacle(place)
     return recognised
 
 
-def make_way(folder: Path, names: Collection[str]) -> Path | None:
+def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
     """Move what uqmbd can have written, but did not note, out of the way of names that are needed; return where to.
 
     Raise StudyError if a name is taken by something else; then nothing is moved.
@@ -247,7 +247,7 @@ def _numbered(folder: Path, number: int) -> Path:
     return folder / (f"{PREVIOUS}-{number}" if number else PREVIOUS)
 
 
-def _in_the_way(place: Path) -> StudyError:
+def _is_obstacle(place: Path) -> StudyError:
     return StudyError(
         f"{place} is in the way: uqmbd needs this name, but did not write what is there, or it was changed since. It "
         "is left as it is, and nothing was computed. Move or rename it, or give another folder (--out DIR; in Python: "

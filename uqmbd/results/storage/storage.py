@@ -27,7 +27,7 @@ from uqmbd.results.storage.encoding import decode, decode_tree, drop_own, encode
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.manifest import has_manifest, in_manifest, is_ours, record
 from uqmbd.results.storage.reading import PLAIN, check_memory, opened_netcdf
-from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
+from uqmbd.results.storage.unfinished import resume_hint, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_folder
 
 __all__ = ["errors_of_files", "load", "load_with", "not_verified", "read_root", "save"]
@@ -82,7 +82,7 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
                 record(target.parent, [target.name], [written])
     except OSError as error:
         unsaved(target.parent, tree.attrs)
-        remedy = how_to_go_on(target.parent)
+        remedy = resume_hint(target.parent)
         raise StudyError(
             f"The result cannot be written to {str(target)!r}: {error.strerror or error}.{remedy}"
         ) from error

@@ -26,8 +26,8 @@ __all__ = [
     "begin",
     "check_unfinished",
     "computed",
-    "how_to_go_on",
-    "is_kept",
+    "resume_hint",
+    "is_unfinished",
     "make",
     "reopen",
     "saved",
@@ -209,12 +209,12 @@ def reopen(folder: Path) -> None:
         (folder / FOLDER / _MARK).unlink(missing_ok=True)
 
 
-def is_kept(folder: Path) -> bool:
+def is_unfinished(folder: Path) -> bool:
     """Tell whether an earlier run has left something to go on with."""
     return any(any((folder / name).glob("*/*")) for name in (FOLDER, _ENDED))
 
 
-def how_to_go_on(folder: Path) -> str:
+def resume_hint(folder: Path) -> str:
     """Return a sentence on the work of a run that is unfinished, or nothing if there is none."""
     place = folder / FOLDER
     if not place.is_dir():

@@ -25,9 +25,9 @@ from uqmbd.files import flush, replacing
 from uqmbd.results.schema import Labels
 from uqmbd.results.storage.chunk_file import checksum_of, encoded, read_checked, write_file
 from uqmbd.results.storage.journal import Journal, Record
-from uqmbd.results.storage.manifest import foreign_in_store, is_ours, make_way, record
+from uqmbd.results.storage.manifest import foreign_in_store, is_ours, move_unlisted, record
 from uqmbd.results.storage.sample_store import MESSAGE, SampleStore
-from uqmbd.results.storage.unfinished import how_to_go_on, make
+from uqmbd.results.storage.unfinished import make, resume_hint
 from uqmbd.typing import Array, Index
 
 __all__ = ["ResponseFile", "UnfinishedStore"]
@@ -199,7 +199,7 @@ class UnfinishedStore:
                     if is_ours(self._folder, self._target.name):
                         os.replace(self._target, old)
                     else:
-                        make_way(self._folder, [self._target.name])
+                        move_unlisted(self._folder, [self._target.name])
                 # before it takes its name: what a killed run leaves is noted
                 record(self._folder, [self._target.name], [store.folder])
                 os.replace(store.folder, self._target)
@@ -215,7 +215,7 @@ class UnfinishedStore:
     def _failed(self, error: OSError) -> StudyError:
         reason = error.strerror or str(error)
         where = error.filename or self._place
-        return StudyError(f"{where} cannot be written: {reason}.{how_to_go_on(self._folder)}")
+        return StudyError(f"{where} cannot be written: {reason}.{resume_hint(self._folder)}")
 
 
 def _identity(folder: Path) -> str | None:

@@ -93,7 +93,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
         # no outputs, but all data on the methods
         compared = whole.isel(output=slice(0, 0))
     elif "recommendation" in compared.attrs:
-        compared = compared.assign_attrs(recommendation=_with_doubts(compared, whole))
+        compared = compared.assign_attrs(recommendation=_with_reservations(compared, whole))
     blank = {name: "" if found[name].dtype.kind == "U" else np.nan for name in found.data_vars}
     every = np.array([str(label) for label in compared["method"].values], dtype=np.str_)
     if every.tolist() != found["method"].values.tolist():
@@ -102,7 +102,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
 
 
-def _with_doubts(compared: xr.Dataset, whole: xr.Dataset) -> str:
+def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
     """Return the recommendation, with what cannot be relied on among outputs without a time."""
     lead, *others = str(compared.attrs["recommendation"]).split("\n")
     over_time = judgements_of(compared)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqmbd.report.sections.about_methods.comparison import COMPARISON
 from uqmbd.report.sections.about_methods.failures import FAILURES
 from uqmbd.report.sections.about_methods.methods import COST, METHODS, PROVENANCE
-from uqmbd.report.sections.about_methods.trust import GROWTH, TRUST
+from uqmbd.report.sections.about_methods.surrogate_accuracy import GROWTH, TRUST
 
 __all__ = ["ABOUT_METHODS"]
 

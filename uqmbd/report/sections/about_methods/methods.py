@@ -89,7 +89,7 @@ def _outcome(method: Method, compared: bool) -> list[str]:
             f"distributions of the inputs. The other {format_integer(total - counted)} were chosen to find violations."
         )
     elif kept < total:
-        text.append(_beyond_the_kept(method, total, kept))
+        text.append(_describe_stored(method, total, kept))
     if method.ends_at is not None:
         text.append(
             f"Results of {label} end at t = {format_number(method.ends_at)} s, before the end of the "
@@ -98,7 +98,7 @@ def _outcome(method: Method, compared: bool) -> list[str]:
     return text
 
 
-def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
+def _describe_stored(method: Method, total: int, kept: int) -> str:
     """Say of which realisations statistics and figures are, where the results do not hold all."""
     every, first = format_integer(total), f"the first {format_integer(kept)}, which are stored"
     if "smallest" not in method.statistics:  # of an earlier version

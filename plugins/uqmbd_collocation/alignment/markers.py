@@ -16,13 +16,13 @@ __all__ = [
     "STANDING",
     "TURN",
     "Cut",
-    "Cutting",
-    "Landmarked",
+    "MarkerRule",
+    "MarkedRealisations",
     "Marks",
     "everywhere",
     "marks_behind",
-    "phase_landmarks",
-    "time_landmarks",
+    "phase_markers",
+    "time_markers",
 ]
 
 
@@ -57,31 +57,31 @@ class Marks:
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarked:
+class MarkedRealisations:
     """Realisations from marker to marker."""
 
     edges: Array  # (K, S + 1) times of the markers, s; NaN where a realisation does not reach one
     response: Array  # (K, S, O, N) outputs at `uqmbd.extend.AlignedElement.points` of each segment
 
 
-Cut = Callable[[Array], tuple[Landmarked, uqmbd.extend.Realisations]]
+Cut = Callable[[Array], tuple[MarkedRealisations, uqmbd.extend.Realisations]]
 """From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
 
 
 @dataclass(frozen=True)
-class Cutting:
+class MarkerRule:
     """Rule by which realisations of an element are divided at markers."""
 
     cut: Cut  # computes realisations from marker to marker
     labels: tuple[str, ...]  # length S: the event that ends each segment; empty: no event
     landmarks: Markers
-    farther: Callable[[float, float], Cutting | None] | None = None
+    farther: Callable[[float, float], MarkerRule | None] | None = None
     """Maps (additional time, time of a segment), s, to the rule for longer realisations; None: impossible."""
 
 
-def phase_landmarks(
+def phase_markers(
     found: uqmbd.extend.Dense, phases: uqmbd.extend.Phases, marks: Marks, outputs: int, points: int
-) -> Landmarked:
+) -> MarkedRealisations:
     """Divide realisations where they pass the phases of `marks`, and at equal steps of time after the last of these.
 
     The times of `found` resolve the motion; the first `outputs` of its rows are outputs of the study.
@@ -96,17 +96,17 @@ def phase_landmarks(
         moments = edges[k, :-1, None] + where * np.diff(edges[k])[:, None]
         values = found.spline(k)(moments.ravel(), extrapolate=False)[:, :outputs]
         response[k] = values.reshape(marks.count, points, outputs).transpose(0, 2, 1)
-    return Landmarked(edges, response)
+    return MarkedRealisations(edges, response)
 
 
-def time_landmarks(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: int) -> Landmarked:
-    """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_landmarks`."""
+def time_markers(found: uqmbd.extend.Dense, edges: Array, outputs: int, points: int) -> MarkedRealisations:
+    """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_markers`."""
     moments = edges[:-1, None] + AlignedElement.points(points) * np.diff(edges)[:, None]
     response = np.empty((len(found.values), len(edges) - 1, outputs, points))
     for k in range(len(response)):
         values = found.spline(k)(moments.ravel())[:, :outputs]
         response[k] = values.reshape(len(edges) - 1, points, outputs).transpose(0, 2, 1)
-    return Landmarked(np.tile(edges, (len(response), 1)), response)
+    return MarkedRealisations(np.tile(edges, (len(response), 1)), response)
 
 
 def marks_behind(starts: Array, last: float) -> Array:

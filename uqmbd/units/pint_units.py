@@ -9,17 +9,17 @@ from typing import Any
 
 from uqmbd.units.unit import Unit
 
-__all__ = ["asked_of_pint", "unit_of_pint"]
+__all__ = ["unit_from_name", "unit_of_pint"]
 
 _DIMENSIONS = ("[length]", "[mass]", "[time]", "[temperature]", "[current]", "[substance]", "[luminosity]")
 """pint's names of the base quantities."""
 
 
 @functools.lru_cache(maxsize=256)
-def asked_of_pint(name: str) -> Unit | None:
+def unit_from_name(name: str) -> Unit | None:
     """Return the unit of a name in pint's application registry; None if it is unknown, or pint is not installed.
 
-    >>> asked_of_pint("no_such_unit") is None
+    >>> unit_from_name("no_such_unit") is None
     True
     """
     if importlib.util.find_spec("pint") is None:

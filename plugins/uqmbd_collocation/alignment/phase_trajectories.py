@@ -13,20 +13,20 @@ import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.impossible import without_clock
-from uqmbd_collocation.alignment.landmarks import (
+from uqmbd_collocation.alignment.markers import (
     PER_TURN,
     STANDING,
-    Cutting,
-    Landmarked,
+    MarkedRealisations,
+    MarkerRule,
     Marks,
     everywhere,
     marks_behind,
-    phase_landmarks,
-    time_landmarks,
+    phase_markers,
+    time_markers,
 )
 from uqmbd_collocation.alignment.starts import Starts
 
-__all__ = ["PhasePaths"]
+__all__ = ["PhaseTrajectories"]
 
 
 AHEAD = 1.15
@@ -52,7 +52,7 @@ STANDS: Sequence = ("the clock stands",)
 
 
 @dataclass(frozen=True)
-class _PhasePath:
+class _PhaseTrajectory:
     """One realisation, known until the end of `found`; it fails on the way to `limit`, with the reason `beyond`."""
 
     found: uqmbd.extend.Dense
@@ -64,7 +64,7 @@ class _PhasePath:
 
 
 @dataclass
-class PhasePaths:
+class PhaseTrajectories:
     """Realisations over longer times, each computed once, or anew where it has to be longer."""
 
     problem: uqmbd.extend.Problem
@@ -80,7 +80,7 @@ class PhasePaths:
     starts: Starts | None = None
     better: str = ""
     """Name of a clock that runs in all nodes, where another one is asked for."""
-    _known: dict[bytes, _PhasePath] = field(default_factory=dict)
+    _known: dict[bytes, _PhaseTrajectory] = field(default_factory=dict)
     _late: set[bytes] = field(default_factory=set)
     _fine: int = 0
     """Times that resolved the last realisations."""
@@ -216,34 +216,36 @@ class PhasePaths:
         tail = self.end - first + MARGIN * (self.end - self.begin)
         return Marks(common, tail, 1 + int(np.count_nonzero(self.problem.times > first)) // STANDING)
 
-    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Cutting:
+    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> MarkerRule:
         """Return how realisations of an element are cut; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
-    def _cutting(self, sequence: Sequence, marks: Marks) -> Cutting:
+    def _cutting(self, sequence: Sequence, marks: Marks) -> MarkerRule:
         if marks.count:
 
-            def farther(late: float, pace: float) -> Cutting:
+            def farther(late: float, pace: float) -> MarkerRule:
                 return self._cutting(sequence, marks.farther(late, pace))
 
-            return Cutting(lambda values: self.cut(values, marks, sequence), ("",) * marks.count, "phase", farther)
+            return MarkerRule(lambda values: self.cut(values, marks, sequence), ("",) * marks.count, "phase", farther)
         segments = -(-len(self.problem.times) // STANDING)
-        return Cutting(lambda values: self.cut_in_time(values, segments), ("",) * segments, "time")
+        return MarkerRule(lambda values: self.cut_in_time(values, segments), ("",) * segments, "time")
 
-    def cut(self, values: Array, marks: Marks, sequence: Sequence) -> tuple[Landmarked, uqmbd.extend.Realisations]:
+    def cut(
+        self, values: Array, marks: Marks, sequence: Sequence
+    ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations from phase to phase; one that does not reach the last has failed."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._reaching(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
         edges = np.full((len(values), marks.count + 1), np.nan)
         response = np.full((len(values), marks.count, outputs, POINTS), np.nan)
         for seen, phases, rows in groups:
-            part = phase_landmarks(seen, phases, marks, outputs, POINTS)
+            part = phase_markers(seen, phases, marks, outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return Landmarked(edges, response), self._told(values, paths, edges, sequence)
+        return MarkedRealisations(edges, response), self._told(values, paths, edges, sequence)
 
     def _reaching(
         self, kind: uqmbd.extend.Clock, values: Array, last: float, more: float = 0.0
-    ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhasePath]]:
+    ) -> tuple[list[tuple[uqmbd.extend.Dense, uqmbd.extend.Phases, list[int]]], list[_PhaseTrajectory]]:
         """Follow realisations (K, d) until their phases are the last, rad, and longer, s, if they get there."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
@@ -255,16 +257,16 @@ class PhasePaths:
                 break
         return read, paths
 
-    def cut_in_time(self, values: Array, segments: int) -> tuple[Landmarked, uqmbd.extend.Realisations]:
+    def cut_in_time(self, values: Array, segments: int) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations in segments of the same times."""
         outputs = self.problem.labels.shape[0]
         groups, paths = self._groups(values)
         edges = np.full((len(values), segments + 1), np.nan)
         response = np.full((len(values), segments, outputs, POINTS), np.nan)
         for seen, rows in groups:
-            part = time_landmarks(seen, np.linspace(self.begin, self.end, segments + 1), outputs, POINTS)
+            part = time_markers(seen, np.linspace(self.begin, self.end, segments + 1), outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return Landmarked(edges, response), self._told(values, paths, edges, STANDS)
+        return MarkedRealisations(edges, response), self._told(values, paths, edges, STANDS)
 
     def at_times(self, values: Array) -> uqmbd.extend.Realisations:
         """Return realisations at the output times: of those that are followed, and anew of those that failed."""
@@ -285,7 +287,7 @@ class PhasePaths:
         return uqmbd.extend.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
     def _told(
-        self, values: Array, paths: list[_PhasePath], edges: Array, sequence: Sequence
+        self, values: Array, paths: list[_PhaseTrajectory], edges: Array, sequence: Sequence
     ) -> uqmbd.extend.Realisations:
         status = np.array([path.status for path in paths])
         lost = (status == Status.OK) & ~np.isfinite(edges).all(axis=1)
@@ -334,7 +336,7 @@ class PhasePaths:
         near = self.starts.near(values) if self.starts is not None and not kind.turn else None
         return kind.phases(seen, near)
 
-    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhasePath]]:
+    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhaseTrajectory]]:
         """Realisations (K) as far as they are known, put together where they have the same times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
@@ -351,7 +353,7 @@ class PhasePaths:
             found_groups.append((whole.of([paths[k].row for k in members]), members))
         return found_groups, paths
 
-    def _continue(self, values: Array, paths: list[_PhasePath], needed: Array) -> bool:
+    def _continue(self, values: Array, paths: list[_PhaseTrajectory], needed: Array) -> bool:
         """Follow realisations (K, d) that are known for too short, until times (K,), s; say if there are any.
 
         Those that fail farther on are followed one by one, as far as each of them needs.
@@ -390,6 +392,8 @@ class PhasePaths:
             self._follow(values[again], self.end)
         for n, key in enumerate(keys):
             if status[n] == Status.OK or not beyond:
-                self._known[key] = _PhasePath(found, n, int(status[n]), reasons[n] if status[n] != Status.OK else "")
+                self._known[key] = _PhaseTrajectory(
+                    found, n, int(status[n]), reasons[n] if status[n] != Status.OK else ""
+                )
             else:
                 self._known[key] = replace(self._known[key], limit=until, beyond=reasons[n])

@@ -40,7 +40,7 @@ _UNKNOWN = "unknown"
 _VERIFIED = 3
 
 
-def describe_trust(result: StudyResult) -> Content | None:
+def describe_reliability(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None if no method holds a surrogate."""
     nodes = result.nodes
     holders = surrogate_nodes(nodes)
@@ -74,7 +74,7 @@ def describe_trust(result: StudyResult) -> Content | None:
     }
 
 
-TRUST = TemplateSection("Accuracy of the surrogates", "trust", describe_trust, "about_methods.html.j2")
+TRUST = TemplateSection("Accuracy of the surrogates", "trust", describe_reliability, "about_methods.html.j2")
 
 
 def _verdicts(method: Method, said: Assessment) -> Content:

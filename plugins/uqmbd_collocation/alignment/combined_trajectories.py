@@ -13,13 +13,13 @@ import uqmbd
 from uqmbd.extend import AlignedElement, Markers
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.alignment.event_paths import POINTS as FIRST
-from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.event_trajectories import POINTS as FIRST
+from uqmbd_collocation.alignment.event_trajectories import EventTrajectories
 from uqmbd_collocation.alignment.impossible import Impossible
-from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN, Cutting, Landmarked, everywhere
+from uqmbd_collocation.alignment.markers import PER_TURN, TURN, MarkedRealisations, MarkerRule, everywhere
 from uqmbd_collocation.alignment.merging import Merged, merged
 
-__all__ = ["CombinedPaths"]
+__all__ = ["CombinedTrajectories"]
 
 
 POINTS = 33
@@ -74,7 +74,7 @@ class _PhaseHistory:
 
 
 @dataclass
-class CombinedPaths:
+class CombinedTrajectories:
     """Realisations from marker to marker, where markers are both events and phases.
 
     They are those of the events. They are integrated anew if their points do not resolve the motion between events. So
@@ -82,7 +82,7 @@ class CombinedPaths:
     """
 
     problem: uqmbd.extend.Problem
-    events: EventPaths
+    events: EventTrajectories
     clock: uqmbd.extend.Clock  # an angle
     spent: int = 0  # realisations that were integrated anew
     counters: Counter[str] = field(default_factory=Counter)
@@ -99,8 +99,8 @@ class CombinedPaths:
 
     @classmethod
     def of(
-        cls, problem: uqmbd.extend.Problem, events: EventPaths | None, clock: uqmbd.extend.Clock | None
-    ) -> CombinedPaths:
+        cls, problem: uqmbd.extend.Problem, events: EventTrajectories | None, clock: uqmbd.extend.Clock | None
+    ) -> CombinedTrajectories:
         """Make them of what events and phases have found, or say what is missing."""
         if events is None or clock is None:
             raise Impossible(problem.label, "there are not both events and a clock", "Leave one of them out.")
@@ -143,7 +143,9 @@ class CombinedPaths:
         """Return the events of realisations at inputs (K, d); phases between them are the same in all."""
         return self.events.sequences(values)
 
-    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+    def cutting(
+        self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
+    ) -> MarkerRule:
         """Return how realisations of an element are cut; see `marks`."""
         return self._cutting(sequence, self.marks(space, germs, spread, sequence))
 
@@ -170,20 +172,20 @@ class CombinedPaths:
         self._marks[germs.tobytes() + values.tobytes()] = found
         return found
 
-    def _cutting(self, sequence: tuple[str, ...], marks: Merged) -> Cutting:
+    def _cutting(self, sequence: tuple[str, ...], marks: Merged) -> MarkerRule:
         labels = marks.labels(sequence)
 
-        def farther(late: float, pace: float) -> Cutting:
+        def farther(late: float, pace: float) -> MarkerRule:
             return self._cutting(sequence, marks.farther(late, pace))
 
         kind: Markers = "events" if any(labels) else "phase"
-        return Cutting(
+        return MarkerRule(
             lambda values: self.cut(values, sequence, marks), labels, kind, farther if marks.ending else None
         )
 
     def cut(
         self, values: Array, sequence: tuple[str, ...], marks: Merged
-    ) -> tuple[Landmarked, uqmbd.extend.Realisations]:
+    ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations in segments; those whose landmarks come in another order are no part of this element."""
         if marks.ending:
             self._reach(values, len(sequence), float(marks.phases[-1][-1]))
@@ -200,7 +202,9 @@ class CombinedPaths:
                 edges[k], response[k] = motion.cut(marks, outputs)
         status = np.array([int(Status.INTEGRATION_FAILED if text else Status.OK) for text in messages])
         nothing = np.zeros((len(values), 0, 0))
-        return Landmarked(edges, response), uqmbd.extend.Realisations(values, nothing, status, tuple(messages), {}, 0.0)
+        return MarkedRealisations(edges, response), uqmbd.extend.Realisations(
+            values, nothing, status, tuple(messages), {}, 0.0
+        )
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
         """Follow realisations whose last segment, of a count, no event ends until they get to a phase, if they do."""

@@ -19,7 +19,7 @@ import numpy as np
 from uqmbd.compiled import LANES, Dynamics
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.integration.costs import LOOK, attempt_cost
-from uqmbd.dynamics.integration.ida import reaches_by_ida
+from uqmbd.dynamics.integration.ida import can_finish_with_ida
 from uqmbd.dynamics.integration.trajectories import Counters
 from uqmbd.typing import Array
 
@@ -82,6 +82,6 @@ class Comparison:
         if spent < WORTH or now <= self.times[0]:
             return False
         times = np.append(self.times[self.times < now], now)
-        found, counters = reaches_by_ida(self.batch.select(np.array([member])), times, self.rtol, spent)
+        found, counters = can_finish_with_ida(self.batch.select(np.array([member])), times, self.rtol, spent)
         self.counters = self.counters + counters
         return found

@@ -14,9 +14,9 @@ import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.impossible import Impossible
-from uqmbd_collocation.alignment.landmarks import Cutting, Landmarked
+from uqmbd_collocation.alignment.markers import MarkedRealisations, MarkerRule
 
-__all__ = ["EventPaths"]
+__all__ = ["EventTrajectories"]
 
 
 POINTS = 65
@@ -36,7 +36,7 @@ MARGIN = 0.1
 
 
 @dataclass
-class EventPaths:
+class EventTrajectories:
     """Realisations from event to event, each computed once.
 
     Last segments, which no event ends, last until `longer` times the range of the output times. In all realisations
@@ -85,14 +85,16 @@ class EventPaths:
         """
         return [history.labels[: self.least] for history in self.histories(values)]
 
-    def cutting(self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+    def cutting(
+        self, space: uqmbd.extend.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]
+    ) -> MarkerRule:
         """Return how realisations of an element are cut."""
         return self._cutting(space.to_inputs(germs), sequence)
 
-    def _cutting(self, values: Array, sequence: tuple[str, ...]) -> Cutting:
+    def _cutting(self, values: Array, sequence: tuple[str, ...]) -> MarkerRule:
         """Return how realisations are cut, and how to cut them behind more events: those of nodes at inputs (K, d)."""
 
-        def farther(late: float, pace: float) -> Cutting | None:
+        def farther(late: float, pace: float) -> MarkerRule | None:
             more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(sequence), MOST_SEGMENTS - len(sequence))
             try:
                 known = [h.labels for h in self.histories(values, len(sequence) + more)] if more > 0 else []
@@ -103,9 +105,9 @@ class EventPaths:
             common = tuple(each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*same, strict=False)))
             return self._cutting(values, common) if len(common) > len(sequence) else None
 
-        return Cutting(lambda values: self.cut(values, sequence), sequence, "events", farther)
+        return MarkerRule(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
-    def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[Landmarked, uqmbd.extend.Realisations]:
+    def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
         """Return realisations in segments; those whose sequence is another one are no part of this element."""
         histories = self.histories(values, len(sequence))
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
@@ -122,7 +124,7 @@ class EventPaths:
             {},
             0.0,
         )
-        return Landmarked(edges, response), told
+        return MarkedRealisations(edges, response), told
 
     def histories(self, values: Array, count: int = 1) -> list[uqmbd.extend.History]:
         """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`.

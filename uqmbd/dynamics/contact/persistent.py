@@ -23,13 +23,13 @@ from uqmbd.typing import Array
 
 __all__ = [
     "CLOSED",
-    "Lasting",
+    "ContactModes",
     "Mode",
     "contact_forces",
     "contact_motion",
     "heading_of",
-    "held_touches",
-    "lasting_contacts",
+    "persistent_touches",
+    "persistent_contacts",
     "onto_contacts",
     "pressed",
     "spread_of",
@@ -51,7 +51,7 @@ STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
 
 
-class Lasting(NamedTuple):
+class ContactModes(NamedTuple):
     """Contacts that last: whether each sticks or slips, and in which direction each slides that slips.
 
     Of redundant contacts also `internal` forces, shape (direction,), beside the least ones: they move nothing.
@@ -100,7 +100,7 @@ def contact_forces(
     return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
-def contact_motion(contacts: ContactQuantities, lasting: Lasting) -> ContactMotion:
+def contact_motion(contacts: ContactQuantities, lasting: ContactModes) -> ContactMotion:
     """Solve for accelerations and contact forces with given modes of the lasting contacts.
 
     Each sliding contact has the direction near which it slides, (tangent,): where the speed passes zero, friction does
@@ -135,7 +135,9 @@ def _direction(sliding: Array, heading: Array) -> Array:
         return np.where(fast > 1e-12, forward * sliding / fast, heading)
 
 
-def lasting_contacts(contacts: ContactQuantities, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
+def persistent_contacts(
+    contacts: ContactQuantities, near: list[int], slow: float
+) -> tuple[ContactModes, ContactMotion] | None:
     """Find which of the closed contacts `near` last at one state, and their modes and motion; None if no forces exist.
 
     Contacts near have zero gap and zero normal speed; sliding speeds up to `slow`, m/s, count as zero. The laws of
@@ -179,32 +181,32 @@ def lasting_contacts(contacts: ContactQuantities, near: list[int], slow: float) 
             modes[k] = "stick" if stays else "slip"
         if len(friction) and not stays:
             headings[k] = heading_of(friction)
-    lasting = Lasting(modes, {k: x for k, x in headings.items() if k in modes})
+    lasting = ContactModes(modes, {k: x for k, x in headings.items() if k in modes})
     found = with_internal(contacts, lasting)
     if not (modes and unloaded):
         return found
     # of redundant contacts those that this solution does not load may be loaded as well
     every: dict[int, Mode] = {k: (modes | unloaded)[k] for k in near if k in modes or k in unloaded}
-    others = with_internal(contacts, Lasting(every, {k: x for k, x in headings.items() if k in every}))
+    others = with_internal(contacts, ContactModes(every, {k: x for k, x in headings.items() if k in every}))
     moved = np.abs(others[1].rate - found[1].rate).max() > still
     return found if moved or not pressed(contacts, *others) else others
 
 
-def pressed(contacts: ContactQuantities, lasting: Lasting, motion: ContactMotion) -> bool:
+def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> bool:
     """Whether all contacts that last are pressed, and friction holds those that stick, at one state."""
-    touches, force = held_touches(contacts, lasting), motion.force[0]
+    touches, force = persistent_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
     return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
 
 
-def with_internal(contacts: ContactQuantities, lasting: Lasting) -> tuple[Lasting, ContactMotion]:
+def with_internal(contacts: ContactQuantities, lasting: ContactModes) -> tuple[ContactModes, ContactMotion]:
     """Find the motion at one state with given modes, and internal forces where the laws need them.
 
     Forces of redundant contacts are not unique: a disc that rests in a corner may be wedged more or less, and its least
     forces may pull, or be more than friction holds.  Then those with the most room inside the laws are taken.
     """
     motion = contact_motion(contacts, lasting)
-    touches = held_touches(contacts, lasting)
+    touches = persistent_touches(contacts, lasting)
     least = motion.force[0]
     if len(touches) < 2 or not np.isfinite(least).all():
         return lasting, motion
@@ -218,7 +220,7 @@ def with_internal(contacts: ContactQuantities, lasting: Lasting) -> tuple[Lastin
     return lasting._replace(internal=found), replace(motion, force=motion.force + found)
 
 
-def held_touches(contacts: ContactQuantities, lasting: Lasting) -> list[Touch]:
+def persistent_touches(contacts: ContactQuantities, lasting: ContactModes) -> list[Touch]:
     """Contacts that last, at one state; those that stick have their tangents."""
     return [
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(contacts.law[0, k, 1]))
@@ -228,7 +230,7 @@ def held_touches(contacts: ContactQuantities, lasting: Lasting) -> list[Touch]:
     ]
 
 
-def spread_of(contacts: ContactQuantities, lasting: Lasting) -> Array:
+def spread_of(contacts: ContactQuantities, lasting: ContactModes) -> Array:
     """Return a basis of forces (direction, unknown) of contacts that last, at one state; slipping has its friction."""
     unit, columns = np.eye(contacts.speed.shape[1]), list[Array]()
     for k, mode in lasting.modes.items():
@@ -272,7 +274,7 @@ def states_in_contact(
         closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
         for k in np.flatnonzero(closed.any(axis=1)).tolist():
             one = evaluator(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
-            found = lasting_contacts(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
+            found = persistent_contacts(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
             if found is not None and found[0].modes:
                 yield k, found[1]
 

@@ -15,7 +15,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import ALIASED, COARSE, Fit, QuadratureProjection
 from uqmbd_collocation.runs import CollocationRuns
 
-__all__ = ["Given", "GivenProjection", "Polynomials"]
+__all__ = ["UserExpansion", "UserProjection", "Polynomials"]
 
 ALIKE = 1e-6
 """Misfit of the terms of the germs to a polynomial, over its largest value, below which they are the same."""
@@ -60,7 +60,7 @@ class Polynomials:
 
 
 @dataclass(frozen=True)
-class Given:
+class UserExpansion:
     """Polynomials, nodes and weights, as plain numbers."""
 
     polynomials: Polynomials
@@ -68,7 +68,7 @@ class Given:
     weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, expansion: Any, nodes: Any, weights: Any) -> Given:
+    def of(cls, expansion: Any, nodes: Any, weights: Any) -> UserExpansion:
         """Check shapes and finiteness, and convert; raise StudyError with what was given and what was expected."""
         polynomials = Polynomials.of(expansion)
         if nodes is None or weights is None:
@@ -101,7 +101,7 @@ class Given:
         digest = hashlib.sha256(repr(numbers).encode()).hexdigest()[:12]
         return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
 
-    def plan(self, space: uqmbd.extend.GermSpace, label: str) -> GivenProjection:
+    def plan(self, space: uqmbd.extend.GermSpace, label: str) -> UserProjection:
         """Convert to a projection in the germs; raise StudyError if polynomials and rule do not fit the inputs.
 
         They do not fit another number of inputs, dependent inputs, or nodes outside a distribution. Polynomials must
@@ -140,7 +140,7 @@ class Given:
         rank = np.linalg.matrix_rank(table / norms[:, None], tol=1e-8)
         projector = None if rank == len(terms) else np.linalg.pinv(table, rcond=1e-10) @ table
         rule = uqmbd.extend.Quadrature(nodes, np.array(self.weights), None, f"{len(nodes)} given nodes")
-        return GivenProjection(QuadratureProjection(rule, terms, False, label), projector)
+        return UserProjection(QuadratureProjection(rule, terms, False, label), projector)
 
     def _table(self, space: uqmbd.extend.GermSpace, terms: Index, label: str) -> Array:
         """Return the coefficients (polynomial, term) of the polynomials in the terms of the germs."""
@@ -159,7 +159,7 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
-class GivenProjection:
+class UserProjection:
     """Projection on the span of given polynomials, by a given rule."""
 
     complete: QuadratureProjection  # on all terms that occur in the polynomials
