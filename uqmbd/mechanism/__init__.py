@@ -68,6 +68,7 @@ from uqmbd.mechanism.expressions import (
     at_equilibrium,
     at_steady,
     damping_ratio,
+    describe_foreign_part,
     domain_of,
     eigenfrequency,
     event_name,
@@ -87,7 +88,6 @@ from uqmbd.mechanism.expressions import (
     t,
     time_of_maximum,
     time_of_minimum,
-    told,
 )
 from uqmbd.mechanism.geometry import (
     Frame,
@@ -226,7 +226,7 @@ __all__ = [
     "time_derivative",
     "time_of_maximum",
     "time_of_minimum",
-    "told",
+    "describe_foreign_part",
     "motion_quantities",
     "find_unit_problems",
 ]

@@ -13,12 +13,12 @@ from uqmbd.mechanism import (
     Component,
     StateSymbol,
     as_symbolic,
+    describe_foreign_part,
     foreign_part,
     random_variables,
     shown,
     step,
     t,
-    told,
 )
 from uqmbd.randomness import RandomVariable
 
@@ -104,7 +104,7 @@ def settled_expression(
         raise StudyError(f"{where}: terms() holds {shown(value)}, which is not a finite real number.")
     value = plain(value).xreplace(named) if named else plain(value)
     if (foreign := foreign_part(value)) is not None:
-        raise StudyError(f"{where}: in an expression of its terms {told(foreign)}")
+        raise StudyError(f"{where}: in an expression of its terms {describe_foreign_part(foreign)}")
     strangers = sorted(value.free_symbols - known, key=str)
     if strangers:
         raise StudyError(f"{where}: {_stranger(component, strangers[0])}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, describe_foreign_part, foreign_part
 from uqmbd.mechanism.expressions.cubic_spline import Spline, spline
 from uqmbd.mechanism.expressions.dimensions import check_dimensions, mismatches, units_of
 from uqmbd.mechanism.expressions.domain import DomainCondition, domain_of
@@ -108,7 +108,7 @@ __all__ = [
     "t",
     "time_of_maximum",
     "time_of_minimum",
-    "told",
+    "describe_foreign_part",
     "units_of",
     "unknown_symbol",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions.computable import UNEVALUATED, foreign_part, told
+from uqmbd.mechanism.expressions.computable import UNEVALUATED, describe_foreign_part, foreign_part
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import is_quantity
 
@@ -142,7 +142,7 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         # a constant has a value all the same, such as that of a definite integral
         found = None if number.free_symbols else _evaluated(number)
         if found is None:
-            raise refused(f": {told(foreign)}")
+            raise refused(f": {describe_foreign_part(foreign)}")
         number = found
     if number.has(sympy.I) or (number.is_number and not number.is_real):
         raise refused(f", which is not real; {wanted}.")

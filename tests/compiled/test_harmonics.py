@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqmbd.compiled import wave_values
+from uqmbd.compiled import sum_harmonics
 
 
 def evaluated(frequencies, lattice, constants, drifts, waves, times):
     """Evaluate samples in turn."""
     found = np.full((*constants.shape, len(times)), np.nan)
-    wave_values(frequencies, lattice, constants, drifts, waves, times, found, np.arange(len(frequencies)))
+    sum_harmonics(frequencies, lattice, constants, drifts, waves, times, found, np.arange(len(frequencies)))
     return found
 
 
@@ -46,7 +46,7 @@ def test_values(seed):
     alone = evaluated(frequencies[one], lattice, constants[one], drifts[one], waves[one], times)
     np.testing.assert_array_equal(alone, found[one])
     rows, more = random.permutation(samples + 2)[:samples], np.full((samples + 2, outputs, count), 7.0)
-    wave_values(*own, more, rows)
+    sum_harmonics(*own, more, rows)
     np.testing.assert_array_equal(more[rows], found)
     assert (np.delete(more, rows, axis=0) == 7.0).all()
 
@@ -71,7 +71,7 @@ def test_shapes_that_do_not_fit_are_refused():
         "found": np.zeros((5, 1, 4)),
         "rows": np.arange(5),
     }
-    wave_values(**numbers)
+    sum_harmonics(**numbers)
     for name, wrong, message in (
         ("found", np.zeros((5, 2, 4)), "were given room"),
         ("found", np.zeros((5, 1, 8))[..., ::2], "were given room"),
@@ -82,4 +82,4 @@ def test_shapes_that_do_not_fit_are_refused():
         ("drifts", np.ones((5, 2)), "constants and drifts"),
     ):
         with pytest.raises(ValueError, match=message):
-            wave_values(**{**numbers, name: wrong})
+            sum_harmonics(**{**numbers, name: wrong})
