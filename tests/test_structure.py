@@ -25,7 +25,7 @@ STATEMENTS = {
     "uqmbd": 776,
     "uqmbd.arguments": 440,
     "uqmbd.cli": 1600,
-    "uqmbd.clusters": 269,
+    "uqmbd.clusters": 275,
     "uqmbd.compiled": 2020,
     "uqmbd.dynamics": 13445,
     "uqmbd.exchange": 240,
