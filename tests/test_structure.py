@@ -38,7 +38,7 @@ STATEMENTS = {
     "uqmbd.randomness": 5240,
     "uqmbd.report": 7300,
     "uqmbd.results": 8590,
-    "uqmbd.testing": 1885,
+    "uqmbd.testing": 2500,
     "uqmbd.units": 285,
     "uqmbd_calibration": 3078,
     "uqmbd_collocation": 3559,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, effective_parameters, t
+from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, as_symbolic, effective_parameters, flatten, t
 from uqmbd.randomness import uniform_variable
 
 __all__ = ["ComponentCase", "component_cases", "moving_case", "name_of"]
@@ -34,9 +34,19 @@ def component_cases(
     `given` holds fixed values by parameter; `rng` draws poses and other values.
     """
     declared, chosen = _declared(component, space), set(given)
-    given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
+    examples = {k: p.example for k, p in declared.items() if p.example is not None}
+    varied = {k: _varied(declared[k], x) for k, x in examples.items()}
+    given = examples | dict(given)
     everything = set(declared)
-    yield _case("between bodies", component, space, given, everything, rng, turning=True)
+    yield _case(
+        "between bodies",
+        component,
+        space,
+        given | varied | {k: given[k] for k in chosen},
+        everything,
+        rng,
+        turning=True,
+    )
     for k, role in enumerate(component.bodies if len(component.bodies) > 1 else ()):
         yield _case(f"{role} is the ground", component, space, given, everything, rng, ground=k)
     yield _case("with numbers that change in time", component, space, given, everything, rng, moving=True)
@@ -176,6 +186,23 @@ def _value(
         change = change * (np.arange(size) == 0) * turning
     entries = [sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True)]
     return tuple(_ranged(parameter, x + 2) if parameter.ranged else x for x in entries)
+
+
+def _varied(parameter: Parameter, example: Any) -> Any:
+    """Return an example that varies by at most 5 % within its range, entry by entry; options and axes as they are."""
+    if parameter.kind not in ("scalar", "point", "vector", "moment"):
+        return example
+    u: Any = uniform_variable(parameter.name, 0, 0.05)
+
+    def around(x: Any, size: float) -> sympy.Expr:
+        if not as_symbolic(x).is_number:
+            return x
+        size = min(size, *(abs(end - float(x)) for end in (parameter.minimum, parameter.maximum) if end != float(x)))
+        return x + (-u if x >= parameter.maximum else u) * size
+
+    numbers = flatten(example)
+    made = tuple(around(x, (1 + k) * (abs(float(x)) or 1.0)) for k, x in enumerate(numbers))
+    return made[0] if parameter.kind == "scalar" else made
 
 
 def _ranged(parameter: Parameter, value: sympy.Expr) -> sympy.Expr:

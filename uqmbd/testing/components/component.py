@@ -4,32 +4,28 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, cached
-from uqmbd.dynamics import Instance, derive
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Component, Space, effective_parameters
 from uqmbd.propagation import Propagator
-from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
+from uqmbd.testing.components.axes import check_axes
+from uqmbd.testing.components.bench import REALISATIONS, Bench
 from uqmbd.testing.components.cases import component_cases, name_of
+from uqmbd.testing.components.dissipation import check_dissipation
+from uqmbd.testing.components.effects import check_effects
 from uqmbd.testing.components.energy import check_energy
 from uqmbd.testing.components.events import check_events
+from uqmbd.testing.components.loads import feasible_state, loads_at
 from uqmbd.testing.components.methods import check_studies
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
 from uqmbd.testing.components.motion_rates import check_motion_rates
 from uqmbd.testing.components.units import check_units
-from uqmbd.typing import Array
 from uqmbd.units import spelling
 
 __all__ = ["check_component"]
-
-
-STATES = 10
-"""Random states in which a parameter may have its effect."""
 
 
 def check_component(
@@ -39,12 +35,14 @@ def check_component(
     given: Mapping[str, Any] | None = None,
     internal: bool = True,
     conservative: bool = True,
+    dissipative: bool = True,
     propagators: Sequence[str | Propagator] | None = None,
     seed: int = 0,
 ) -> None:
     """Check a component in mechanisms with random poses and values, in every space it declares.
 
-    - Its parameters have units and descriptions, each has an effect, and all may be random.
+    - Its parameters have units and descriptions, each has an effect, and all may be random. Auxiliary states without
+      stated units, which outputs do not record, have an effect, too.
     - Units of parameters and auxiliary states fit the terms: energies are in J, force times velocity in W, the rate of
       a state in its units over seconds, terms of sums alike.
     - The exact Jacobian agrees with central differences of the residual.
@@ -53,7 +51,11 @@ def check_component(
       the common displacement and rotation of the bodies.
     - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
       bodies alone.
+    - Vectors and moments are in the axes that they declare: what they exert turns with the body, or with the world.
     - Potentials and constraints in which time does not appear neither make nor lose energy.
+    - Virtual work makes no energy: no small closed motion of the bodies, whatever the speeds of its parts, gains any.
+      Auxiliary states do not grow while the bodies rest, and their forces oppose the motion that changes them. The
+      coefficients of impacts are in their ranges.
     - The motion that it tells (`uqmbd.Component.motion`): rates are those of angles and displacements, which do not
       depend on where the whole is.
     - Every installed propagator runs a study of a small mechanism with it, and they agree.
@@ -70,6 +72,9 @@ def check_component(
         Whether a component of several bodies acts between them alone, so that action equals reaction.
     conservative : bool
         Whether energy must stay where there are potentials and constraints only, without time in them.
+    dissipative : bool
+        Whether forces of `uqmbd.VirtualWork`, auxiliary states and impacts must not make energy. False for motors,
+        controllers and whatever is unstable by intention.
     propagators : sequence of str or Propagator, optional
         Methods that run a study with it, by name (then with settings that cost little) or as objects; default all that
         are installed; ``()`` for none, which is quicker.
@@ -107,12 +112,15 @@ def check_component(
             check_jacobian(bench, rng)
             check_broadcasting(bench, rng)
             check_events(bench, rng, between=internal and case.free and len(component.bodies) > 1)
-            if number == 0 and space.turns:  # what a point mass has no use for is no mistake
-                _check_effects(bench, rng, set(given or ()))
+            if number == 0:
+                check_effects(bench, rng, set(given or ()))
+                check_axes(bench, rng)
             if conservative:
                 check_energy(bench, rng)
             if internal and case.free and len(component.bodies) > 1:
                 _check_mechanics(bench, rng)
+            if dissipative:
+                check_dissipation(bench, np.random.default_rng([seed, number]))
             if number == 0 and type(case.component).motion is not Component.motion:
                 _check_motion(bench, np.random.default_rng(seed))
         check_studies(component, space, given or {}, rng, propagators, conservative=conservative)
@@ -186,77 +194,12 @@ def check_broadcasting(bench: Bench, rng: np.random.Generator) -> None:
     assert np.isfinite(together).all(), f"{bench.title}: the residual is not finite at a random state."
 
 
-def _check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
-    names = bench.case.mechanism.inputs.names
-    idle = set(names)
-    for _ in range(STATES):  # some have an effect in some states only, such as those of a contact
-        idle &= _without_effect(bench, bench.state(rng), names)
-    assert not idle, f"{bench.title}: parameter {min(idle)!r} has no effect."
-    missing = _numeric(bench.case.component, given) - set(bench.case.mechanism.inputs.names)
-    assert not missing, f"{bench.title}: parameter {min(missing)!r} is declared, but its value enters nothing."
-
-
-def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str]) -> set[str]:
-    """Name the inputs on which nothing depends in a state."""
-
-    def everything(inputs: Array) -> Array:
-        kinds = ("residual", "position", "initial", "contact")
-        return np.concatenate([bench.evaluate(kind, state, bench.parameters(inputs)) for kind in kinds], axis=1)
-
-    before, found = everything(bench.inputs), set[str]()
-    for column, name in enumerate(names):
-        changed = bench.inputs.copy()
-        changed[:, column] += 0.01
-        if np.allclose(everything(changed), before, rtol=1e-9, atol=0):
-            found.add(name)
-    return found
-
-
-def _numeric(component: Component, given: set[str]) -> set[str]:
-    """Return the parameters that were given random values."""
-    return {
-        key
-        for key, parameter in component.parameters().items()
-        if parameter.kind != "option" and parameter.example is None and key not in given and key in component.given
-    }
-
-
-@dataclass(frozen=True)
-class Loads:
-    """Forces and constraints of a component at one state."""
-
-    force: Array  # (n,) generalised force of potentials and virtual work on the coordinates of its bodies
-    gradient: Array  # (m, n) ``d psi / d v`` of its constraints: reactions are combinations of its rows
-    violation: Array  # (m,) constraints of positions; zero for those between velocities alone
-    rate: Array  # (m,) their rates, and constraints between velocities
-
-
-def _loads_kernel(instance: Instance) -> Kernel:
-    derived = derive(instance.type)
-
-    def make() -> Kernel:
-        arguments = [x for *_, x in derived.arguments("initial")] + derived.p
-        force = [a + b for a, b in zip(derived.potential_force, derived.work_force, strict=True)]
-        rows = [x for row in derived.d for x in row]
-        return derived.kernel(arguments, [*force, *rows, *derived.phi, *derived.psi])
-
-    result: Kernel = cached(("loads and rates", instance.type.digest), make)
-    return result
-
-
-def _loads(instance: Instance, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Loads:
-    n, m = instance.type.coordinates, len(instance.type.constraints)
-    found = _loads_kernel(instance)(np.concatenate([q, s, v, [time], parameters])[None, :])[0]
-    gradient, violation, rate = np.split(found[n:], [m * n, m * n + m])
-    return Loads(found[:n], gradient.reshape(m, n), violation, rate)
-
-
 def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
     """Check action and reaction, and that nothing depends on the place and direction of the whole."""
     instance, space = bench.instance, bench.case.mechanism.space
     for parameters in bench.parameters(bench.inputs):
-        q, s, v, time = _feasible(bench, parameters, rng)
-        here = _loads(instance, q, s, v, time, parameters)
+        q, s, v, time = feasible_state(bench, parameters, rng)
+        here = loads_at(instance, q, s, v, time, parameters)
         scale = 1 + abs(here.force).max(initial=0)
         motions = virtual_motions(space, q)
         power = abs(motions @ here.force).max()
@@ -269,7 +212,7 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
             f"{bench.title}: its reactions do not cancel; a constraint changes if all bodies move as one."
         )
         turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
-        there = _loads(instance, displaced(space, turn, q, shift), s, displaced(space, turn, v), time, parameters)
+        there = loads_at(instance, displaced(space, turn, q, shift), s, displaced(space, turn, v), time, parameters)
         error = abs(there.force - displaced(space, turn, here.force)).max(initial=0)
         assert error < 1e-9 * scale, (
             f"{bench.title}: its forces change by {error:.2g} when everything is moved and turned as a whole."
@@ -279,7 +222,9 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         )
         # rates of vectors turn with the whole; those that are zero stay so
         allowed = v - np.linalg.lstsq(here.gradient, here.rate, rcond=1e-10)[0] if len(here.rate) else v
-        there = _loads(instance, displaced(space, turn, q, shift), s, displaced(space, turn, allowed), time, parameters)
+        there = loads_at(
+            instance, displaced(space, turn, q, shift), s, displaced(space, turn, allowed), time, parameters
+        )
         error = abs(there.rate).max(initial=0)
         assert error < 1e-7 * (1 + abs(here.rate).max(initial=0)), (
             f"{bench.title}: velocities that its constraints allow violate them by {error:.2g} when everything is "
@@ -289,32 +234,5 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
 
 def _check_motion(bench: Bench, rng: np.random.Generator) -> None:
     parameters = bench.parameters(bench.inputs)[0]
-    q, s, v, time = _feasible(bench, parameters, rng)
-    check_motion_rates(bench, 0, q, v, _loads(bench.instance, q, s, v, time, parameters).gradient, rng)
-
-
-def _feasible(bench: Bench, parameters: Array, rng: np.random.Generator) -> tuple[Array, Array, Array, float]:
-    """Return a random state of the component's bodies at which its constraints hold (Gauss-Newton, several starts)."""
-    instance, space, n = bench.instance, bench.case.mechanism.space, bench.instance.type.coordinates
-    for _ in range(50):
-        q = random_coordinates(space, rng, 1, len(instance.bodies))[0]
-        s, v, time = rng.normal(size=len(instance.type.states)), rng.normal(size=n), rng.uniform(0.1, 1.0)
-        for _ in range(50):
-            found = _loads(instance, q, s, v, time, parameters)
-            if abs(found.violation).max(initial=0) < 1e-12 and _normalised(space, q):
-                return q, s, v, time
-            rows, violation = [found.gradient], [found.violation]
-            if space.turns:
-                parts = q.reshape(-1, space.size)[:, space.dimension :]
-                norms = np.zeros((len(parts), len(parts), space.size))
-                norms[range(len(parts)), range(len(parts)), space.dimension :] = 2 * parts
-                rows.append(norms.reshape(len(parts), -1))
-                violation.append((parts**2).sum(axis=1) - 1)
-            q = q - np.linalg.lstsq(np.concatenate(rows), np.concatenate(violation), rcond=1e-10)[0]
-    raise AssertionError(f"{bench.title}: no state was found at which its constraints hold.")
-
-
-def _normalised(space: Space, q: Array) -> bool:
-    """Whether all quaternions have length one."""
-    e = q.reshape(-1, space.size)[:, space.dimension :]
-    return not space.turns or bool(abs((e**2).sum(axis=1) - 1).max() < 1e-12)
+    q, s, v, time = feasible_state(bench, parameters, rng)
+    check_motion_rates(bench, 0, q, v, loads_at(bench.instance, q, s, v, time, parameters).gradient, rng)

@@ -1,0 +1,192 @@
+"""Dissipation: no closed motion of bodies gains energy from virtual work, and no auxiliary state grows at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.compiled import Kernel, cached
+from uqmbd.dynamics import Instance, derive
+from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.loads import feasible_state, loads_at
+from uqmbd.typing import Array
+
+__all__ = ["check_dissipation"]
+
+POSES = 6
+"""Random poses of each realisation."""
+
+LOOPS = 60
+"""Closed motions in each pose."""
+
+SIDES = 3
+"""Straight parts of a closed motion, each at its own speed."""
+
+STEP = 1e-5
+"""Central differences of auxiliary states, relative to one plus their size."""
+
+FAR = 0.3
+"""Secants of their rates, likewise."""
+
+SLOW = 1e-3
+"""Speed of a motion, m/s, at which forces are those of auxiliary states."""
+
+SMALL = 1e-7
+"""Gain of energy that is taken as rounding, over the sum of the sizes of its parts."""
+
+
+@dataclass(frozen=True)
+class _Laws:
+    """Laws of a component in one pose, as functions of auxiliary states and velocities."""
+
+    instance: Instance
+    q: Array  # (n,)
+    time: float  # s
+    parameters: Array  # (parameter,)
+
+    def __call__(self, s: Array, v: Array) -> tuple[Array, Array]:
+        """Return forces of virtual work (M, n) and rates of states (M, s), of states (M, s) and velocities (M, n)."""
+        count = len(v)
+        fixed = [np.repeat(x[None, :], count, axis=0) for x in (self.q, np.array([self.time]), self.parameters)]
+        found = _kernel(self.instance)(np.ascontiguousarray(np.concatenate([fixed[0], s, v, *fixed[1:]], axis=1)))
+        n, states = len(self.q), s.shape[1]
+        return found[:, :n], found[:, n : n + states]
+
+    def start(self) -> Array:
+        """Return the values of the states at the start (s,)."""
+        states, n = len(self.instance.type.states), len(self.q)
+        arguments = np.concatenate([self.q, np.zeros(states), np.zeros(n), [self.time], self.parameters])
+        return _kernel(self.instance)(arguments[None, :])[0, n + states :]
+
+
+def check_dissipation(bench: Bench, rng: np.random.Generator) -> None:
+    """Check that virtual work, auxiliary states and impacts of a component do not make energy; raise AssertionError.
+
+    A small closed motion with parts u_k, sum u_k = 0, at the speeds a_k gains ``sum F(q, a_k u_k) . u_k`` of energy. It
+    is zero for forces that depend on the pose alone, and negative for friction.
+    """
+    _check_restitution(bench, rng)
+    block = bench.instance.type
+    if not block.work and not block.states:
+        return
+    for parameters in bench.parameters(bench.inputs):
+        for _ in range(POSES):
+            q, s, _, time = feasible_state(bench, parameters, rng)
+            laws = _Laws(bench.instance, q, time, parameters)
+            motions = _allowed(bench, q, s, time, parameters)
+            if len(motions):
+                _check_loops(bench, laws, motions, rng)
+            if block.states:
+                _check_growth(bench, laws)
+                _check_memory(bench, laws, motions, rng)
+
+
+def _kernel(instance: Instance) -> Kernel:
+    """Compile the forces of virtual work, the rates of states and their initial values."""
+    derived = derive(instance.type)
+
+    def make() -> Kernel:
+        arguments = [x for *_, x in derived.arguments("initial")] + derived.p
+        return derived.kernel(arguments, [*derived.work_force, *derived.g, *derived.s0])
+
+    result: Kernel = cached(("dissipation", instance.type.digest), make)
+    return result
+
+
+def _allowed(bench: Bench, q: Array, s: Array, time: float, parameters: Array) -> Array:
+    """Return a basis (motion, n) of the velocities that its constraints and the lengths of quaternions allow."""
+    space, n = bench.case.mechanism.space, len(q)
+    rows = loads_at(bench.instance, q, s, np.zeros(n), time, parameters).gradient
+    if space.turns:
+        count = n // space.size
+        norms = np.zeros((count, count, space.size))
+        norms[range(count), range(count), space.dimension :] = q.reshape(count, -1)[:, space.dimension :]
+        rows = np.concatenate([rows, norms.reshape(count, -1)])
+    if not len(rows):
+        return np.eye(n)
+    _, sizes, basis = np.linalg.svd(rows)
+    return np.asarray(basis[int((sizes > 1e-9 * sizes[0]).sum()) :])
+
+
+def _check_loops(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Generator) -> None:
+    """Let the bodies move in small closed triangles, and back and forth, with random speeds, states as at the start."""
+    parts = rng.normal(size=(LOOPS, SIDES, len(motions)))
+    parts[: LOOPS // 2, -1] = 0  # back and forth
+    parts[:, 0] -= parts.sum(axis=1)
+    u = parts @ motions
+    speeds = np.exp(rng.uniform(-2, 1, (LOOPS, SIDES, 1)))
+    force, _ = laws(np.repeat(laws.start()[None, :], LOOPS * SIDES, axis=0), (speeds * u).reshape(-1, u.shape[-1]))
+    power = (force.reshape(u.shape) * u).sum(axis=2)
+    gained, size = power.sum(axis=1), np.abs(power).sum(axis=1)
+    worst = int(np.argmax(gained - SMALL * size))
+    assert not gained[worst] > SMALL * size[worst] + 1e-12, (
+        f"{bench.title}: its virtual work makes energy: a small closed motion of the bodies, in {SIDES} straight parts "
+        f"at different speeds, gains {gained[worst]:.3g} J per metre, and its parts are {size[worst]:.3g} J per metre. "
+        "Has a damper, friction or a slip the wrong sign, or does a contact push harder while it opens? If the "
+        "component is a motor or a controller by intention, pass dissipative=False."
+    )
+
+
+def _check_growth(bench: Bench, laws: _Laws) -> None:
+    """Take slopes and secants of the rates of auxiliary states at rest: no eigenvalue has a positive real part."""
+    states = laws.start()
+    for step in (STEP, FAR):
+        steps = np.diag(step * (1 + np.abs(states)))
+        rest = np.zeros((len(steps), len(laws.q)))
+        _, ahead = laws(states + steps, rest)
+        _, behind = laws(states - steps, rest)
+        slope = ((ahead - behind) / (2 * np.diag(steps))[:, None]).T
+        if not np.isfinite(slope).all():
+            continue
+        growth = float(np.linalg.eigvals(slope).real.max())
+        assert growth < 1e-6 * (1 + np.abs(slope).max()), (
+            f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} grow at the rate "
+            f"{growth:.3g} 1/s while the bodies rest. Has a rate of uqmbd.Auxiliary the wrong sign? If the component "
+            "is to be unstable, pass dissipative=False."
+        )
+
+
+def _check_memory(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Generator) -> None:
+    """Require that what a motion from the start changes in auxiliary states opposes this motion."""
+    if not len(motions):
+        return
+    u = rng.normal(size=(LOOPS, len(motions))) @ motions
+    start = np.repeat(laws.start()[None, :], LOOPS, axis=0)
+    _, forward = laws(start, u)
+    _, back = laws(start, -u)
+    change = (forward - back) / 2
+    step = STEP * (1 + np.abs(start).max()) / (1 + np.abs(change).max())
+    ahead, _ = laws(start + step * change, SLOW * u)  # slowly: what depends on speed is a matter of closed motions
+    behind, _ = laws(start - step * change, SLOW * u)
+    parts = (ahead - behind) / (2 * step) * u
+    power = parts.sum(axis=1)
+    size = np.abs(parts).sum(axis=1) + 1e-3 * np.abs(ahead * u).sum(axis=1)
+    if not np.isfinite(power).all():
+        return
+    worst = int(np.argmax(power - 1e-5 * size))
+    assert power[worst] <= 1e-5 * size[worst] + 1e-9, (
+        f"{bench.title}: its auxiliary states {', '.join(map(repr, bench.instance.type.states))} drive the motion that "
+        f"changes them: from the start, their force times velocity grows by {power[worst]:.3g} W/s. Has a rate of "
+        "uqmbd.Auxiliary, or the force, the wrong sign? If the component is to be unstable, pass dissipative=False."
+    )
+
+
+def _check_restitution(bench: Bench, rng: np.random.Generator) -> None:
+    """Require coefficients of restitution between 0 and 1, and of friction of at least 0."""
+    block = bench.instance.type
+    if not any(e.directions for e in block.events):
+        return
+    targets = bench.kernel("contact")[1]
+    for _ in range(POSES):
+        values = bench.evaluate("contact", bench.state(rng), bench.parameters(bench.inputs))
+        for column, (name, *where) in zip(values.T, targets, strict=True):
+            if name != "law":
+                continue
+            what, most = (("restitution", 1.0), ("friction", np.inf))[where[1]]
+            wrong = column[(column < 0) | (column > most)]
+            assert not len(wrong), (
+                f"{bench.title}: the coefficient of {what} of the event {block.events[where[0]].label!r} is "
+                f"{wrong[0]:.4g}; expected 0 {'to 1' if most == 1 else 'or more'}: another one makes energy. Declare "
+                "minimum= and maximum= of its parameter, or correct the expression."
+            )

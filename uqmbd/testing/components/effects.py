@@ -1,0 +1,78 @@
+"""Effects of parameters and auxiliary states: whether anything that is computed depends on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uqmbd.mechanism import Component, effective_parameters
+from uqmbd.testing.components.bench import Bench
+from uqmbd.typing import Array
+
+__all__ = ["check_effects"]
+
+STATES = 10
+"""Random states in which a parameter may have its effect."""
+
+
+def check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
+    """Require an effect of each random parameter and of each auxiliary state that no output records."""
+    component, space, names = bench.case.component, bench.case.mechanism.space, bench.case.mechanism.inputs.names
+    idle, still = set(names), set(range(len(bench.instance.type.states)))
+    if not space.turns:  # points, axes and radii of bodies that do not turn may have none
+        declared = component.parameters()
+        effective = effective_parameters(component, space)
+        idle = {k for k in idle & effective if declared[k].kind in ("scalar", "vector") and not declared[k].about}
+    for _ in range(STATES):  # some have an effect in some states only, such as those of a contact
+        state = bench.state(rng)
+        idle &= _without_effect(bench, state, names)
+        still = {k for k in still if not _state_acts(bench, state, k)}
+    assert not idle, f"{bench.title}: parameter {min(idle)!r} has no effect."
+    if space.turns:
+        missing = _numeric(component, given) - set(names)
+        assert not missing, f"{bench.title}: parameter {min(missing)!r} is declared, but its value enters nothing."
+    for k in still:
+        name = bench.instance.type.states[k]
+        assert component.state(name).units, (
+            f"{bench.title}: no force, constraint or event and no other state depends on the auxiliary state {name!r}. "
+            f"Use it, leave it out, or give its units, p.state({name!r}, units), if outputs are to record it."
+        )
+
+
+def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str]) -> set[str]:
+    """Name the inputs on which nothing depends in a state."""
+
+    def everything(inputs: Array) -> Array:
+        kinds = ("residual", "position", "initial", "contact")
+        return np.concatenate([bench.evaluate(kind, state, bench.parameters(inputs)) for kind in kinds], axis=1)
+
+    before, found = everything(bench.inputs), set[str]()
+    for column, name in enumerate(names):
+        changed = bench.inputs.copy()
+        changed[:, column] += 0.01
+        if np.allclose(everything(changed), before, rtol=1e-9, atol=0):
+            found.add(name)
+    return found
+
+
+def _state_acts(bench: Bench, state: dict[str, Array], index: int) -> bool:
+    """Whether anything but the rate of an auxiliary state depends on it."""
+    moved = {**state, "s": state["s"].copy()}
+    moved["s"][:, index] += 0.01
+    parameters = bench.parameters(bench.inputs)
+    for kind in ("residual", "contact"):
+        others = np.array([target != ("s", index) for target in bench.kernel(kind)[1]], dtype=bool)
+        before, after = (bench.evaluate(kind, x, parameters)[:, others] for x in (state, moved))
+        if not np.allclose(after, before, rtol=1e-9, atol=0, equal_nan=True):
+            return True
+    return False
+
+
+def _numeric(component: Component, given: set[str]) -> set[str]:
+    """Return the parameters that were given random values."""
+    return {
+        key
+        for key, parameter in component.parameters().items()
+        if parameter.kind != "option" and parameter.example is None and key not in given and key in component.given
+    }

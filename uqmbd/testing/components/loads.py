@@ -1,0 +1,73 @@
+"""Forces and constraints of a component at one state, and random states at which its constraints hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.compiled import Kernel, cached
+from uqmbd.dynamics import Instance, derive
+from uqmbd.mechanism import Space
+from uqmbd.testing.components.bench import Bench, random_coordinates
+from uqmbd.typing import Array
+
+__all__ = ["Loads", "feasible_state", "loads_at"]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Forces and constraints of a component at one state."""
+
+    force: Array  # (n,) generalised force of potentials and virtual work on the coordinates of its bodies
+    gradient: Array  # (m, n) ``d psi / d v`` of its constraints: reactions are combinations of its rows
+    violation: Array  # (m,) constraints of positions; zero for those between velocities alone
+    rate: Array  # (m,) their rates, and constraints between velocities
+
+
+def _kernel(instance: Instance) -> Kernel:
+    derived = derive(instance.type)
+
+    def make() -> Kernel:
+        arguments = [x for *_, x in derived.arguments("initial")] + derived.p
+        force = [a + b for a, b in zip(derived.potential_force, derived.work_force, strict=True)]
+        rows = [x for row in derived.d for x in row]
+        return derived.kernel(arguments, [*force, *rows, *derived.phi, *derived.psi])
+
+    result: Kernel = cached(("loads and rates", instance.type.digest), make)
+    return result
+
+
+def loads_at(instance: Instance, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Loads:
+    """Return the loads at coordinates (n,), states (s,), velocities (n,), a time in s and parameters (parameter,)."""
+    n, m = instance.type.coordinates, len(instance.type.constraints)
+    found = _kernel(instance)(np.concatenate([q, s, v, [time], parameters])[None, :])[0]
+    gradient, violation, rate = np.split(found[n:], [m * n, m * n + m])
+    return Loads(found[:n], gradient.reshape(m, n), violation, rate)
+
+
+def feasible_state(bench: Bench, parameters: Array, rng: np.random.Generator) -> tuple[Array, Array, Array, float]:
+    """Return a random state of the component's bodies at which its constraints hold (Gauss-Newton, several starts)."""
+    instance, space, n = bench.instance, bench.case.mechanism.space, bench.instance.type.coordinates
+    for _ in range(50):
+        q = random_coordinates(space, rng, 1, len(instance.bodies))[0]
+        s, v, time = rng.normal(size=len(instance.type.states)), rng.normal(size=n), rng.uniform(0.1, 1.0)
+        for _ in range(50):
+            found = loads_at(instance, q, s, v, time, parameters)
+            if abs(found.violation).max(initial=0) < 1e-12 and _normalised(space, q):
+                return q, s, v, time
+            rows, violation = [found.gradient], [found.violation]
+            if space.turns:
+                parts = q.reshape(-1, space.size)[:, space.dimension :]
+                norms = np.zeros((len(parts), len(parts), space.size))
+                norms[range(len(parts)), range(len(parts)), space.dimension :] = 2 * parts
+                rows.append(norms.reshape(len(parts), -1))
+                violation.append((parts**2).sum(axis=1) - 1)
+            q = q - np.linalg.lstsq(np.concatenate(rows), np.concatenate(violation), rcond=1e-10)[0]
+    raise AssertionError(f"{bench.title}: no state was found at which its constraints hold.")
+
+
+def _normalised(space: Space, q: Array) -> bool:
+    """Whether all quaternions have length one."""
+    e = q.reshape(-1, space.size)[:, space.dimension :]
+    return not space.turns or bool(abs((e**2).sum(axis=1) - 1).max() < 1e-12)
