@@ -121,8 +121,8 @@ def _check_loops(bench: Bench, laws: _Laws, motions: Array, rng: np.random.Gener
     gained, size = power.sum(axis=1), np.abs(power).sum(axis=1)
     worst = int(np.argmax(gained - SMALL * size))
     assert not gained[worst] > SMALL * size[worst] + 1e-12, (
-        f"{bench.title}: its virtual work makes energy: a small closed motion of the bodies, in {SIDES} straight parts "
-        f"at different speeds, gains {gained[worst]:.3g} J per metre, and its parts are {size[worst]:.3g} J per metre. "
+        f"{bench.title}: its virtual work makes energy: a small closed motion of the bodies gains "
+        f"{gained[worst]:.3g} J per metre. Its {SIDES} straight parts take {size[worst]:.3g} J per metre. "
         "Has a damper, friction or a slip the wrong sign, or does a contact push harder while it opens? If the "
         "component is a motor or a controller by intention, pass dissipative=False."
     )

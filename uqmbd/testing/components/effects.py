@@ -15,6 +15,9 @@ __all__ = ["check_effects"]
 STATES = 10
 """Random states in which a parameter may have its effect."""
 
+STEPS = 0.01, 10.0
+"""Changes of an auxiliary state that may have an effect: one that counts turns has none but in large steps."""
+
 
 def check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
     """Require an effect of each random parameter and of each auxiliary state that no output records."""
@@ -58,14 +61,15 @@ def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str])
 
 def _state_acts(bench: Bench, state: dict[str, Array], index: int) -> bool:
     """Whether anything but the rate of an auxiliary state depends on it."""
-    moved = {**state, "s": state["s"].copy()}
-    moved["s"][:, index] += 0.01
     parameters = bench.parameters(bench.inputs)
-    for kind in ("residual", "contact"):
-        others = np.array([target != ("s", index) for target in bench.kernel(kind)[1]], dtype=bool)
-        before, after = (bench.evaluate(kind, x, parameters)[:, others] for x in (state, moved))
-        if not np.allclose(after, before, rtol=1e-9, atol=0, equal_nan=True):
-            return True
+    for step in STEPS:
+        moved = {**state, "s": state["s"].copy()}
+        moved["s"][:, index] += step
+        for kind in ("residual", "contact"):
+            others = np.array([target != ("s", index) for target in bench.kernel(kind)[1]], dtype=bool)
+            before, after = (bench.evaluate(kind, x, parameters)[:, others] for x in (state, moved))
+            if not np.allclose(after, before, rtol=1e-9, atol=0, equal_nan=True):
+                return True
     return False
 
 
