@@ -38,6 +38,7 @@ RESERVED_LABELS = frozenset(
         "pose_surrogate",
         "statistics",
         "samples",
+        "nodes",
         "chaos",
         "scalars",
         "requirements",

@@ -262,7 +262,13 @@ class MonteCarlo(uqmbd.extend.Propagator):
             )
         kept = found.kept
         samples = sample_dataset(
-            kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages, copy=False
+            kept.response,
+            kept.values,
+            problem.labels,
+            status=kept.status,
+            messages=kept.messages,
+            copy=False,
+            kind="draws",
         )
         everything = passing if found.store is None else Stored(found.store, problem.labels)
         statistics = self._statistics(problem, samples, found, everything)

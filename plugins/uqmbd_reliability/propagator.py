@@ -351,7 +351,12 @@ class Reliability(uqmbd.extend.Propagator):
                 stacklevel=3,
             )
         samples = sample_dataset(
-            pilot.response, pilot.values, problem.labels, status=pilot.status, messages=pilot.messages
+            pilot.response,
+            pilot.values,
+            problem.labels,
+            status=pilot.status,
+            messages=pilot.messages,
+            kind="draws",
         )
         return problem.node(
             self,

@@ -86,6 +86,7 @@ from .results import Markers as Markers
 from .results import Moments as Moments
 from .results import OutputInfo as OutputInfo
 from .results import QuasiPeriodicElement as QuasiPeriodicElement
+from .results import StatedError as StatedError
 from .results import Violations as Violations
 from .results import labels as labels
 from .results import least_squares as least_squares

@@ -15,6 +15,7 @@ from uqmbd.results.schema import DEFAULT_PROBABILITIES as DEFAULT_PROBABILITIES
 from uqmbd.results.schema import InputInfo as InputInfo
 from uqmbd.results.schema import Labels as Labels
 from uqmbd.results.schema import OutputInfo as OutputInfo
+from uqmbd.results.schema import StatedError as StatedError
 from uqmbd.results.schema import labels as labels
 from uqmbd.results.schema import sample_dataset as sample_dataset
 from uqmbd.results.schema import statistics_dataset as statistics_dataset

@@ -387,6 +387,7 @@ class Problem(ProblemData):
         statistics: xr.Dataset,
         samples: xr.Dataset | None = None,
         *,
+        nodes: xr.Dataset | None = None,
         realisations: Size,
         wall_time: float = 0.0,
         counters: Mapping[str, Any] | None = None,
@@ -399,8 +400,13 @@ class Problem(ProblemData):
         ----------
         propagator : Propagator
             The method at work.
-        statistics, samples : xarray.Dataset
-            From `uqmbd.results`.
+        statistics : xarray.Dataset
+            From `uqmbd.extend.statistics_dataset`, or of a surrogate.
+        samples : xarray.Dataset, optional
+            From `uqmbd.extend.sample_dataset` with ``kind="draws"``: drawn from the joint distribution of the inputs.
+        nodes : xarray.Dataset, optional
+            From `uqmbd.extend.sample_dataset` with ``kind="nodes"``: training points or quadrature nodes, from which no
+            probability, quantile or histogram is counted.
         realisations : int
             How many were computed.
         wall_time : float
@@ -421,6 +427,7 @@ class Problem(ProblemData):
             self.label,
             statistics,
             samples,
+            nodes=nodes,
             propagator=propagator.name,
             seed=options.get("seed"),
             options=options,

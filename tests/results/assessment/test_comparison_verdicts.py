@@ -367,7 +367,8 @@ def test_a_spread_that_is_not_rare_is_missed_by_no_samples():
         axes = extend.labels(["x"], [], [0.0, 1.0])
         response = np.repeat(values[:, None, None], 2, axis=2)
         statistics = extend.statistics_dataset(axes, **results.sample_statistics(response))
-        nodes.append(results.propagator_node(name, statistics, propagator="p", realisations=200, wall_time=1.0))
+        about = {"propagator": "p", "options": {"samples": 200}}
+        nodes.append(results.propagator_node(name, statistics, realisations=200, wall_time=1.0, **about))
     found = results.compare(nodes, reference="moves")
     assert verdicts.DIFFERS in found["verdict_kind"].values
 

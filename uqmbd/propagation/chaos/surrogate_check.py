@@ -56,9 +56,10 @@ def warn_of_surrogates(
     timed = not timeless and "time" in statistics["mean"].dims
     times = np.asarray(statistics["time"].values, dtype=float) if timed else None
     error, wrong = _stated(node, statistics, rtol)
+    of = " of the surrogate" if stored_surrogates(node) else ""
     if found := [_words(name, error[k], wrong[k], times) for k, name in enumerate(names) if wrong[k].any()]:
         warnings.warn(
-            f"{label}: the stated error of the surrogate exceeds {COARSE:.0%} of the standard deviation: "
+            f"{label}: the stated error{of} exceeds {COARSE:.0%} of the standard deviation: "
             f"{_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed)}",
             SurrogateWarning,
             stacklevel=5,
@@ -66,7 +67,7 @@ def warn_of_surrogates(
     away, outside = _outside(node, statistics, rtol, realised)
     if found := [_words(name, away[k], outside[k], times) for k, name in enumerate(names) if outside[k].any()]:
         warnings.warn(
-            f"{label}: the mean of the surrogate is outside the range of the realisations, by a part of the standard "
+            f"{label}: the mean{of} is outside the range of the realisations, by a part of the standard "
             f"deviation: {_listed(found)}. Do not rely on the statistics there. {_remedy(node, timed)}",
             SurrogateWarning,
             stacklevel=5,
@@ -145,6 +146,12 @@ def _listed(found: list[str]) -> str:
 def _remedy(node: xr.DataTree, timed: bool) -> str:
     """Return what makes the error smaller."""
     surrogates = stored_surrogates(node)
+    stated = node.children["statistics"].to_dataset().get("verification_error")
+    own = [one.data.attrs["remedy"] for one in surrogates if "remedy" in one.data.attrs]
+    own += [stated.attrs["remedy"]] if stated is not None and stated.attrs.get("remedy") else []
+    if own or not surrogates:
+        advice = str(own[0]) if own else "use a method that samples"
+        return f"{advice[:1].upper()}{advice[1:].rstrip('.')}."
     end = ", or study a shorter time." if timed else ", or use a method that samples."
     if any(one.split for one in surrogates):
         return f"Allow more elements, raise the order{end}"

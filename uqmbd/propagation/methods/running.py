@@ -30,8 +30,11 @@ from uqmbd.propagation.problem import Problem
 from uqmbd.results import clopper_pearson, requirements_of
 from uqmbd.results.chaos import stored_surrogates, verified_std, verified_trials
 from uqmbd.results.schema import (
+    CHILDREN,
+    KIND,
     InputInfo,
     Labels,
+    check_kind,
     check_probabilities,
     check_values,
     node_parts,
@@ -311,6 +314,9 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
     if "statistics" not in node.children:
         raise StudyError(f"{who} a node without a child 'statistics'; {expected}.")
     statistics = node.children["statistics"].to_dataset()
+    for name, child in node.children.items():
+        if name == "samples" or (name in CHILDREN and KIND in child.attrs):
+            check_kind(child.to_dataset(), name, who.removesuffix(" returned"))
     axes = problem.labels.output_coords()
     for name in ("mean", "std"):
         if name not in statistics.data_vars:

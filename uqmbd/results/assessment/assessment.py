@@ -315,8 +315,8 @@ def _of_requirements(
     comparables = answers(comparable(nodes))
     for name, every in answers(nodes).items():
         alike = comparables.get(name, every)
-        narrow = min(alike.values(), key=lambda one: one.upper - one.lower)
-        one = next((alike[label] for label in advised if label in alike), narrow)
+        narrow = min(alike.values(), key=lambda one: (not one.known, one.upper - one.lower))
+        one = next((alike[label] for label in advised if label in alike and alike[label].known), narrow)
         met = None if allowed is None else meets(every.values(), float(allowed))
         level, reason, error = _of_probability(one, list(alike.values()))
         found.append(OutputReliability(name, "requirement", one.method, level, reason, error, met=met))
@@ -339,8 +339,9 @@ def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
         if math.isfinite(share)
         else f"no violation was found, {one.words}"
     )
-    others = [other.method for other in found if other.method != one.method]
-    agree = f"{format_count(len(found), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
+    known = [other for other in found if other.known]
+    others = [other.method for other in known if other.method != one.method] if one.known else []
+    agree = f"{format_count(len(known), 'method')} agree" if len(others) > 1 else f"{''.join(others)} agrees"
     return level, f"{said}; {agree if others else 'not compared'}", min(share, 1.0)
 
 

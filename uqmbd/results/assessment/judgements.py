@@ -78,7 +78,7 @@ def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str
                     kind=str(kinds[m, o]),
                     text=str(texts[m, o]),
                     varies=str(kinds[m, o]) != NO_SPREAD,
-                    error=float(np.nan_to_num(errors[m, o], nan=np.inf)),
+                    error=math.inf if np.isnan(errors[m, o]) else float(errors[m, o]),
                     time=float(times[m, o]),
                     difference=float(off[m, o]),
                 )

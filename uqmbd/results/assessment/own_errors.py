@@ -80,6 +80,9 @@ class OwnError:
     # (O,): whether an output varies, by more than the error of the integration.  Where it does not, there is no spread
     # to be wrong about: `stated`, `top_order` and `told` are 0 where they are known
     varies: NDArray[np.bool_]
+    surrogate: bool  # whether it has one
+    drawn: bool  # whether its standard errors are those of samples, whose number counts
+    words: tuple[tuple[str, str], ...]  # (O,): whose the stated error is, and what makes it smaller, or nothing
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
         """Return the same at some of the times (T,)."""
@@ -174,8 +177,16 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     bias, stated, told = _surrogate(surrogates, statistics, std)
     order, top = _orders(surrogates, len(mean))
     vary = varying(statistics, rtol)
+    drawn = noisy and ("samples" in node.children or _option(node, "samples", None) is not None)
     if noisy:
         told = np.nan_to_num(told, nan=0.0) + 1.96 * errors[1] / divisor(reference_spread(np.nan_to_num(std)))
+    if noisy and not drawn:
+        # standard errors of a method that draws no samples are its stated error: their number says nothing of it
+        times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
+        scale = root_mean_square(std, times)
+        stated = np.where(
+            scale > 0, np.hypot(np.nan_to_num(stated), root_mean_square(1.96 * errors[1], times) / divisor(scale)), 0.0
+        )
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
@@ -193,7 +204,22 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         told=np.where(vary[:, None] | np.isnan(told), told, 0.0),
         integration=integration_error(statistics, rtol),
         varies=vary,
+        surrogate=bool(surrogates),
+        drawn=drawn,
+        words=_words(surrogates, statistics, len(mean)),
     )
+
+
+def _words(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, outputs: int) -> tuple[tuple[str, str], ...]:
+    """Return whose the stated error of each output is, and what makes it smaller: nothing where that is not known."""
+    attrs = statistics["verification_error"].attrs if "verification_error" in statistics else {}
+    name = str(attrs.get("named", ""))
+    found = [(f"method ({name})" if name else "method", str(attrs.get("remedy", "")))] * outputs
+    for part in surrogates:
+        remedy = str(part.data.attrs.get("remedy", _REMEDIES["elements" if part.split else "chaos"]))
+        for row in part.rows.tolist():
+            found[row] = "surrogate", remedy
+    return tuple(found)
 
 
 def _before_widening(statistics: xr.Dataset, errors: list[Array], count: int, replicates: int) -> list[Array]:
@@ -266,6 +292,9 @@ def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, st
         told[rows] = np.abs(over_time((error.max(others) if others else error).values))
     # where results end early there is no spread
     found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
+    if "stated_error" in statistics:
+        # also of an output that does not vary in the method
+        found = np.where(np.isfinite(std), over_time(statistics["stated_error"].values), np.nan)
     # the mean square of so few errors may be too small
     margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
     times = statistics["time"].values if "time" in statistics.dims else np.zeros(1)
@@ -328,7 +357,6 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     found = own_error(node, rtol_of(node), dependence=False) if own is None else own
     statistics = node.children["statistics"].to_dataset()
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
-    split = {row for part in stored_surrogates(node) if part.split for row in part.rows.tolist()}
     said = []
     for o, name in enumerate(str(value) for value in statistics["output"].values):
         known = np.isfinite(found.std[o])
@@ -337,12 +365,13 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
             said.append(STILL)
         elif not told.size or np.isnan(told).any():
             said.append(_decay(node, name, o) or "states no error")
-        elif found.samples:
+        elif found.drawn:
             at = None if times is None else times[known]
             said.append(stated_words("samples", told, at, np.inf))
         else:
             at = None if times is None else times[known]
-            said.append(stated_words("surrogate", told, at, EXACT, _REMEDIES["elements" if o in split else "chaos"]))
+            whose, remedy = found.words[o]
+            said.append(stated_words(whose, told, at, EXACT, remedy))
     return said
 
 

@@ -109,12 +109,13 @@ def _verdict(
             return Verdict(FEW, f"too few samples to tell: {rare}", within)
         return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
     what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
-    if beyond and not coarse and not (found.samples and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
-        if base.samples and base.samples < LEAST_SAMPLES:
+    if beyond and not coarse and not (found.drawn and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
+        if base.drawn and base.samples < LEAST_SAMPLES:
             return Verdict(FEW, f"too few samples to tell: {few}", within)
         return Verdict(DIFFERS, f"differs: {what}", within)
     if coarse:
-        order = f"order {found.order} is too low" if found.order is not None else "its surrogate is not accurate enough"
+        what_of = "its surrogate" if found.surrogate else "it"
+        order = f"order {found.order} is too low" if found.order is not None else f"{what_of} is not accurate enough"
         why = f"its stated error is {_describe_error(found, o, times)}" if np.isfinite(stated) else (
             f"{format_percent(float(found.top_order[o]))} of the standard deviation is in terms of its highest order"
         )  # fmt: skip
@@ -127,7 +128,7 @@ def _verdict(
     unseen = (
         f" (a difference of the standard deviation below {format_percent(within)} cannot be detected)" if within else ""
     )
-    large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else EXACT)
+    large = found.told[o].max(initial=0.0) > (ROUGH if found.drawn else EXACT)
     inside = " within that" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
@@ -211,7 +212,7 @@ def _rare(
     """
     times, said = np.zeros(found.std.shape[1], dtype=bool), ""
     for method, other, name in ((found, base, names[0]), (base, found, names[1])):
-        if not method.samples:
+        if not method.drawn:
             continue
         chance = 1.0 / np.maximum(other.kurtosis[o], 1.0 + 1e-9)
         missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
@@ -260,7 +261,7 @@ def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float)
 def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str, str]) -> str:
     """Say which of two methods has too few samples; empty if none."""
     for method, name in ((found, names[0]), (base, names[1])):
-        if not method.samples:
+        if not method.drawn:
             continue
         if method.samples < ENOUGH_SAMPLES:
             return f"{name} has {method.samples}"

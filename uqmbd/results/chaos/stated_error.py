@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.results.chaos.terms import constant_columns
+from uqmbd.results.schema import SPREAD_FLOOR, reference_spread
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 from uqmbd.wording import format_at_most, format_percent
@@ -26,19 +27,8 @@ __all__ = [
 MOST = 50.0
 """Largest exponent of a factor by which an error may be off."""
 
-SPREAD_FLOOR = 0.01
-"""Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
-
-
 KNOWN = 2.0
 """Factor up to which a stated error counts as known."""
-
-
-def reference_spread(std: Array) -> Array:
-    """Return the standard deviation (O, T) that errors are compared with: at least 1 % of its maximum over time."""
-    # at times where an output hardly varies (a common start, a nodal point) an error relative to the standard deviation
-    # there says nothing; where it is NaN, the result is NaN, at that time only
-    return np.asarray(np.maximum(std, SPREAD_FLOOR * np.fmax.reduce(std, axis=-1, keepdims=True, initial=0.0)))
 
 
 def compute_stated_error(
@@ -111,7 +101,7 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
     >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
     'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7.0 % at 1 s; raise the order'
     """
-    advice = f"; {remedy}" if np.any(error > limit) else ""
+    advice = f"; {remedy}" if remedy and np.any(error > limit) else ""
     return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
 
 

@@ -58,6 +58,11 @@ class Answer:
         return format_interval(self.probability, self.lower, self.upper)
 
     @property
+    def known(self) -> bool:
+        """Whether the method has a probability at all: an interval from 0 to 1 without one agrees with everything."""
+        return math.isfinite(self.probability)
+
+    @property
     def meaning(self) -> str:
         """What the requirement says."""
         return self.description or self.relation
@@ -110,8 +115,12 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
 def meets(found: Collection[Answer], allowed: float) -> bool | None:
     """Tell whether a requirement is met with 95 % confidence; None: not certain.
 
-    It is met if all methods say so, and not met if any says so and none says the contrary.
+    It is met if all methods say so, and not met if any says so and none says the contrary. Methods that do not know the
+    probability do not count.
     """
+    found = [one for one in found if one.known]
+    if not found:
+        return None
     if all(one.upper <= allowed for one in found):
         return True
     surely = any(one.lower > allowed for one in found) and not any(one.upper <= allowed for one in found)
@@ -161,7 +170,8 @@ def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
     for name, found in answers(nodes).items():
         met = meets(found.values(), probability)
         if not met and name != ANY:
-            wrong = [one for one in found.values() if not one.upper <= probability]
+            known = [one for one in found.values() if one.known] or list(found.values())
+            wrong = [one for one in known if not one.upper <= probability]
             one = max(wrong, key=lambda one: one.upper)
             told, end = "is not known to be met", f"up to {format_probability(one.upper)}"
             if met is False:
@@ -183,14 +193,14 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
     nodes : mapping of str to xarray.DataTree
         Propagator nodes by label.
     reference : str
-        Label of the reference; where it says nothing of requirements, the first one that does stands in for it.
+        Label of the reference; where it knows no probability, the first one that does stands in for it.
 
     Returns
     -------
     xarray.Dataset
         ``violation_probability``, ``violation_lower`` and ``violation_upper (method, requirement)``, NaN for methods
         without, and ``violation_verdict``: ``reference``, ``agrees``, ``differs`` (the intervals have nothing in
-        common), or empty.
+        common), ``not known`` (the method has no probability), or empty.
 
     Examples
     --------
@@ -216,11 +226,16 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
     values = np.full((3, len(methods), len(names)), np.nan)
     verdicts = [["" for _ in names] for _ in methods]
     for column, by_method in enumerate(found.values()):
-        base = by_method.get(reference) or next(iter(by_method.values()))
+        # one that does not know the probability is no reference, and agrees with none
+        known = {label: one for label, one in by_method.items() if one.known}
+        base = known.get(reference) or next(iter(known.values()), None)
         for label, one in by_method.items():
             row = methods.index(label)
             values[:, row, column] = one.probability, one.lower, one.upper
-            verdicts[row][column] = "reference" if one is base else "differs" if one.apart(base) else "agrees"
+            if base is None or not one.known:
+                verdicts[row][column] = "not known"
+            else:
+                verdicts[row][column] = "reference" if one is base else "differs" if one.apart(base) else "agrees"
     dims = ("method", "requirement")
     about = {"comment": "probability that a requirement is violated, with its 95 % interval"}
     data = {name: (dims, part, about) for name, part in zip(VARIABLES[:3], values, strict=True)}

@@ -13,9 +13,12 @@ from uqmbd.results.schema.axes import (
     time_index,
 )
 from uqmbd.results.schema.datasets import (
+    CHILDREN,
     DEFAULT_PROBABILITIES,
+    KIND,
     SCHEMA_VERSION,
     STATUS_MEANINGS,
+    check_kind,
     check_shape,
     check_version,
     sample_dataset,
@@ -30,6 +33,7 @@ from uqmbd.results.schema.nodes import (
     propagator_node,
     propagator_nodes,
 )
+from uqmbd.results.schema.stated import SPREAD_FLOOR, StatedError, reference_spread
 from uqmbd.results.schema.units import CF, as_text, product_of_units, united, units_of, with_units
 from uqmbd.results.schema.validation import validate
 from uqmbd.results.schema.values import (
@@ -45,15 +49,20 @@ from uqmbd.results.schema.values import (
 
 __all__ = [
     "CF",
+    "CHILDREN",
     "DEFAULT_PROBABILITIES",
     "EVERY",
+    "KIND",
     "SCHEMA_VERSION",
+    "SPREAD_FLOOR",
     "STATUS_MEANINGS",
+    "StatedError",
     "InputInfo",
     "Labels",
     "OutputInfo",
     "as_text",
     "check_probabilities",
+    "check_kind",
     "check_shape",
     "check_values",
     "check_version",
@@ -72,6 +81,7 @@ __all__ = [
     "real_numbers",
     "reasons_of",
     "reasons_where_missing",
+    "reference_spread",
     "sample_dataset",
     "statistics_dataset",
     "time_index",

@@ -11,7 +11,9 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     |   |                      circular_mean, circular_std (output, time);
     |   |                      integration_error, integration_error_rms, integration_error_factor (output, time), NaN
     |   |                      where they are not known
-    |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
+    |   |-- samples            response (sample, output, time), inputs (sample, input), status, message (sample):
+    |   |                      draws from the joint distribution of the inputs
+    |   `-- nodes              the same by ``node``, of training points: no probability is counted from them
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 
 A propagator states once what its axes mean (:func:`uqmbd.extend.labels`), and hands arrays to
@@ -23,7 +25,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -32,14 +34,17 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.axes import Labels, fixed_width
+from uqmbd.results.schema.stated import StatedError, stated_variables
 from uqmbd.results.schema.units import united
 from uqmbd.results.schema.values import EVERY, real_numbers
 from uqmbd.status import Status
 
 __all__ = [
     "DEFAULT_PROBABILITIES",
+    "CHILDREN",
     "SCHEMA_VERSION",
     "STATUS_MEANINGS",
+    "check_kind",
     "check_shape",
     "check_version",
     "sample_dataset",
@@ -52,6 +57,12 @@ SCHEMA_VERSION = 2
 It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
 earlier versions are read.  Version 2: each NaN among statistics has a reason.
 """
+
+KIND = "kind"
+"""Attribute of a dataset of realisations that states what these are."""
+
+CHILDREN: Mapping[str, str] = {"samples": "draws", "nodes": "nodes"}
+"""Kinds of realisations by the child of a node that holds them."""
 
 STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
 """What the integers of ``status`` mean; a propagator may pass its own."""
@@ -120,8 +131,9 @@ def sample_dataset(
     messages: Sequence[str] | None = None,
     meanings: Mapping[int, str] = STATUS_MEANINGS,
     copy: bool = True,
+    kind: Literal["draws", "nodes"] | None = None,
 ) -> xr.Dataset:
-    """Build the dataset ``samples``: responses and inputs, with a status and a reason for each sample.
+    """Build the dataset ``samples`` or ``nodes``: responses and inputs, with a status and a reason for each sample.
 
     A sample whose status is not 0 is stored as NaN. A sample that claims to be fine but holds a NaN or an infinity
     becomes a failure (status 3, ``not_finite``) whose message says where: a mean is never poisoned.
@@ -142,12 +154,16 @@ def sample_dataset(
         Meaning of each status, stored in the attributes ``flag_values`` and ``flag_meanings`` (CF conventions).
     copy : bool
         False: a response that is an array of floats becomes that of the dataset, and failed samples are made NaN in it.
+    kind : {"draws", "nodes"}, optional
+        What the rows are. ``"draws"`` are drawn from the joint distribution of the inputs, also by a sampling design:
+        probabilities, quantiles and histograms count them. ``"nodes"`` are training points or quadrature nodes:
+        nothing is counted from them. Results of a propagator must state it: a run refuses a dataset that does not.
 
     Returns
     -------
     xarray.Dataset
         Variables ``response (sample, output, time)``, ``inputs (sample, input)``, ``status (sample)`` and
-        ``message (sample)``.
+        ``message (sample)``; of nodes, the first dimension is ``node``.
 
     Raises
     ------
@@ -158,7 +174,7 @@ def sample_dataset(
     --------
     >>> from uqmbd.extend import labels
     >>> axes = labels(["x"], ["k"], [0.0, 1.0])
-    >>> samples = sample_dataset([[[1.0, 2.0]], [[1.0, float("nan")]]], [[3.0], [4.0]], axes)
+    >>> samples = sample_dataset([[[1.0, 2.0]], [[1.0, float("nan")]]], [[3.0], [4.0]], axes, kind="draws")
     >>> samples["status"].values.tolist()
     [0, 3]
     >>> str(samples["message"][1].item())
@@ -192,20 +208,36 @@ def sample_dataset(
         "flag_values": np.array(sorted(known), dtype=np.int32),
         "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),
     }
+    # no reader of samples takes rows along another dimension for draws
+    row = "node" if kind == "nodes" else "sample"
     return united(
         xr.Dataset(
             {
                 "response": (
-                    ("sample", *labels.dims),
+                    (row, *labels.dims),
                     values,
                     {"long_name": "response", "comment": "NaN where status is not 0"},
                 ),
-                "inputs": (("sample", "input"), drawn, {"long_name": "value of the input"}),
-                "status": ("sample", flags, flag_attrs),
-                "message": ("sample", fixed_width(reasons)),
+                "inputs": ((row, "input"), drawn, {"long_name": "value of the input"}),
+                "status": (row, flags, flag_attrs),
+                "message": (row, fixed_width(reasons)),
             },
             coords={**labels.output_coords(), **labels.input_coords()},
+            attrs={} if kind is None else {KIND: kind},
         )
+    )
+
+
+def check_kind(data: xr.Dataset, child: str, whose: str) -> None:
+    """Raise a StudyError unless a dataset of realisations states the kind that its child of a node is for."""
+    stated, wanted = data.attrs.get(KIND), CHILDREN[child]
+    if stated == wanted:
+        return
+    found = f"states that its rows are {stated!r}" if stated else "does not state what its rows are"
+    raise StudyError(
+        f"{whose}: the dataset '{child}' {found}. 'samples' are draws from the joint distribution of the inputs: "
+        "probabilities, quantiles and histograms count them. Training points and quadrature nodes are 'nodes'. Write "
+        'samples=sample_dataset(..., kind="draws") or nodes=sample_dataset(..., kind="nodes").'
     )
 
 
@@ -229,6 +261,7 @@ def statistics_dataset(
     sobol_total: ArrayLike | None = None,
     circular_mean: ArrayLike | None = None,
     circular_std: ArrayLike | None = None,
+    stated_error: StatedError | None = None,
 ) -> xr.Dataset:
     """Build the dataset ``statistics`` of a propagator.
 
@@ -256,6 +289,10 @@ def statistics_dataset(
         Sobol' indices of each input.
     circular_mean, circular_std : array_like, shape (O, T), optional
         Of outputs that are angles, in their units; NaN for others. All else is of the unwrapped angle.
+    stated_error : StatedError, optional
+        Error of mean and standard deviation that is not the standard error of samples, absolute or relative. It becomes
+        the variables ``stated_error``, in the units of the outputs, and ``verification_error``, over the standard
+        deviation. Comparisons, warnings and reports read it like that of a surrogate.
 
     Returns
     -------
@@ -302,7 +339,7 @@ def statistics_dataset(
         ("quantile_error", quantile_error, ("probability",), (len(levels),)),
         *((name, value, ("input",), (len(labels.inputs),)) for name, value in by_input.items()),
     ]
-    variables = {}
+    variables: dict[str, Any] = {}
     for name, value, dims, sizes in table:
         if value is None:
             continue
@@ -312,6 +349,8 @@ def statistics_dataset(
         if name in silent:
             attrs["unknown"] = json.dumps({EVERY: "the method does not state it"})
         variables[name] = ((*dims, *labels.dims), array, attrs)
+    if stated_error is not None:
+        variables |= stated_variables(labels, stated_error, variables["std"][1])
     coords = {
         **labels.output_coords(),
         "probability": ("probability", levels, {"units": "1", "long_name": "probability"}),

@@ -16,7 +16,7 @@ import xarray as xr
 from uqmbd.arguments import OrNaN, Seed, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
-from uqmbd.results.schema.datasets import SCHEMA_VERSION
+from uqmbd.results.schema.datasets import KIND, SCHEMA_VERSION, check_kind
 from uqmbd.results.schema.units import with_units
 from uqmbd.results.schema.values import with_default_reasons
 from uqmbd.status import Status
@@ -35,6 +35,7 @@ def propagator_node(
     statistics: xr.Dataset,
     samples: xr.Dataset | None = None,
     *,
+    nodes: xr.Dataset | None = None,
     propagator: str,
     realisations: Size,
     wall_time: OrNaN,
@@ -54,7 +55,9 @@ def propagator_node(
     statistics : xarray.Dataset
         From :func:`uqmbd.extend.statistics_dataset`.
     samples : xarray.Dataset, optional
-        From :func:`uqmbd.extend.sample_dataset`.
+        From :func:`uqmbd.extend.sample_dataset`: draws from the joint distribution of the inputs.
+    nodes : xarray.Dataset, optional
+        From :func:`uqmbd.extend.sample_dataset` with ``kind="nodes"``: training points or quadrature nodes.
     propagator : str
         Registered name of the method, as in ``monte-carlo``.
     realisations : int
@@ -62,7 +65,7 @@ def propagator_node(
     wall_time : float
         In seconds.
     failures : int, optional
-        Default: counted in ``samples``, 0 without samples.
+        Default: counted in ``samples`` and ``nodes``, 0 without these.
     seed : int, optional
         Of the random numbers; left out if the method draws none.
     options, solver_counters : mapping, optional
@@ -79,7 +82,7 @@ def propagator_node(
     Raises
     ------
     StudyError
-        If the label cannot be used.
+        If the label cannot be used, or a dataset states that its rows are of another kind.
 
     Examples
     --------
@@ -91,8 +94,13 @@ def propagator_node(
     ('mine', '{"order": 1}')
     """
     check_label(label)
+    held = {name: data for name, data in (("samples", samples), ("nodes", nodes)) if data is not None}
+    for name, data in held.items():
+        if KIND in data.attrs:
+            check_kind(data, name, f"propagator_node of {label!r}")
     if failures is None:
-        failures = 0 if samples is None else int((~samples["status"].isin([Status.OK, Status.CENSORED])).sum())
+        lost = [~data["status"].isin([Status.OK, Status.CENSORED]) for data in held.values()]
+        failures = sum(int(one.sum()) for one in lost)
     provenance: dict[str, Any] = {
         "propagator": propagator,
         "label": label,
@@ -108,9 +116,7 @@ def propagator_node(
     if seed is not None:
         provenance["seed"] = int(seed)
     datasets = {"/": xr.Dataset(attrs=provenance | dict(attrs or {})), "statistics": statistics}
-    if samples is not None:
-        datasets["samples"] = samples
-    return xr.DataTree.from_dict(datasets | dict(children or {}), name=label)
+    return xr.DataTree.from_dict(datasets | held | dict(children or {}), name=label)
 
 
 @typechecked

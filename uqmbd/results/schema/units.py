@@ -31,6 +31,7 @@ _ROLES: Mapping[Role, tuple[str, ...]] = {
             "circular_std",
             "integration_error",
             "integration_error_rms",
+            "stated_error",
             "response",
             "verification_response",
             "output_angle",

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
-from uqmbd.results.schema.datasets import check_version
+from uqmbd.results.schema.datasets import CHILDREN, KIND, check_kind, check_version
 from uqmbd.results.schema.nodes import comparable, propagator_nodes
 from uqmbd.results.schema.values import INTEGRATION_ERRORS, check_probabilities, check_values, place_of
 from uqmbd.status import Status
@@ -136,8 +136,21 @@ def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
     statistics = node.children["statistics"]
     end = _end(node, statistics)
     _validate_statistics(statistics, end, before)
-    if "samples" in node.children:
-        _validate_samples(node.children["samples"], statistics, node)
+    held = [name for name in CHILDREN if name in node.children]
+    # methods store nodes of their own layout, too
+    held = [name for name in held if name == "samples" or KIND in node.children[name].attrs]
+    for name in held:
+        if KIND in node.children[name].attrs:
+            check_kind(node.children[name].to_dataset(), name, node.path)
+        _validate_samples(node.children[name], statistics, "sample" if name == "samples" else "node")
+    if held and "samples_kept" not in node.attrs:
+        count = sum(_failed(node.children[name]) for name in held)
+        _require(
+            count == node.attrs["failures"],
+            node.path,
+            f"attribute 'failures' = {node.attrs['failures']}",
+            f"{count}, the number of {' and '.join(held)} that failed by their status",
+        )
     names = statistics.coords["output"].values
     _validate_surrogates(node, statistics, end, names)
     if "composed" in node.children:
@@ -236,11 +249,16 @@ def _validate_interval(node: xr.DataTree, name: str) -> None:
     _require(ends == ["lower", "upper"], f"{node.path}/bound", f"{ends}", "['lower', 'upper']")
 
 
-def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.DataTree) -> None:
-    _dims(node, "response", ("sample", "output", "time"))
-    _dims(node, "inputs", ("sample", "input"))
-    _dims(node, "status", ("sample",))
-    _dims(node, "message", ("sample",))
+def _failed(node: xr.DataTree) -> int:
+    """Return the number of failed realisations; one without an event has not failed."""
+    return int((~node.to_dataset()["status"].isin([Status.OK, Status.CENSORED])).sum())
+
+
+def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, row: str) -> None:
+    _dims(node, "response", (row, "output", "time"))
+    _dims(node, "inputs", (row, "input"))
+    _dims(node, "status", (row,))
+    _dims(node, "message", (row,))
     for name, dim in {"output": "output", "output_units": "output", "input": "input", "input_units": "input"}.items():
         _text_coord(node, name, dim)
     _angles(node)
@@ -262,13 +280,6 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     )
     filled = response.notnull() & failed
     _values(node, "response", filled.transpose(*response.dims), "a number in a failed sample", "NaN")
-    count = int((failed & (status != Status.CENSORED)).sum())
-    _require(
-        count == parent.attrs["failures"] or "samples_kept" in parent.attrs,
-        parent.path,
-        f"attribute 'failures' = {parent.attrs['failures']}",
-        f"{count}, the number of samples that failed by their status",
-    )
 
 
 def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:

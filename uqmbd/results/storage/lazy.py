@@ -167,7 +167,7 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         return None
     for key in set(data.variables) & set(kept.variables):
         data[key].attrs = kept[key].attrs
-    return data
+    return data.assign_attrs(kept.attrs)
 
 
 def _stored(store: SampleStore) -> xr.Dataset:

@@ -91,6 +91,8 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
         else:
             continue
         surrogate[rows] = SURROGATE * told * spread[rows]
+    if "stated_error" in statistics:
+        surrogate = np.maximum(surrogate, SURROGATE * statistics["stated_error"].values)
     names = ("std_error_mean", "std_error_std")
     noise = [ERRORS * statistics[n].values if n in statistics else np.zeros(shape) for n in names]
     return noise[0] + surrogate, noise[1] + surrogate
