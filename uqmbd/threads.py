@@ -90,7 +90,7 @@ def one_thread() -> Iterator[None]:
 
 
 def _per_thread(library: Any) -> bool:
-    """Tell whether a library has a number of threads for each thread that calls it, as OpenMP has, or one for all."""
+    """Return whether a library has a number of threads for each thread that calls it, as OpenMP has, or one for all."""
     return library.internal_api in ("openmp", "mkl") or getattr(library, "threading_layer", "") == "openmp"
 
 

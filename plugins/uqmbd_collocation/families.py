@@ -169,7 +169,7 @@ class _AtTimes(DerivedSource):
 
 
 def impossible(problem: uqmbd.extend.Problem, family: Family) -> str:
-    """Say why a family is impossible, as far as that is known before anything is computed; else nothing."""
+    """Return why a family is impossible, as far as that is known before anything is computed; else nothing."""
     try:
         if family == "events":
             EventTrajectories(problem)

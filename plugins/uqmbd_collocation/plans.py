@@ -269,7 +269,7 @@ class Plans:
         return uqmbd.extend.clenshaw_curtis(space, levels)
 
     def _exact(self, rule: uqmbd.extend.Quadrature, terms: Index, space: uqmbd.extend.GermSpace) -> bool:
-        """Whether products of the basis are known to be integrated exactly."""
+        """Return whether products of the basis are known to be integrated exactly."""
         if self.grid == "gauss":
             degrees = terms.max(axis=0)
             return all(n > k for n, k in zip(self._gauss_counts(space, terms), degrees, strict=True))

@@ -242,7 +242,7 @@ def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
 
 
 def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission]:
-    """Tell which links are no bodies of their own."""
+    """Return which links are no bodies of their own."""
     grounded = tuple(part.name for part in fused if part.link == 0)
     others = tuple(part.name for part in fused if part.link)
     rows = []
@@ -260,7 +260,7 @@ def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission
 def _renamed(
     built: Built, tree: Tree, labels: dict[int, str], joints: tuple[PlacedJoint, ...]
 ) -> list[uqmbd.extend.Omission]:
-    """Tell which names are not those of the file, and let joints be found by both."""
+    """Return which names are not those of the file, and let joints be found by both."""
     changed = [(placed.joint.name, placed.name) for placed in joints if placed.joint.name != placed.name]
     built.mechanism.joints.renamed.update(changed)
     names = [f"link {tree.links[k].name!r}: {label!r}" for k, label in labels.items() if tree.links[k].name != label]

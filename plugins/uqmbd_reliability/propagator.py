@@ -292,7 +292,7 @@ class Reliability(uqmbd.extend.Propagator):
         return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
 
     def _too_expensive(self, study: uqmbd.Study) -> str | None:
-        """Say that a surrogate may leave too little of the realisations."""
+        """Return a message that a surrogate may leave too little of the realisations."""
         if self.surrogate is None or (planned := self.surrogate.estimate(study)) is None:
             return None
         if planned.realisations + LEAST <= self.max_realisations:

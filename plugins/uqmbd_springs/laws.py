@@ -102,6 +102,6 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
 
 def _is_odd(law: Any) -> bool:
-    """Tell whether a law changes its sign with length and rate, so that it does not matter which end is ahead."""
+    """Return whether a law changes its sign with length and rate, so that it does not matter which end is ahead."""
     value = sympy.sympify(law, strict=True)
     return bool(sympy.expand(value + value.subs({length: -length, rate: -rate}, simultaneous=True)) == 0)

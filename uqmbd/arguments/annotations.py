@@ -158,7 +158,7 @@ def each(value: Any) -> list[Any]:
 
 
 def several(base: Any) -> bool:
-    """Tell whether an alternative is a row of words.
+    """Return whether an alternative is a row of words.
 
     >>> several(tuple[Literal["a", "b"], ...]), several(tuple[int, ...])
     (True, False)
@@ -167,7 +167,7 @@ def several(base: Any) -> bool:
 
 
 def is_array_type(annotation: Any) -> bool:
-    """Tell whether an annotation is an array of NumPy, or None.
+    """Return whether an annotation is an array of NumPy, or None.
 
     >>> is_array_type(np.ndarray | None), is_array_type(tuple[float, ...] | np.ndarray)
     (True, False)
@@ -177,5 +177,5 @@ def is_array_type(annotation: Any) -> bool:
 
 
 def beyond(number: Any, most: float = sys.float_info.max) -> bool:
-    """Tell whether a number of any kind is larger than another, which is that of 64 bits."""
+    """Return whether a number of any kind is larger than another, which is that of 64 bits."""
     return bool(abs(number) > most)

@@ -34,7 +34,7 @@ __all__ = ["fits", "is_one"]
 
 
 def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
-    """Tell whether a value is what an annotation declares.
+    """Return whether a value is what an annotation declares.
 
     >>> fits(True, int), fits([1, 2], Sequence[float]), fits(None, str | None)
     (False, True, True)
@@ -51,7 +51,7 @@ def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
 
 
 def is_one(value: Any, member: Any, *, nan: bool = False) -> bool:
-    """Tell whether a value may be of a type; any may where nothing is known of the type.
+    """Return whether a value may be of a type; any may where nothing is known of the type.
 
     >>> is_one(float("nan"), float), is_one(float("nan"), float, nan=True), is_one("a", Sequence[str])
     (False, True, False)
@@ -83,7 +83,7 @@ def is_one(value: Any, member: Any, *, nan: bool = False) -> bool:
 
 
 def _is_number(value: Any, base: type, *, nan: bool) -> bool:
-    """Tell whether a value is a number of 64 bits; of NumPy and xarray also one without axes."""
+    """Return whether a value is a number of 64 bits; of NumPy and xarray also one without axes."""
     if isinstance(value, (bool, np.bool_)) or np.ma.is_masked(value):
         return False
     if base is float and not isinstance(value, np.generic) and getattr(value, "shape", None) == ():
@@ -95,7 +95,7 @@ def _is_number(value: Any, base: type, *, nan: bool) -> bool:
 
 
 def _is_object(value: Any, base: Any, *, nan: bool) -> bool:
-    """Tell whether a value is a path, an array, a function, a sequence, a mapping or an instance that fits."""
+    """Return whether a value is a path, an array, a function, a sequence, a mapping or an instance that fits."""
     origin, arguments = typing.get_origin(base), typing.get_args(base)
     kind = origin or base
     if kind is np.ndarray:
@@ -132,7 +132,7 @@ def _is_tuple(value: Any, arguments: tuple[Any, ...], *, nan: bool) -> bool:
 
 
 def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: bool) -> bool:
-    """Tell whether a value is a row of what is declared; a text is no row of its letters."""
+    """Return whether a value is a row of what is declared; a text is no row of its letters."""
     # a matrix of SymPy has a length and places, and is no Collection
     sized = isinstance(value, Collection) or (hasattr(value, "__len__") and hasattr(value, "__getitem__"))
     if isinstance(value, (str, bytes, type)) or not (sized or hasattr(value, "__iter__")):
@@ -155,7 +155,7 @@ def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: boo
 
 
 def _are_numbers(value: Any) -> bool:
-    """Tell whether NumPy reads real numbers from a value; texts, masks and truth values by themselves are none."""
+    """Return whether NumPy reads real numbers from a value; texts, masks and truth values by themselves are none."""
     if isinstance(value, (str, bytes, bool, type, Mapping)) or value is None or np.ma.is_masked(value):
         return False
     try:
@@ -168,7 +168,7 @@ def _are_numbers(value: Any) -> bool:
 
 
 def _is_array(value: Any, arguments: tuple[Any, ...]) -> bool:
-    """Tell whether a value is an array of NumPy of a kind of number that fits."""
+    """Return whether a value is an array of NumPy of a kind of number that fits."""
     if not isinstance(value, np.ndarray) or np.ma.is_masked(value):
         return False
     wanted = [x for x in typing.get_args(arguments[-1]) if isinstance(x, type)] if arguments else []

@@ -156,7 +156,7 @@ def expressions_text(
 
 
 def _is_application(e: Any, tables: Tables) -> bool:
-    """Whether an expression looks up a table."""
+    """Return whether an expression looks up a table."""
     return bool(tables) and type(e).__name__ == "FunctionSymbol" and e.get_name() in tables
 
 
@@ -202,7 +202,7 @@ def _parts(e: Any) -> list[Any]:
 
 
 def _multiplied(exponent: Any) -> bool:
-    """Whether a power is computed by multiplications and a square root."""
+    """Return whether a power is computed by multiplications and a square root."""
     return bool(exponent.is_Number) and (2 * _real(exponent)).is_integer() and abs(_real(exponent)) <= POWERS
 
 
@@ -278,7 +278,7 @@ def _power(w: FunctionWriter, e: Any, values: list[str]) -> str:
 
 
 def _may_be_unreal(e: Any) -> bool:
-    """Whether a function may be no real number though its arguments are."""
+    """Return whether a function may be no real number though its arguments are."""
     if e.is_Pow:
         base, exponent = e.args
         whole = exponent.is_Number and _real(exponent).is_integer()

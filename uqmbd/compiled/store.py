@@ -95,7 +95,7 @@ class Store:
                 os.close(handle)
 
     def _private(self) -> bool:
-        """Whether the folder is its user's, and no link; others may not write there."""
+        """Return whether the folder is its user's, and no link; others may not write there."""
         about = self.folder.lstat()
         if stat.S_ISDIR(about.st_mode) and (not _CHECKED or _ours(about)):
             return True

@@ -220,7 +220,7 @@ class Masks:
         return name
 
     def defined(self, *names: str) -> bool:
-        """Whether masks hold, or surely do not, everywhere."""
+        """Return whether masks hold, or surely do not, everywhere."""
         return all(self.surely_false[name] is None for name in names)
 
     def false(self, w: FunctionWriter, name: str) -> str:

@@ -1,4 +1,4 @@
-"""What is solved: derivation, kernels, model, ensemble, assembly, integration.
+"""Dynamics: derivation of the equations, kernels, model, ensemble, assembly, integration.
 
 The only place that imports scikit-sundae and compiles with SymEngine.
 """

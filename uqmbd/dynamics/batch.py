@@ -1,4 +1,4 @@
-"""A batch of realisations: what integration, contacts, statics and observation need of an ensemble."""
+"""A batch of realisations: the interface of an ensemble for integration, contacts, statics and observation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Sampler(Protocol):
 
 
 class Batch(Protocol):
-    """K realisations of one model; `uqmbd.extend.Ensemble` is the one class of this kind, and says what is what."""
+    """K realisations of one model; `uqmbd.extend.Ensemble` implements it, and documents its attributes."""
 
     model: Model
     values: Array
@@ -51,10 +51,10 @@ class Batch(Protocol):
         """Break times, shape (K, break)."""
 
     def select(self, members: Index) -> Batch:
-        """Make the batch of some realisations."""
+        """Return the batch of some realisations."""
 
     def sampling(self, times: Array) -> Sampler | None:
-        """Make the samples of its controllers over output times; None: it has none."""
+        """Return the samples of its controllers over output times; None: it has no controllers."""
 
     def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
         """Unknowns ``y`` of states."""

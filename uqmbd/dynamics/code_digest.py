@@ -1,4 +1,4 @@
-"""What functions and classes do, in plain data: their code, and all that it refers to.
+"""Content of functions and classes as plain data: their code, and all that it refers to.
 
 A function is its code object, its defaults, what its closure holds, and the globals that it names; a class is its bases
 and attributes.  Packages whose versions are in every key of the cache (`LIBRARIES`) are known by names.  Anything that
@@ -27,7 +27,7 @@ PURE = frozenset(
         "statistics", "string", "symengine", "sympy", "types", "typing", "uqmbd", "warnings",
     }
 )  # fmt: skip
-"""Those of them whose functions return the same for the same arguments, but for `IMPURE` ones."""
+"""Packages of these whose functions are deterministic in their arguments, except the `IMPURE` ones."""
 
 IMPURE = frozenset(
     {
@@ -37,7 +37,7 @@ IMPURE = frozenset(
         "vars",
     }
 )  # fmt: skip
-"""Names of what depends on more than its arguments."""
+"""Names of functions that depend on more than their arguments."""
 
 WRITING = ("uqmbd.compiled", "uqmbd.dynamics", "uqmbd.mechanism")
 """Parts of the core that write equations."""
@@ -49,7 +49,7 @@ UNSEEN = frozenset(
         "__signature__", "__slots__", "__static_attributes__", "__weakref__", "_abc_impl",
     }
 )  # fmt: skip
-"""Attributes of classes that say nothing of what their methods do."""
+"""Attributes of classes that do not affect their methods."""
 
 LOADS = (dis.opmap["LOAD_GLOBAL"], dis.opmap["LOAD_NAME"])
 IMPORT, EXTENDED = dis.opmap["IMPORT_NAME"], dis.opmap["EXTENDED_ARG"]
@@ -61,7 +61,7 @@ COMPILED = (
 )  # fmt: skip
 
 Content = tuple[object, Sequence[Any]]
-"""What is plain, and parts that have a content in turn."""
+"""Plain content, and parts that have a content in turn."""
 
 
 class NoDigest(Exception):  # noqa: N818 - no error: there is no digest
@@ -69,7 +69,7 @@ class NoDigest(Exception):  # noqa: N818 - no error: there is no digest
 
 
 def is_library(name: str | None, packages: frozenset[str] = PURE) -> bool:
-    """Whether a module belongs to a package that is known by its version."""
+    """Return whether a module belongs to a package that is identified by its version."""
     return str(name).partition(".")[0] in packages
 
 
@@ -133,7 +133,7 @@ def _class(value: type) -> Content:
 
 
 def _taken(value: Any, attributes: frozenset[str], *, known: bool) -> Iterator[Any]:
-    """Return what code takes of a global: of a module of others the attributes that the code may mean."""
+    """Return the part of a global that code uses: of a foreign module, the attributes that the code may access."""
     if not isinstance(value, ModuleType):
         yield value
     elif is_library(value.__name__):
@@ -147,7 +147,7 @@ def _taken(value: Any, attributes: frozenset[str], *, known: bool) -> Iterator[A
 
 
 def _held(cell: Any) -> Any:
-    """Return what a cell of a closure holds."""
+    """Return the content of a cell of a closure."""
     try:
         return cell.cell_contents
     except ValueError:  # it is empty
@@ -156,7 +156,7 @@ def _held(cell: Any) -> Any:
 
 @cache
 def _head(code: CodeType) -> tuple[object, ...]:
-    """Return what a code object does, with the code within it, without names of files and lines."""
+    """Return the content of a code object and of nested ones, without names of files and lines."""
     constants = [_head(x) if isinstance(x, CodeType) else (type(x).__name__, _constant(x)) for x in code.co_consts]
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
     names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
@@ -170,7 +170,7 @@ def _constant(value: object) -> str:
 
 @cache
 def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
-    """Return the globals that code reads, and all names in it; what it imports must be a library."""
+    """Return the globals that code reads, and all names in it; its imports must be libraries."""
     loaded, extended = set(), 0
     for op, low in zip(code.co_code[::2], code.co_code[1::2], strict=True):
         argument, extended = low | extended, (low | extended) << 8 if op == EXTENDED else 0
@@ -191,7 +191,7 @@ def _names(code: CodeType) -> tuple[tuple[str, ...], frozenset[str]]:
 
 
 def unpatched() -> bool:
-    """Whether functions of all modules that write equations are those of the core, or of a library."""
+    """Return whether functions of all modules that write equations are those of the core, or of a library."""
     for name, module in list(sys.modules.items()):
         scope = vars(module) if name.startswith(WRITING) else {}
         for value in list(scope.values()):
@@ -205,7 +205,7 @@ def unpatched() -> bool:
 
 
 def _as_written(kind: type) -> bool:
-    """Whether a class of the core is the one that its module defined, with the methods that it had."""
+    """Return whether a class of the core is the one that its module defined, with the methods that it had."""
     found: Any = sys.modules.get(kind.__module__)
     for name in kind.__qualname__.split("."):
         found = getattr(found, name, None)
@@ -215,7 +215,7 @@ def _as_written(kind: type) -> bool:
 
 
 def _written(value: Any) -> bool:
-    """Whether functions in a value were written in the core, or in a library; data are."""
+    """Return whether functions in a value were written in the core, or in a library; data are."""
     if isinstance(value, FunctionType):
         inner = [getattr(value, "__wrapped__", None), *map(_held, value.__closure__ or ())]
         return is_library(value.__globals__.get("__name__"), LIBRARIES) and all(

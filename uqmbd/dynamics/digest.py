@@ -1,4 +1,4 @@
-"""What two models have in common if they are one: a hash of all that the motion and the outputs depend on."""
+"""Hash of a model: of all data that the motion and the outputs depend on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["digest_of"]
 
 
 def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iterable[str]) -> str:
-    """Hash all that the motion and the outputs depend on, as symbols, with what controllers say of themselves.
+    """Return the hash of all symbols that the motion and the outputs depend on, and of the controllers.
 
     Expressions are written by `sympy.srepr`: the text that people read leaves out tables, and digits of numbers.
     """

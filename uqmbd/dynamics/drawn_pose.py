@@ -80,7 +80,7 @@ def size_of(mechanism: Mechanism) -> float:
 
 
 def moved(mechanism: Mechanism, model: Model, size: float | None = None) -> tuple[Move, ...]:
-    """Return the bodies that assembly moved noticeably, at the means; what start conditions move is meant."""
+    """Return the bodies that assembly moved noticeably at the means; moves by start conditions are intended."""
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
     free = replace(model, conditions=None)

@@ -69,7 +69,7 @@ class Ensemble:
 
     @cached_property
     def start(self) -> Start:
-        """Consistent initial states, in static equilibrium where the model says so (``start_at``)."""
+        """Consistent initial states, in static equilibrium if the model requires it (``start_at``)."""
         if self._given_start is not None:
             return self._given_start
         if self.model.start_at == "equilibrium":
@@ -105,7 +105,7 @@ class Ensemble:
         return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 
     def sampling(self, times: Array) -> Sampling | None:
-        """Make the samples of the controllers in one integration, for integrators that declare ``sampled``.
+        """Return the samples of the controllers in one integration, for integrators that declare ``sampled``.
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ class Ensemble:
         return Sampling(self, times) if self.model.controls else None
 
     def select(self, members: Index) -> Ensemble:
-        """Make the ensemble of some realisations."""
+        """Return the ensemble of some realisations."""
         if len(members) == len(self) and np.array_equal(members, np.arange(len(self))):
             return self
         return Ensemble(self.model, self.values[members], start=self.start.select(members))
@@ -239,7 +239,7 @@ class Ensemble:
         return tuple((component, label, bool(directions)) for component, label, directions in self.model.events)
 
     def rates(self, time: Array | float, states: Array) -> Array:
-        """Rates of states by the equations of motion (index 1): what an explicit integrator needs.
+        """Return the rates of states by the equations of motion (index 1), as an explicit integrator needs them.
 
         Parameters
         ----------
@@ -258,7 +258,7 @@ class Ensemble:
         return np.concatenate([v, rates, a], axis=1)
 
     def on_constraints(self, time: Array | float, states: Array) -> Array:
-        """Put states that are nearly on the constraints onto them, in position and velocity, by the least change.
+        """Project states that are nearly on the constraints onto them, in position and velocity, by the least change.
 
         Arguments and result are those of `rates`; the error is quadratic in that of the states.
 

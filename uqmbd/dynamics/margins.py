@@ -39,7 +39,7 @@ class MarginValues:
 
     @property
     def failed(self) -> Mask:
-        """Which realisations have none, shape (K,): they are neither safe nor unsafe."""
+        """Realisations without margins, shape (K,): they are neither safe nor unsafe."""
         return np.asarray(self.status != Status.OK)
 
     @classmethod
@@ -78,7 +78,7 @@ class MarginMap:
 
     @property
     def at_the_end(self) -> NDArray[np.bool_]:
-        """Whose margins are known at the end of the motion only, shape (requirement,)."""
+        """Whether margins are known at the end of the motion only, shape (requirement,)."""
         return np.array([requirement.at_the_end for requirement in self.requirements], dtype=bool)
 
 
@@ -97,7 +97,7 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
 
 
 def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[Finding, ...]:
-    """Find the requirements on what redundant constraints leave undetermined; arguments as of `not_unique`."""
+    """Return the requirements on quantities that redundant constraints leave undetermined; see `not_unique`."""
     moving = None if model.margins is None else model.margins.moving
     names = () if moving is None else not_unique(model, moving, q, time, parameters)
     return tuple(
@@ -113,7 +113,7 @@ def undetermined_margins(model: Model, q: Array, time: float, parameters: Array)
 
 
 def _unknown(seen: MarginMap, number: int) -> str:
-    """Say that it is not known whether a requirement, by its number among those without a time, is met."""
+    """Return a message on a requirement without a time, by its number, whose result is unknown."""
     name = [one.name for one in seen.requirements if not one.over_time][number]
     what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
     return (

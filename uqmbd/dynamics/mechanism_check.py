@@ -70,7 +70,7 @@ class Check:
     apart: tuple[tuple[str, ...], ...] = ()
     moved: tuple[Move, ...] = ()
     velocity_equations: int = 0
-    """As many of the equations bind velocities alone (`VelocityConstraint`)."""
+    """Number of equations that bind velocities alone (`VelocityConstraint`)."""
     velocity_mobility: int = 0
     """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations: fewer than those of the positions
     where equations bind velocities alone."""
@@ -138,7 +138,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
 
 
 def _controller(controller: Controller) -> tuple[str, str, str, str]:
-    """Return the name of a controller, its timing, what it measures, and what it commands."""
+    """Return the name of a controller, its timing, its measured quantities, and its commands."""
     delay = f", commands act {controller.delay:g} s later" if controller.delay else ""
     commands = [f"{name} ({units})" if units else name for name, units in controller.commands.items()]
     return (

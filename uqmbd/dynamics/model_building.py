@@ -1,4 +1,4 @@
-"""From a mechanism to a model: derive, compile, assemble at the means, and decide which equations are independent."""
+"""Building of a model: derivation, compilation, assembly at the means, and choice of independent equations."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def constraining(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def _all(mechanism: Mechanism) -> list[Component]:
-    """Everything that has terms: bodies, components, counters of turns, and what controllers hold."""
+    """Return all objects with terms: bodies, components, counters of turns, and values of controllers."""
     held = [HeldStates(controller) for controller in mechanism.controllers.values()]
     return [*mechanism.all_components(), *angle_counters(mechanism), *held]
 
@@ -93,7 +93,7 @@ def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, 
 
 
 def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blocks: Blocks) -> tuple[Any, ...]:
-    """Give what outputs are compiled with, besides themselves."""
+    """Return the data with which outputs are compiled, except the outputs themselves."""
     order = {name: k for k, name in enumerate(mechanism.bodies)}
     sizes = (layout.coordinates, layout.states, layout.constraints)
     return instances, list(blocks.places), order, mechanism.inputs.variables, sizes
@@ -102,7 +102,7 @@ def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blo
 def _kinematics(
     mechanism: Mechanism, time: float, others: tuple[str, ...] = ()
 ) -> tuple[Model, list[Instance], Blocks]:
-    """Make what assembly needs; acceleration and drift only with start conditions, or among the `others`."""
+    """Return the objects that assembly needs; acceleration and drift only with start conditions or `others`."""
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
     require_controllers(mechanism)
@@ -253,7 +253,7 @@ def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
 
 
 def _corners(instance: Instance) -> bool:
-    """Whether forces of an instance have corners that depend on its state, not on time alone."""
+    """Return whether forces of an instance have corners that depend on its state, not on time alone."""
     block = instance.type
     kinds = (sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign, sympy.Heaviside)
     corners = [x for e in block.expressions if e.has(*kinds) for x in e.atoms(*kinds)]
@@ -288,7 +288,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None, 
 
 
 def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
-    """Make the complete model of a mechanism from the terms of its components."""
+    """Return the complete model of a mechanism from the terms of its components."""
     model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
     count = model.block_parameters

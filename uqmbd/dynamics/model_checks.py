@@ -46,13 +46,13 @@ DEEP = 0.1
 """The same of the depth of a contact of points, in sizes of the mechanism."""
 
 REALISATIONS = 256
-"""Realisations that are looked at for angles of drivers that start more than half a turn from the drawn pose."""
+"""Realisations that are checked for angles of drivers that start more than half a turn from the drawn pose."""
 
 LEAST = 1.0
 """Mechanisms are taken to be this large at least, m."""
 
 SPREAD = 10.0
-"""Largest radius of gyration of a body, in its extents: that of a dumb-bell is half of its own."""
+"""Largest radius of gyration of a body, in its extents; that of a dumb-bell is half of its extent."""
 
 SCALES = 1e4
 """Largest ratio of two lengths of a mechanism."""
@@ -92,7 +92,7 @@ class Assembled:
 
 
 def model_findings(assembled: Assembled) -> tuple[Finding, ...]:
-    """Make all checks of an assembled mechanism."""
+    """Return the findings of all checks of an assembled mechanism."""
     return tuple(finding for check in CHECKS for finding in check(assembled))
 
 
@@ -132,7 +132,7 @@ def _moved(a: Assembled) -> Iterator[Finding]:
 
 
 SPUN, PARTS = 2.0, 24
-"""Turns below which an angle is only noted, and parts of a turn whose multiples are only noted, too."""
+"""Turns below which an angle is only noted; multiples of this part of a turn are only noted, too."""
 
 
 def _turned(a: Assembled) -> Iterator[Finding]:
@@ -164,7 +164,7 @@ def _apart(a: Assembled) -> Iterator[Finding]:
 
 
 def _spread(a: Assembled) -> Iterator[Finding]:
-    """Bodies whose radius of gyration is beyond all that is known of their shape, as by wrong units of the inertia."""
+    """Yield bodies whose radius of gyration exceeds all known extents, as with wrong units of the inertia."""
     for name, body in a.mechanism.bodies.items():
         known = a.places.get(name, [])
         reach = max((abs(float(nominal(mark.radius))) for mark, _ in known), default=0.0)
@@ -240,7 +240,7 @@ def _hidden_turns(a: Assembled) -> Iterator[Finding]:
 
 
 def _turns_are_stated(mechanism: Mechanism, component: Component) -> bool:
-    """Whether start conditions hold an angle of the driven bodies, and all angles that the driver follows.
+    """Return whether start conditions hold an angle of the driven bodies, and all angles that the driver follows.
 
     A follower alone does not decide: its condition moves what it follows.
     """
@@ -257,7 +257,7 @@ def _followed(component: Component) -> list[AngleSymbol]:
 
 
 def _starts(mechanism: Mechanism, model: Model, drivers: Sequence[Component]) -> list[tuple[Array, Array]]:
-    """Angles at which drivers start and are drawn, rad, in the realisations that are looked at."""
+    """Return angles at which drivers start and are drawn, rad, in the checked realisations."""
     if not drivers:
         return []
     rows = inputs_of_notices(mechanism)
@@ -339,14 +339,14 @@ def _deep_contacts(a: Assembled) -> Iterator[Finding]:
 
 
 def _undetermined(a: Assembled) -> Iterable[Finding]:
-    """Find the requirements on what redundant constraints leave undetermined."""
+    """Yield requirements on quantities that redundant constraints leave undetermined."""
     if a.model.layout.constraints == a.model.layout.rank:
         return ()
     return undetermined_margins(a.model, a.pose[0], a.model.time, a.parameters[0])
 
 
 def _number(value: sympy.Expr) -> float:
-    """Return a number; NaN for what has none, as a gap that depends on states of its own."""
+    """Return a number; NaN if there is none, as for a gap with separate auxiliary states."""
     try:
         return float(value.doit())
     except TypeError:

@@ -41,7 +41,7 @@ __all__ = ["compute_model_key"]
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), type(NotImplemented))
 
 CONTAINERS = (dict, list, tuple, set, frozenset, str, bytes, bytearray, int, float, complex, np.ndarray)
-"""Types whose subclasses hold more than their attributes show."""
+"""Types whose subclasses may contain more than their attributes."""
 
 OF_OBJECTS = frozenset(
     {
@@ -57,7 +57,7 @@ OF_OBJECTS = frozenset(
         "_quantities",
     }
 )
-"""What every component has: its equations follow from its name, what it is attached to, its values, and all else."""
+"""Properties of every component: its equations follow from its name, its bodies, its values, and other attributes."""
 
 
 def compute_model_key(mechanism: Mechanism, *others: object, rows: Array | None = None) -> str | None:
@@ -92,9 +92,9 @@ class Digests:
         self.inputs = frozenset(mechanism.inputs.variables)
         self.numbers: dict[int, int] = {}
         self.contents: list[Content] = []
-        """Of classes and functions, by number."""
+        """Contents of classes and functions, by number."""
         self.known: dict[int, tuple[Any, bytes]] = {}
-        """What was looked at, and its digest, by identity: it stays alive as long as its number means it."""
+        """Values and their digests, by identity; a reference keeps each value alive while its number is in use."""
         self.open: set[int] = set()
 
     def mechanism(self) -> Sequence[Any]:
@@ -123,7 +123,7 @@ class Digests:
         return name
 
     def code(self) -> bytes:
-        """Return the digest of all classes and functions that were met, and of what they refer to."""
+        """Return the digest of all classes and functions of the key, and of those that they refer to."""
         text, done = hashlib.sha256(), 0
         while done < len(self.contents):
             head, parts = self.contents[done]
@@ -145,7 +145,7 @@ class Digests:
         return found[1]
 
     def parts(self, value: Any) -> Content:
-        """Return what is plain about a value, and its parts."""
+        """Return the plain content of a value, and its parts."""
         kind = type(value)
         if kind in PLAIN:
             return (kind.__name__, value), ()
@@ -181,14 +181,14 @@ class Digests:
         return ("object", sorted(vars_of(value))), [kind, *(x for _, x in sorted(vars_of(value).items()))]
 
     def number(self, value: Any, content: Content) -> int:
-        """Return the number of a class or function, which is kept alive."""
+        """Return the number of a class or function, and keep a reference to it."""
         if id(value) not in self.numbers:
             self.numbers[id(value)] = len(self.contents)
             self.contents.append(content)
         return self.numbers[id(value)]
 
     def expression(self, value: sympy.Basic) -> Content:
-        """Do the same for what belongs to SymPy."""
+        """Return the content of an object of SymPy."""
         kind: Any = type(value)
         if value.is_Symbol:
             return self.symbol(value)
@@ -205,7 +205,7 @@ class Digests:
         return (kind.__module__, kind.__name__), value.args if is_library(kind.__module__) else [kind, *value.args]
 
     def symbol(self, value: Any) -> Content:
-        """Do the same for a symbol."""
+        """Return the content of a symbol."""
         kind = type(value)
         if value is t:
             return "time", ()
@@ -234,7 +234,7 @@ class Digests:
 
 
 def vars_of(value: Any) -> dict[str, Any]:
-    """Return the attributes of an object; one whose attributes are elsewhere is not known."""
+    """Return the attributes of an object; raise if its attributes are elsewhere."""
     if not hasattr(value, "__dict__"):
         raise NoDigest
     return dict(vars(value))

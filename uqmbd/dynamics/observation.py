@@ -43,14 +43,14 @@ def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner:
 
 
 def observe_singly(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:
-    """Do the same with pivots of its own for each state."""
+    """Evaluate outputs with separate pivots for each state."""
     return _one_by_one(batch.model, outputs, states, time, batch.block[owner], batch.values[owner])
 
 
 def _one_by_one(
     model: Model, outputs: OutputMap, states: Array, time: Array, parameters: Array, values: Array
 ) -> Array:
-    """Evaluate outputs where each state may need pivots of its own, or is in contact."""
+    """Evaluate outputs of states that may need separate pivots, or are in contact."""
     layout = model.layout
     q, s, v = layout.split(states)
     quaternions = model.quaternions()
@@ -84,13 +84,13 @@ def output_program(model: Model, outputs: OutputMap) -> Program | None:
 
 
 def prepare(model: Model) -> None:
-    """Compile what an observation takes besides the equations and the outputs, so that samples compile nothing."""
+    """Compile the further kernels of an observation, so that samples compile nothing."""
     if _compiled(model) and model.quaternions().size:
         _unit(model.quaternions().shape[1])
 
 
 def _compiled(model: Model) -> bool:
-    """Whether outputs are one program: its elimination is compiled, and no contact that lasts changes forces."""
+    """Return whether outputs are one program: its elimination is compiled, and no persistent contact changes forces."""
     return not model.events and model.system is not None and model.system.programs is not None
 
 
@@ -151,7 +151,7 @@ def _unit(size: int) -> Kernel:
 
 
 def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
-    """Put right what contacts that last change of accelerations and multipliers; their forces (S, direction)."""
+    """Correct accelerations and multipliers for persistent contacts; their forces (S, direction)."""
     evaluator = ContactEvaluator(model)
     forces = np.zeros((len(states), evaluator.directions))
     n, kept = model.layout.coordinates, model.layout.kept

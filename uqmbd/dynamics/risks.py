@@ -1,4 +1,4 @@
-"""With which probability random numbers of a mechanism leave their range, before anything is computed.
+"""Probabilities that random numbers of a mechanism leave their range, before any realisation.
 
 Of an expression that is affine in one independent variable that is exact; of others it is a share of `SAMPLES` points.
 """
@@ -21,7 +21,7 @@ from uqmbd.wording import format_percent
 __all__ = ["Risk", "range_findings", "find_risks"]
 
 SAMPLES = 10_000
-"""Points at which expressions are evaluated whose distribution is not known."""
+"""Points at which expressions of unknown distribution are evaluated."""
 
 EXPECTED = 0.05
 """Expected number of realisations from which a risk is reported: of rarer ones 19 of 20 studies have none."""
@@ -34,7 +34,7 @@ EFFECTS = {
     "sign": "these run, and are driven by what is to hold or to damp them",
     "square": "these run with an impossible number, whose square hides it",
 }
-"""What becomes of realisations in which a number leaves its range or changes its sign."""
+"""Consequences for realisations in which a number leaves its range or changes its sign."""
 
 NAMED = 4
 """Numbers, and inputs, that a sentence names."""
@@ -50,10 +50,10 @@ class Risk:
     inputs: tuple[RandomVariable, ...]  # it depends on them
     fails: bool = True  # whether these realisations fail; realisations in which a number changes its sign run
     squared: bool = False
-    """Whether only even powers of it enter a number that is positive, so that its sign is seen nowhere."""
+    """Whether only even powers of a positive number occur, so that its sign has no effect."""
 
     def counts(self, realisations: int) -> bool:
-        """Whether it is reported where so many realisations are planned."""
+        """Return whether it is reported for so many planned realisations."""
         often = (self.fails or self.squared) and self.probability > OFTEN
         return often or self.probability * realisations >= EXPECTED
 
@@ -103,7 +103,7 @@ def range_findings(found: tuple[Risk, ...], realisations: int) -> tuple[Finding,
 
 
 def _finding(found: list[Risk], effect: str) -> Finding:
-    """Say which numbers are outside in which share of the realisations, what becomes of these, and what to try."""
+    """Return a finding on numbers outside of their range: their share of realisations, consequences, and advice."""
     parts = []
     ordered = sorted(found, key=lambda x: -x.probability)
     for one in ordered[:NAMED]:

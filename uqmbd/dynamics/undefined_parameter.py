@@ -1,4 +1,4 @@
-"""Which parameter of a model is not finite at the means of the inputs, in words."""
+"""Parameters of a model that are not finite at the means of the inputs, as text."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def not_finite(
 def _origin(
     mechanism: Mechanism, model: Model, instances: Sequence[Instance], k: int, expression: sympy.Expr
 ) -> tuple[str, tuple[str, str], sympy.Expr]:
-    """Return whose parameter `k` is, what it is in words and by name, and the expression as the user wrote it."""
+    """Return the owner of parameter `k`, its description and name, and the expression as the user wrote it."""
     first = 0
     for instance in instances:
         last = first + len(instance.parameters)

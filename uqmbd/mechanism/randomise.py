@@ -302,7 +302,7 @@ def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw)
 
 
 def _reason(value: sympy.Expr) -> str:
-    """Say why an expression is left as it is."""
+    """Return why an expression is left as it is."""
     symbols = sorted(value.free_symbols, key=str)
     if all(isinstance(s, RandomVariable) for s in symbols):
         return f"is random already ({', '.join(map(str, symbols))})"

@@ -78,5 +78,5 @@ def _check_free(name: str, offered: str, text: str) -> None:
 
 
 def _is_own(module: str | None, name: str) -> bool:
-    """Whether a module is one of the package that is written."""
+    """Return whether a module is one of the package that is written."""
     return (module or "").partition(".")[0] == name.replace("-", "_")

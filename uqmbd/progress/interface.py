@@ -125,7 +125,7 @@ class UntilTheEnd:
 
 
 def expected(progress: Progress, totals: Mapping[str, int | None]) -> None:
-    """Tell which methods will run, and how many realisations they take, to who wants to know."""
+    """Return which methods will run, and how many realisations they take, to who wants to know."""
     if callable(tell := getattr(progress, "expect", None)):
         tell(totals)
 

@@ -21,7 +21,7 @@ WIDTH = 90
 
 
 def in_notebook() -> bool:
-    """Tell whether this is a notebook: an IPython with a kernel, not one on a terminal."""
+    """Return whether this is a notebook: an IPython with a kernel, not one on a terminal."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return getattr(shell, "kernel", None) is not None
 

@@ -120,7 +120,7 @@ def unused_inputs(model: Model, inputs: JointInput, times: Array, rtol: float, i
 
 
 def _same(one: Array, other: Array) -> bool:
-    """Whether outputs (K, output, T) are the same but for rounding; what does not happen in both is."""
+    """Return whether outputs (K, output, T) are the same but for rounding; what does not happen in both is."""
     if not one.size:
         return True
     with np.errstate(invalid="ignore"):

@@ -135,7 +135,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
 
 
 def _is_static(problem: Problem) -> bool:
-    """Tell whether nothing is integrated."""
+    """Return whether nothing is integrated."""
     return len(problem.times if problem.over is None else problem.over) < 2
 
 

@@ -330,7 +330,7 @@ def _flaw_of_joint(where: str, distribution: Any) -> str:
 
 
 def _moments_known(distribution: Any) -> bool:
-    """Whether chaospy has the means of dependent variables: of normal vectors, and of marginals of a copula."""
+    """Return whether chaospy has the means of dependent variables: of normal vectors, and of marginals of a copula."""
     import chaospy
 
     from uqmbd.randomness.distributions import is_dependent

@@ -153,7 +153,7 @@ def _into_run(page: str, contents: dict[str, Content], target: Path, figures: Pa
 
 
 def _charted(content: object) -> bool:
-    """Tell whether anything in nested lists and dictionaries is the data of a chart, a player or sliders."""
+    """Return whether anything in nested lists and dictionaries is the data of a chart, a player or sliders."""
     if isinstance(content, Mapping):
         return not {"chart", "player", "explorer"}.isdisjoint(content) or any(map(_charted, content.values()))
     return isinstance(content, (list, tuple)) and any(_charted(value) for value in content)

@@ -147,7 +147,7 @@ class Method:
         return str(self.of(name)["output_units"].item())
 
     def varies(self, name: str) -> bool:
-        """Tell whether an output varies beyond the integration error."""
+        """Return whether an output varies beyond the integration error."""
         return self._varying[self.names.index(name)]
 
     @cached_property

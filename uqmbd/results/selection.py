@@ -212,5 +212,5 @@ def _motion(data: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def _has_unit(variable: xr.DataArray) -> bool:
-    """Tell whether a variable has its unit, or needs none: texts and numbers that count."""
+    """Return whether a variable has its unit, or needs none: texts and numbers that count."""
     return variable.dtype.kind != "f" or "units" in variable.attrs

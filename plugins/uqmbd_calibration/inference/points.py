@@ -194,7 +194,7 @@ class OperatingPoint:
         return node
 
     def same(self, other: OperatingPoint) -> bool:
-        """Whether surrogates of another one are those of this one."""
+        """Return whether surrogates of another one are those of this one."""
         first, second = self.study, other.study
         return (
             np.array_equal(first.times, second.times)

@@ -71,7 +71,7 @@ class _Followed:
     predictors: list[Predictor]
 
     def same(self, other: _Followed) -> bool:
-        """Whether another one ended in the same maximum, within a deviation."""
+        """Return whether another one ended in the same maximum, within a deviation."""
         away = other.mode.vector - self.mode.vector
         return bool(away @ self.hessian @ away < 1.0)
 

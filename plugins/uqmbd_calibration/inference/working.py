@@ -55,7 +55,7 @@ class CalibrationState:
         return Posterior(self.unknowns, self.cases, tuple(self.predictors))
 
     def affordable(self, count: int) -> bool:
-        """Whether so many vectors can be computed on the mechanism."""
+        """Return whether so many vectors can be computed on the mechanism."""
         wanted: dict[int, int] = {}
         for case in self.cases:
             wanted[id(case.point)] = wanted.get(id(case.point), 0) + count

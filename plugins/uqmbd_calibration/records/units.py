@@ -20,7 +20,7 @@ def same_units(one: str, other: str) -> bool:
 
 
 def seconds(units: str) -> bool:
-    """Whether units of time are seconds.
+    """Return whether units of time are seconds.
 
     >>> seconds("s"), seconds("seconds"), seconds("ms"), seconds("seconds since 2026-01-01")
     (True, True, False, False)

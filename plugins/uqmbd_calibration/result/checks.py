@@ -126,7 +126,7 @@ def named_strays(one: Mapping[str, Any]) -> str:
 
 
 def _doubt(one: Mapping[str, Any]) -> str:
-    """Say that a record is not one that the model gives, and where."""
+    """Return a message that a record is not one that the model gives, and where."""
     spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
     where = f", above all at {spans}" if spans else ""
     hint = "; something is missing in the model, or the noise is larger than stated"

@@ -83,7 +83,7 @@ def _parts(tree: xr.DataTree) -> dict[str, str]:
 
 
 def _recorded(tree: xr.DataTree) -> bool:
-    """Whether any method says what its inputs are, or that there are none."""
+    """Return whether any method says what its inputs are, or that there are none."""
     from uqmbd.results import propagator_nodes
 
     nodes = propagator_nodes(tree).values()

@@ -56,9 +56,9 @@ AMPLIFIED = 1e6
 DIGITS = 1e-6
 """Part of a speed by which it may change with the pose, as far as that is closed."""
 BLOCK = 1 << 20
-"""Entries of gradients that are looked at together."""
+"""Entries of gradients that are evaluated together."""
 SHIFT = 1e-6
-"""How far along a motion gradients are compared, m or rad."""
+"""Displacement along a motion over which gradients are compared, m or rad."""
 REFUSED = "State fewer of them, or consistent ones."
 LEAST_ROUNDED = 1e-8
 """The same, at least, m/s or rad/s."""
@@ -106,7 +106,7 @@ def placed(
 
 
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints: by the driver, what it leaves by the iteration here."""
+    """Close all constraints by the smallest change of drawn poses: by the driver, then by the iteration below."""
     if rows is None:
         return iterate_poses(model, drawn, time, parameters, rows)
     q, undecided = closed_poses(model, drawn, time, parameters, rows)
@@ -122,7 +122,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
 def iterate_poses(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
 ) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints, through singular ones, too; say what hinders."""
+    """Close all constraints by the smallest change of drawn poses, also through singular ones; return messages."""
     n = drawn.shape[1]
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
@@ -232,7 +232,7 @@ def _largest_owners(model: Model, worst: Array) -> str:
 
 
 def dropped_in_dead_centre(model: Model, parameters: Array, time: float) -> str:
-    """Say that equations were left out as redundant which follow from the others in the assembled pose only.
+    """Return a message on equations that were omitted as redundant but follow from others in the assembled pose only.
 
     `parameters` are those of one realisation, (1, parameter).
     """
@@ -340,7 +340,7 @@ def _undetermined(
 def _stated(
     model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
 ) -> tuple[Array, list[str]]:
-    """Solve for `velocities` by singular values where equations are nearly dependent; say which contradict."""
+    """Solve for `velocities` by singular values if equations are nearly dependent; state the contradictory ones."""
     kept, (a, b, names) = model.layout.kept, _speed_equations(model, q, s, time, parameters, all_parameters)
     if len(names) == len(model.equations):
         return solve_least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
@@ -410,7 +410,7 @@ def _dead_centre(
     directions: Array,
     error: float,
 ) -> str:
-    """Say that what is stated cannot be realised in a dead centre, if realisation number k is in one."""
+    """Return a message if realisation number k is in a dead centre, in which stated velocities are impossible."""
     one = slice(k, k + 1)
 
     def contradiction(moved: Array) -> float:
@@ -456,7 +456,7 @@ def _body_rate(e: Array) -> Array:
 
 
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
-    """Make consistent initial states of realisations (K, parameter), with a message for each that has no assembly."""
+    """Return consistent initial states of realisations (K, parameter), with a message for each without an assembly."""
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = all_parameters
     if bad.any():

@@ -1,4 +1,4 @@
-"""Start conditions: assembled poses are moved until what a user states of positions and angles holds.
+"""Start conditions: assembled poses are moved until stated positions and angles are met.
 
 The way follows the constraints.  Each step is the smallest change that meets the conditions and the constraints to
 first order (Gauss-Newton); it is bounded, and the constraints are closed again before it counts.  So no joint jumps to
@@ -53,7 +53,7 @@ def met(
 def _wound(
     model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index
 ) -> tuple[_ConditionSearch, Mask]:
-    """Search without what drivers prescribe, and with it from there: so whole turns that a driver hides are made.
+    """Search without drivers, then with them from the pose found: so whole turns behind a driver are made.
 
     Told as well is where the constraints close.
     """
@@ -86,7 +86,7 @@ class _ConditionSearch:
         self.follows = self._following()
 
     def run(self) -> None:
-        """Go until the conditions hold, or no step comes nearer."""
+        """Iterate until the conditions are met, or no step improves them."""
         active = np.arange(len(self.q))
         for _ in range(STEPS):
             gap, slope, _ = self._gaps(active, self.q[active], self.s[active])
@@ -104,7 +104,7 @@ class _ConditionSearch:
             active = active[self._advance(active, move, np.linalg.norm(gap, axis=1))]
 
     def _advance(self, active: Index, move: Array, before: Array) -> Mask:
-        """Take steps, shortened where needed; tell which came nearer."""
+        """Take steps, shortened if needed; return which steps improved."""
         moved: Mask = np.zeros(len(active), dtype=bool)
         pending = np.arange(len(active))
         for halving in range(16):
@@ -183,7 +183,7 @@ class _ConditionSearch:
         return np.where(self.follows & np.isfinite(turns), s + turns, s)
 
     def _following(self) -> Mask:
-        """Which auxiliary states change with the pose as their initial values do, up to whole turns."""
+        """Return which auxiliary states change with the pose as their initial values do, up to whole turns."""
         follows: Mask = np.ones(self.s.shape[1], dtype=bool)
         if not len(follows) or not len(self.q):
             return follows
@@ -201,7 +201,7 @@ class _ConditionSearch:
         return follows
 
     def messages(self) -> list[str]:
-        """Say of each realisation which condition does not hold."""
+        """Return, for each realisation, a message on conditions that are not met."""
         every = np.arange(len(self.q))
         gap, _, length = self._gaps(every, self.q, self.s)
         found = []
@@ -238,7 +238,7 @@ class _ConditionSearch:
         return [x for x in dict.fromkeys(owners) if x in known]
 
     def _still(self, k: int, condition: int) -> bool:
-        """Whether no motion within the constraints changes a condition of a realisation."""
+        """Return whether no motion within the constraints changes a condition of a realisation."""
         one = np.array([k])
         q, s = self.q[one], self.s[one]
         d = self._constraints(one, q, s)[1][:, self.rows][:, :, self.free]

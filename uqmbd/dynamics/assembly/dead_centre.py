@@ -1,4 +1,4 @@
-"""Dead centres: poses in which constraints, or what is stated of velocities, depend on each other, and only there.
+"""Dead centres: poses in which constraints or stated velocities are dependent, but not in their neighbourhood.
 
 At such a pose a linear combination of the equations is in the left null space of the Jacobian: the left singular vector
 of a vanishing singular value. Equations that follow from others have such a combination, too, but in every pose. A dead
@@ -35,16 +35,16 @@ CURVED = 0.02
 """Curvature of a residual, over the size of the mechanism, of a dead centre."""
 
 BENT = 4.0
-"""The same, over the residual: else no pose near by closes what is open."""
+"""Least curvature, over the residual, with which a pose in the neighbourhood can close the constraints."""
 
 ASIDE = 1e-2
-"""How far the poses are to which a pose is compared."""
+"""Distance to the poses with which a pose is compared."""
 
 BETTER = 0.1
 """Part of a contradiction that is left next to a dead centre."""
 
 NEWTON = 8
-"""Steps by which a pose is put on the equations that were kept."""
+"""Newton steps that project a pose onto the selected equations."""
 
 DIRECTIONS = 12
 """Motions along which is looked, at most."""
@@ -153,13 +153,13 @@ _SIDES = (ASIDE, -ASIDE)
 
 
 def _can_be_met(drawn: Array, error: float, contradiction: Callable[[Array], float], close: Close) -> bool:
-    """Whether what is stated can be realised in the pose that is nearest to a drawn one."""
+    """Return whether what is stated can be realised in the pose that is nearest to a drawn one."""
     q, messages = close(drawn[None])
     return not messages[0] and contradiction(q[0]) < BETTER * error
 
 
 def amplified(model: Model, v: Array, given: float) -> str:
-    """Say that a pose is so near to a dead centre that what is stated of speeds does not determine them."""
+    """Return a message if a pose is so near a dead centre that stated speeds do not determine the motion."""
     bodies = _moved(model, v)
     return (
         f"the pose is next to a dead centre: the stated velocities (at most {given:.3g} m/s or rad/s) require speeds "
@@ -199,7 +199,7 @@ def locally_dependent(model: Model, q: Array, time: float, parameters: Array) ->
 
 
 def singular_pose(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
-    """Say that accelerations are not determined in an assembled pose, and which equations are dependent there."""
+    """Return a message on undetermined accelerations in an assembled pose, with the dependent equations."""
     what = "the accelerations are not determined: for these inputs the assembled pose is "
     kept = gradient(model, q, s, time, parameters)[model.layout.kept]
     if not (len(kept) and np.isfinite(kept).all()):
@@ -264,7 +264,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _driven_otherwise(model: Model) -> str:
-    """Say which drivers there are, instead of which others may drive."""
+    """Return a message on the drivers, and on others that could replace them."""
     owners = dict.fromkeys(
         model.owners[target[1]] for target in model.evaluators["velocity"].targets if target[0] == "phi_t"
     )

@@ -1,4 +1,4 @@
-"""The equations of positions and of velocities as the driver solves them: sparse, with tables of where all stands."""
+"""The equations of positions and of velocities in the form that the driver solves: sparse, with tables of places."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _speeds(model: Model, conditions: int) -> EquationPrograms:
 
 
 def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]:
-    """Gradients of what is stated of a body: rows of values, factors, and velocities by which they are differentiated.
+    """Return gradients of statements on a body: rows of values, factors, and velocities to differentiate by.
 
     In row `one` stands a one.
     """

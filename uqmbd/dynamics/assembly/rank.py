@@ -26,7 +26,7 @@ __all__ = [
 
 
 WATCHED = 6
-"""Most singular values whose zeros are looked for."""
+"""Most singular values whose zeros are searched."""
 
 SMALL = 0.3
 """Relative size of a singular value below which its zero is looked for."""
@@ -35,7 +35,7 @@ VIOLATION = 100.0
 """Tolerances by which an equation that was left out as redundant may be off, over the size of the mechanism."""
 
 FINE, COARSE = 1e-6, 1e-2
-"""The same, at least and at most."""
+"""Least and greatest value of this limit."""
 
 BLOCK = 2048
 """States whose residuals are evaluated at once."""
@@ -157,7 +157,7 @@ def violated(
 
 
 def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
-    """Say that a motion ends where constraints become dependent, if it does; `sure`: passing over them was tried."""
+    """Return a message if a motion ends at dependent constraints; `sure`: passing over them was tried."""
     if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
         return ""
     what, end = ("locks up", ", and no motion leads on") if sure else ("locks up, or is in a singular pose", "")

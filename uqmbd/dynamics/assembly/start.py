@@ -1,4 +1,4 @@
-"""Where realisations start, which of them cannot, and the gradients of their equations there."""
+"""Initial states of realisations, the reasons of those without one, and the gradients of their equations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Start:
     outside: NDArray[np.bool_]  # (K,): whether the reason is a number outside of its range
 
     def select(self, members: Index) -> Start:
-        """Make the initial states of some realisations."""
+        """Return the initial states of some realisations."""
         return Start(
             self.q[members],
             self.s[members],
@@ -56,7 +56,7 @@ class Start:
 
     @property
     def status(self) -> Index:
-        """What has become of each realisation so far, as :class:`Status`, shape (K,)."""
+        """Status of each realisation at the start, as :class:`Status`, shape (K,)."""
         lost = np.where(self.outside, Status.OUTSIDE_LIMITS, Status.ASSEMBLY_FAILED)
         return np.where(self.ok, Status.OK, lost).astype(np.int64)
 

@@ -1,4 +1,4 @@
-"""Whether start conditions can be met, and say something that does not hold anyway."""
+"""Check whether start conditions can be met, and report one that cannot."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
 
 
 def _chosen(model: Model, time: float, parameters: Array) -> Index:
-    """Tell which conditions of positions choose among poses: not those that only count turns which a driver hides."""
+    """Return which conditions of positions choose among poses; conditions that only count turns do not."""
     conditions = model.conditions
     which: Index = conditions.positions
     if not len(which) or not model.turned:

@@ -1,4 +1,4 @@
-"""What in the equations of a realisation is not a number, in words: a driver, a force, a length."""
+"""Names of drivers, forces and lengths that are not finite in the equations of a realisation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AHEAD = (1e-9, 1e-6, 1e-4)
 
 
 def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
-    """Say which equation or force of one realisation is not a finite number in a state; empty if all are."""
+    """Return a message on an equation or force of one realisation that is not finite in a state, or nothing."""
     states, own = state_arguments(time, q[None], s[None], v[None]), parameters[None]
     at = f"at t = {time:.6g} s"
     with np.errstate(all="ignore"):
@@ -46,7 +46,7 @@ def describe_undefined(model: Model, q: Array, s: Array, v: Array, time: float, 
 
 
 def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, float], parameters: Array) -> str:
-    """Say what ceases to be a number after an integration stopped; `span`: when it did, and where it was to go, s."""
+    """Return a message on the term that becomes undefined after a stop; `span`: time of the stop and target, s."""
     now, end = span
     for part in AHEAD:
         if told := describe_undefined(model, *states, now + part * (end - now), parameters):

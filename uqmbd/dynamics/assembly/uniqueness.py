@@ -1,4 +1,4 @@
-"""Which reactions redundant constraints leave undetermined.
+"""Reactions that redundant constraints leave undetermined.
 
 Multipliers that no coordinate feels, ``D^T n = 0`` over all equations, may be added to a solution at will.  A reaction
 is unique if adding them does not change it.

@@ -12,7 +12,7 @@ __all__ = ["Chatter"]
 SLOWEST = 1e-6
 """Speed of an impact, over that of the fastest one before, from which bodies stay together."""
 CROWD = 100
-"""As many events ..."""
+"""Number of events ..."""
 CROWDED = 2e-3
 """... within this share of the output times let bodies stay together from a speed that `COARSER` times larger ..."""
 COARSER = 4.0

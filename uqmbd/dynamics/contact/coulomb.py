@@ -38,7 +38,7 @@ SINGULAR = 1e-11
 MOST_MODES = 64
 """Most combinations of modes that are tried one after the other."""
 FACETS = (12, 33, 120)
-"""Of the pyramid in place of the cone of friction, where starts for an iteration are sought."""
+"""Facets of the pyramid that approximates the cone of friction, for the starts of an iteration."""
 NEWTON = 40
 """Most steps of an iteration."""
 
@@ -103,7 +103,7 @@ class Collision:
         return found
 
     def violation(self, impulse: Array) -> float:
-        """By how much impulses violate the laws, over their size, both as speeds."""
+        """Return the violation of the laws by impulses, over their size, both as speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
         size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
@@ -223,7 +223,7 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
 
 
 def _iterated(collision: Collision) -> Iterator[Array]:
-    """Candidates by Newton's method for the equation that the laws leave impulses as they are, from several starts."""
+    """Yield solutions of the equation that the laws leave impulses unchanged, by Newton's method."""
     yield _improved(collision, _all_hit(collision))
     for facets in FACETS:
         if (impulse := _on_pyramids(collision, facets)) is not None:

@@ -1,4 +1,4 @@
-"""What becomes of one realisation at an event: impacts of all kinds, and contacts that last, stick, slip or open."""
+"""Decisions for one realisation at an event: impacts of all kinds, and contacts that last, stick, slip or open."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Decisions:
     def _still_touching(
         self, member: int, time: float, z: Array, contacts: ContactQuantities
     ) -> tuple[Array, ContactQuantities]:
-        """Put a state onto the contacts that have lasted so far: the driver does so to first order."""
+        """Project a state onto the persistent contacts: the driver does so to first order only."""
         modes = self._modes(member)
         normals = [contacts.normal(k) for k in modes]
         for _ in range(3):
@@ -198,7 +198,7 @@ class Decisions:
         return True
 
     def _again(self, member: int, time: float) -> bool:
-        """Whether the last decision about contacts at their limit was at this time."""
+        """Return whether the last decision about contacts at their limit was at this time."""
         earlier = self.at_limit.get(member)
         return earlier is not None and time - earlier.time <= AT_ONCE * max(1.0, abs(time))
 
@@ -259,7 +259,7 @@ class Decisions:
     def _impact(
         self, member: int, time: float, contacts: ContactQuantities, closed: list[int]
     ) -> tuple[Array, set[int]] | None:
-        """Jump of the velocities, and what is hit; None, with a message, where no impulses satisfy the laws."""
+        """Return the jump of the velocities, and the hit contacts; None, with a message, if there are no impulses."""
         found = impact(contacts, closed, 1e-3 * self.slow(member))
         if found is None:
             normals = [contacts.normal(k) for k in closed]
@@ -271,7 +271,7 @@ class Decisions:
 
     # -- contacts that last ------------------------------------------------------------------------------------------
     def settle(self, member: int, time: float, z: Array, leaving: int | None = None) -> Array:
-        """Let contacts last that are closed, do not open and are pressed; the others are open."""
+        """Make contacts persistent that are closed, pressed and do not open; the others are open."""
         contacts = self.contacts(member, time, z)
         slow, before = self.slow(member), dict(self._modes(member))
         gaps, length = contacts.guard[0], self.length[member]
@@ -313,7 +313,7 @@ class Decisions:
         return self.lasting[member].modes if member in self.lasting else {}
 
     def _keep(self, member: int, lasting: ContactModes, contacts: ContactQuantities) -> None:
-        """Remember what lasts, and tell the driver."""
+        """Store the persistent contacts, and pass them to the driver."""
         e = self.encounters
         e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0
         self.lasting.pop(member, None)
@@ -338,7 +338,7 @@ class Decisions:
         self.lasting[member] = self.lasting[member]._replace(headings=followed)
 
     def _onto(self, member: int, time: float, z: Array, modes: dict[int, Mode]) -> Array:
-        """Put a state onto constraints and lasting contacts."""
+        """Project a state onto constraints and persistent contacts."""
         z = z.copy()
         if self.model.layout.rank:
             q, v = excess(self.model, z[None], np.array([time]), self.batch.block[member : member + 1])

@@ -29,13 +29,13 @@ class ContactQuantities:
     delassus: Array  # (T, direction, direction): rates of the relative velocities per force
 
     def select(self, states: Index) -> ContactQuantities:
-        """Take some of the states."""
+        """Return the quantities of some states."""
         taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name != "first"}
         return ContactQuantities(first=self.first, **taken)
 
     @property
     def coordinates(self) -> int:
-        """How many there are."""
+        """Number of coordinates."""
         return int(self.slope.shape[-1])
 
     def normal(self, event: int) -> int:
@@ -47,7 +47,7 @@ class ContactQuantities:
         return list(range(self.first[event] + 1, self.first[event + 1]))
 
     def rubs(self, event: int) -> bool:
-        """Whether there is friction, at the first of the states."""
+        """Return whether a contact has friction, at the first of the states."""
         return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
 
     def sliding(self, event: int) -> Array:

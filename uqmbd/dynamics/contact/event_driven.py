@@ -1,4 +1,4 @@
-"""Integration with events: each realisation from one of its own to the next, all by the driver.
+"""Event-driven integration: the driver integrates each realisation from one of its events to the next.
 
 The driver steps, and finds where in a step an event is; a realisation with an event waits there while the others go on.
 Those that wait are looked at together: after an impact the motion starts anew with the velocities that the laws of
@@ -106,7 +106,7 @@ class EventDrivenMotion:
             self.run.result[m, self.run.column[m] :] = np.nan
 
     def advance(self) -> bool:
-        """Let those run who can, then decide about those who wait; whether there were any."""
+        """Integrate all members that can run, then decide on those that wait; return whether there were any."""
         run = self.run
         run.advance(watch=self.pace.watch)
         self._note()
@@ -139,7 +139,7 @@ class EventDrivenMotion:
         return bool(np.any((status == ExplicitStatus.RUNNING) | (status == ExplicitStatus.JUMP)))
 
     def _active(self, members: Index) -> Index:
-        """Those that have not failed."""
+        """Return the members that have not failed."""
         return members[[not self.messages[m] for m in members.tolist()]]
 
     def _failed(self) -> None:
@@ -148,7 +148,7 @@ class EventDrivenMotion:
                 self.run.status[m] = ExplicitStatus.DONE
 
     def _inside(self, members: Index) -> Array:
-        """Return the times of members, not at the ends of intervals, where what is prescribed may jump."""
+        """Return the times of members at which prescribed quantities may jump, except at the ends of intervals."""
         run = self.run
         begin, end = (
             run.begin[members],
@@ -185,7 +185,7 @@ class EventDrivenMotion:
 
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
-        """Let prescribed speeds of members jump, and controllers be sampled, at a time."""
+        """Apply jumps of prescribed speeds, and sample controllers, at a time."""
         if not len(members):
             return
         run = self.run
@@ -213,7 +213,7 @@ class EventDrivenMotion:
             self.messages[int(members[row])] = reason
 
     def _push(self, members: Index, change: Array) -> None:
-        """Change velocities of members by what speeds impose."""
+        """Change velocities of members by impulses of prescribed speeds."""
         some = np.array([not self.messages[m] for m in members.tolist()], dtype=bool) & np.any(change, axis=1)
         members = members[some]
         if not len(members):
@@ -230,7 +230,7 @@ class EventDrivenMotion:
 
     # -- events ------------------------------------------------------------------------------------------------------
     def _note(self) -> None:
-        """Take the marks that the driver has noted."""
+        """Store the marks that the driver has noted."""
         e = self.encounters
         rows = np.flatnonzero(e.noted)
         if not len(rows):
@@ -241,7 +241,7 @@ class EventDrivenMotion:
         e.noted[rows] = 0
 
     def _happened(self, members: Index) -> Index:
-        """Decide about members with an event; return those whose guards are not known yet."""
+        """Decide on members with an event; return those whose guards are unknown."""
         run, e = self.run, self.encounters
         now = run.now[members]
         self.chatter.happened(members, now)
@@ -268,7 +268,7 @@ class EventDrivenMotion:
             self.decisions.turned(member)
 
     def _bounced(self, members: Index, contacts: ContactQuantities) -> Mask:
-        """Let those bounce who hit in flight, at one contact, and leave it fast; which they are."""
+        """Return members that hit in flight, at one contact, and leave it fast; they bounce at once."""
         run, e, rows = self.run, self.encounters, np.arange(len(members))
         events, length = e.happened[members] // 2, self.length[members]
         normal = self.first[events]
@@ -307,7 +307,7 @@ class EventDrivenMotion:
 
     # -- restarts ----------------------------------------------------------------------------------------------------
     def _restart(self, members: Index) -> None:
-        """Let members run whose guards are known."""
+        """Continue members whose guards are known."""
         if not len(members):
             return
         run = self.run
@@ -353,13 +353,13 @@ class EventDrivenMotion:
                 e.resting[m, 2 * k + 1] = e.mode[m, k] == Touching.STICK
 
     def _rest(self, members: Index) -> None:
-        """Let no guard of contacts rest; those of marks are the driver's."""
+        """Activate all guards of contacts; the driver handles those of marks."""
         guards = np.concatenate([2 * self.bodies, 2 * self.bodies + 1])
         self.encounters.resting[np.ix_(members, guards)] = 0
         self.encounters.rise[members] = 0.0
 
     def _end_intervals(self, members: Index) -> None:
-        """Let members go on with the next interval that are at the end of one."""
+        """Start the next interval of members that are at the end of one."""
         run = self.run
         end = run.interval_ends[np.minimum(run.interval[members], run.last_interval[members])]
         near = 1e-12 * np.maximum(1.0, np.maximum(np.abs(run.begin[members]), np.abs(end)))

@@ -1,4 +1,4 @@
-"""Event-driven integration of an ensemble, and the times of what happens.
+"""Event-driven integration of an ensemble, and the times of its events.
 
 The motion of one realisation from event to event, each piece as a function of time.
 """
@@ -26,7 +26,7 @@ __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 @dataclass(frozen=True)
 class _RestartState:
-    """Where a motion without restarts begins: all that its steps depend on."""
+    """Start of a motion between restarts: all data that its steps depend on."""
 
     begin: float
     interval_begin: float

@@ -1,4 +1,4 @@
-"""Which contacts slip of those whose friction comes to its limit at the same time.
+"""Choice of the slipping contacts among those whose friction reaches its limit at the same time.
 
 There the forces of sticking and of slipping are the same, and so are the accelerations: the rates decide. For each
 contact at its limit, let r be the rate of the reserve of friction. Let a be the rate of the acceleration along the
@@ -35,7 +35,7 @@ __all__ = ["AtLimit", "contacts_at_limit", "most_durable_forces", "slipping_toge
 RESTS = 1e-7
 """Acceleration along a surface, over those by the forces there, that is none."""
 NOISE = 1e-13
-"""The same of their changes."""
+"""Noise of the changes of these."""
 SLIPS = 1e-6
 """Change of an acceleration, over the largest one, that is one."""
 TURNS = 4
@@ -53,7 +53,7 @@ class AtLimit(NamedTuple):
 
 
 def contacts_at_limit(contacts: ContactQuantities, lasting: ContactModes, force: Array) -> list[int]:
-    """Contacts that stick and whose friction is at its limit, at one state with forces (direction,)."""
+    """Return the sticking contacts whose friction is at its limit, at one state with forces (direction,)."""
     touches = persistent_touches(contacts, lasting)
     rooms = zip(lasting.modes, touches, reserves(touches, force).tolist(), strict=True)
     return [k for k, x, room in rooms if x.tangents and room <= AT_LIMIT * x.friction * force[x.normal]]

@@ -48,7 +48,7 @@ UNMOVED = 1e-6
 PRESSED = 1e-9
 """Normal force of a redundant contact, over the largest force, that is none."""
 STILL = 1e-7
-"""Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
+"""Speed, over that of the mechanism, that counts as zero in a persistent contact, whose velocities are projected."""
 
 
 class ContactModes(NamedTuple):
@@ -193,7 +193,7 @@ def persistent_contacts(
 
 
 def pressed(contacts: ContactQuantities, lasting: ContactModes, motion: ContactMotion) -> bool:
-    """Whether all contacts that last are pressed, and friction holds those that stick, at one state."""
+    """Return whether all persistent contacts are pressed, and friction suffices for the sticking ones, at one state."""
     touches, force = persistent_touches(contacts, lasting), motion.force[0]
     normals = force[[x.normal for x in touches]]
     return bool((normals > PRESSED * np.abs(force).max()).all() and (reserves(touches, force) >= 0).all())
@@ -280,7 +280,7 @@ def states_in_contact(
 
 
 def onto_contacts(contacts: ContactQuantities, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
-    """Corrections of coordinates and velocities (T, coordinate) that put states onto their lasting contacts."""
+    """Return corrections of coordinates and velocities (T, coordinate) that project states onto persistent contacts."""
     n = contacts.coordinates
     answer = contacts.answer[:, :n]
     if not modes:

@@ -15,7 +15,7 @@ __all__ = ["contact_programs"]
 
 
 def contact_programs(model: Model) -> tuple[Dynamics, ContactPrograms]:
-    """Return the programs of a model with events, whose index-1 system is compiled; they are written once."""
+    """Return the programs of a model with events, whose index-1 system is compiled; they are cached."""
     others = model.system.programs.others
     if "contacts" not in others:
         others["contacts"] = _written(model)

@@ -1,4 +1,4 @@
-"""What has happened to realisations, and when."""
+"""Events of realisations, and their times."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def _in_plane(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
 
 
 def _sticking(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
-    """Impulses (T, 3) with friction in space, of what sticks."""
+    """Return the impulses (T, 3) of sticking contacts with friction in space."""
     wanted = np.maximum(0.0, -law[:, 0] * before[:, 0])
     right = -before
     right[:, 0] += wanted
@@ -79,7 +79,7 @@ def _sticking(matrix: Array, before: Array, law: Array) -> tuple[Array, Mask]:
 
 
 def _holds(matrix: Array, before: Array, mu: Array, wanted: Array, impulse: Array) -> Mask:
-    """Whether impulses satisfy the laws, and feed in no energy, as `Collision` has it."""
+    """Return whether impulses satisfy the laws and add no energy, see `Collision`."""
     after = before + np.sum(matrix * impulse[:, None, :], axis=2)
     answer = 1 / np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)).max(axis=1), 1e-300)
     push = np.maximum(0.0, impulse[:, 0] - answer * (after[:, 0] - wanted))

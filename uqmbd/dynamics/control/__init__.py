@@ -1,4 +1,4 @@
-"""Sampled controllers: when they are called, with what, and what becomes of their commands."""
+"""Sampled controllers: their calls, the measured values, and the use of their commands."""
 
 from __future__ import annotations
 

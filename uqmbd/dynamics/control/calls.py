@@ -1,4 +1,4 @@
-"""Calls of the functions of controllers: what they return is looked at before anybody believes it."""
+"""Calls of the functions of controllers, whose results are checked before use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["called", "failures", "require_same"]
 
 
 SAME = 1e-9
-"""Difference of what a function returns for a part of its group, over the largest value, that is rounding."""
+"""Difference of results for a part of a group, over the largest value, that counts as rounding."""
 
 
 def called(loop: ControlLoop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ def called(loop: ControlLoop, time: float, measured: Array, state: Array, about:
 def failures(
     loop: ControlLoop, time: float, measured: Array, commands: Array, state: Array, low: Array, high: Array
 ) -> dict[int, str]:
-    """Say which realisations (rows) cannot go on after a call, and why."""
+    """Return messages for realisations (rows) that cannot continue after a call."""
     found: dict[int, str] = {}
     for what, names, values in (("state", loop.states, state), ("command", loop.commands, commands)):
         for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
@@ -72,7 +72,7 @@ def failures(
 
 
 def require_same(loop: ControlLoop, time: float, whole: Any, part: Any, count: int) -> None:
-    """Raise unless a function returned for a part of a group what it returned for the group."""
+    """Raise unless a function returned the same for a part of a group as for the group."""
     for what, one, other in zip(("commands", "state"), whole, part, strict=True):
         scale = np.maximum(np.abs(one), np.abs(other)).max(initial=0.0)
         with np.errstate(invalid="ignore"):
@@ -139,6 +139,6 @@ def _shown(value: Any) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """File and line in which an error came up, as a part of a sentence."""
+    """Return file and line of an error, as a part of a sentence."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""

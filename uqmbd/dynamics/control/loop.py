@@ -1,4 +1,4 @@
-"""Controllers of a model: their numbers, what they measure, and where their commands are among the states.
+"""Controllers of a model: their numbers, measured quantities, and the places of their commands in the state.
 
 Functions of users on their way to worker processes.
 """
@@ -47,7 +47,7 @@ OF_CLASSES = (
 
 
 def fingerprint(function: Callable[..., Any]) -> str:
-    """Hash what a callable does.
+    """Return a hash of the content of a callable.
 
     That is its code with the constants, defaults and closures; the source of its module; what it names of its module
     and of others, such as functions and numbers; the functions and arguments within a ``functools.partial``, and the
@@ -59,7 +59,7 @@ def fingerprint(function: Callable[..., Any]) -> str:
 
 
 def parts(function: Any) -> Iterator[Any]:
-    """Everything of which a callable is put together, itself first: what partials and bound methods hold."""
+    """Yield a callable and its parts: contents of partials and bound methods."""
     yield function
     inner: list[Any] = []
     if isinstance(function, functools.partial):
@@ -71,7 +71,7 @@ def parts(function: Any) -> Iterator[Any]:
 
 
 class _Hashing:
-    """Hashes of values, each of which is looked at once."""
+    """Hashes of values, each of which is computed once."""
 
     def __init__(self) -> None:
         self.known: dict[int, tuple[Any, bytes]] = {}
@@ -133,7 +133,7 @@ class _Hashing:
         return found
 
     def _object(self, value: Any) -> list[bytes]:
-        """Of what pickle needs to make an object anew."""
+        """Return the content that pickle needs to restore an object."""
         found = [self.of(type(value))]
         if (wrapped := getattr(value, "__wrapped__", None)) is not None:
             found.append(self.of(wrapped))
@@ -183,7 +183,7 @@ def _libraries() -> tuple[Path, ...]:
 
 
 def _of_library(value: Any) -> bool:
-    """Whether a module, function or class belongs to what is installed."""
+    """Return whether a module, function or class belongs to an installed package."""
     module = value if isinstance(value, ModuleType) else sys.modules.get(getattr(value, "__module__", None) or "")
     if module is None or module.__name__ == "__main__":
         return False
@@ -205,7 +205,7 @@ class Shipped:
         return _unpacked, (self._packed(), self.owner)
 
     def digest(self) -> str:
-        """Hash of what the function does, the same in every process."""
+        """Hash of the content of the function, the same in every process."""
         return fingerprint(self.function)
 
     def _packed(self) -> bytes:
@@ -233,7 +233,7 @@ class Shipped:
 
 
 def _modules(function: Any) -> set[str]:
-    """Names of the modules of which a callable is put together."""
+    """Return the names of the modules of a callable and its parts."""
     names = {getattr(part, "__module__", None) for part in parts(function)}
     return {name for name in names if isinstance(name, str)}
 
@@ -323,7 +323,7 @@ def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped
 
 
 def require_controllers(mechanism: Mechanism) -> None:
-    """Raise where a command is used whose controller was not added, or a measured output is unknown."""
+    """Raise if a command is used whose controller was not added, or a measured output is unknown."""
     places = [(f"{type(c).__name__} {c.name!r}", _entries(c.values.values())) for c in mechanism.all_components()]
     places += [(f"output {o.name!r}", [o.expression]) for o in mechanism.observed()]
     places += [(c.where, [x for x in c.measured if not isinstance(x, str)]) for c in mechanism.controllers.values()]
@@ -359,7 +359,7 @@ def unused_commands(mechanism: Mechanism) -> tuple[Finding, ...]:
 
 
 def _output(mechanism: Mechanism, controller: Controller, k: int, entry: Any) -> Output:
-    """Return what an entry of `measured` is."""
+    """Return the output of an entry of `measured`."""
     if not isinstance(entry, str):
         return Output(text if len(text := str(entry)) <= LONGEST_NAME else f"measured[{k}]", entry, "")
     if entry in mechanism.outputs and mechanism.outputs[entry].turn:

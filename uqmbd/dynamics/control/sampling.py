@@ -1,4 +1,4 @@
-"""The samples of one integration: when they are, and what the states are right after them."""
+"""The samples of one integration: their times, and the states right after them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ROUNDING = 1e-10
 
 @dataclass
 class _SamplingInstant:
-    """What happens at one time: commands that act (loop, number of the sample), and loops that are sampled."""
+    """Actions at one time: commands that take effect (loop, number of the sample), and loops that are sampled."""
 
     time: float
     acting: list[tuple[int, int]] = field(default_factory=list)
@@ -132,7 +132,7 @@ class Sampling:
         return states, reasons
 
     def _act(self, acting: Sequence[tuple[int, int]], states: Array, members: Index) -> None:
-        """Let commands that were waiting act."""
+        """Apply commands whose delay has passed."""
         for k, sample in acting:
             commands, owners = self.waiting.pop((k, sample))
             where = self.batch.model.layout.coordinates + self.loops[k].held[: len(self.loops[k].commands)]
@@ -207,7 +207,7 @@ class Sampling:
 
 
 def _parts(sample: int, measured: Array) -> list[Index]:
-    """Choose rows for which a function is called again: what it returns for them may not depend on the others.
+    """Return rows for a second call of a function: its result for them must not depend on the other rows.
 
     Every second row at the samples 0, 1, 2, 4, 8, ...; and each time the rows that measure least and most of
     something, each alone: a condition that asks for any or all of a group decides otherwise for one of them.

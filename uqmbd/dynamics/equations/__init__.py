@@ -1,4 +1,4 @@
-"""From a mechanism's terms to compiled equations: derivation, kernels, and the model that holds them."""
+"""Derivation and compilation of the equations of a mechanism, and the model that contains them."""
 
 from __future__ import annotations
 

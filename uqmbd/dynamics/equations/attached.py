@@ -1,4 +1,4 @@
-"""Which components connect bodies, and which of them exert forces on a body."""
+"""Components that connect bodies, and components that exert forces on a body."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class BlockType:
         return [self.kinetic, self.potential, *self.constraints, *self.rates, *work, *named]
 
     def whole(self, expression: sympy.Expr) -> sympy.Expr:
-        """Insert what named quantities stand for."""
+        """Insert the definitions of named quantities."""
         if not self.quantities:
             return expression
         return expression.xreplace(self._quantities)
@@ -159,7 +159,7 @@ class Instance:
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
-    """Sort components into block types; terms are asked for once per type."""
+    """Group components into block types; terms are evaluated once per type."""
     known: dict[Any, BlockType] = {}
     return [_instance(component, space, known) for component in logged("deriving components", components)]
 

@@ -26,7 +26,7 @@ class CountedAngle:
 
     @property
     def pattern(self) -> tuple[Any, ...]:
-        """What makes it another one."""
+        """Data by which two counters differ."""
         return self.symbol, self.angle.half, self.angle.signed, self.cosine, self.sine, self.rate, self.near
 
 

@@ -72,7 +72,7 @@ class BlockSymbols:
         self._derive()
 
     def _converter(self) -> Callable[[Any], Any]:
-        """From SymPy to SymEngine, with what named quantities stand for.
+        """Return the conversion from SymPy to SymEngine, with the definitions of named quantities.
 
         It is inserted here, since SymEngine keeps one copy of a part that expressions share and treats it once.
         """
@@ -235,7 +235,7 @@ class BlockSymbols:
         return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
 
     def generalised_force(self) -> list[Any]:
-        """Return what the block exerts on its coordinates: constraints, potentials, virtual work, lasting contacts.
+        """Return the generalised forces of the block: constraints, potentials, virtual work, persistent contacts.
 
         With applications of tables, as those of `equations`.
         """

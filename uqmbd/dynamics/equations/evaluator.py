@@ -81,12 +81,12 @@ class Evaluator:
 
     @cached_property
     def _programs(self) -> dict[tuple[int, int, range], Program]:
-        """Made so far, for numbers of arguments and of parameters, and what is passed on."""
+        """Programs made so far, by numbers of arguments and of parameters, and by additional results."""
         return {}
 
     @cached_property
     def others(self) -> dict[Any, Any]:
-        """What else was made of the equations, by whatever tells it apart."""
+        """Further objects made of the equations, by key."""
         return {}
 
     @cached_property
@@ -180,7 +180,7 @@ def typed(
 
 
 def _letter(letter: str) -> str:
-    """Letter of a local argument among those of the mechanism: what controllers hold are auxiliary states of theirs."""
+    """Return the letter of a local argument in the mechanism: controller values are auxiliary states there."""
     return "s" if letter == "h" else letter
 
 
@@ -204,7 +204,7 @@ def fused(
     columns: dict[tuple[str, int], int],
     parameters: int,
 ) -> Evaluator:
-    """Make an evaluator of one kernel for the whole mechanism; arguments as for `typed`."""
+    """Return an evaluator of one kernel for the whole mechanism; arguments as for `typed`."""
     layout = [
         (b.digest, sorted((k, tuple(map(int, x))) for k, x in p.letters.items()), tuple(map(int, p.parameters)))
         for b, p in zip(blocks, places, strict=True)

@@ -1,4 +1,4 @@
-"""The evaluators of a mechanism: its blocks, where they are, and what is compiled of them, at once or when asked for.
+"""The evaluators of a mechanism: its blocks, their places, and their kernels, compiled at once or on first use.
 
 Residual and Jacobian, which only some integrators take, and energies are made when somebody asks for them; from
 expressions that travelled as bytes, so that they are the same ones in the process that built the model and in others.
@@ -31,7 +31,7 @@ FUSED_LENGTH = 6000
 """Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""
 
 LATER = ("residual", "jacobian", "energy")
-"""Kinds that are compiled when they are asked for."""
+"""Kinds that are compiled on first use."""
 
 _LOCK = threading.RLock()
 
@@ -93,7 +93,7 @@ class Later:
 
     @classmethod
     def of(cls, blocks: Blocks, layout: Layout, parameters: int, *, fuse: bool) -> Later:
-        """Keep blocks; the gravity of the space, which their parameters hold, may be random and large."""
+        """Store blocks; their parameters contain the gravity of the space, which may be random and large."""
         bare = {id(b): replace(b, space=replace(b.space, gravity=None)) for b in blocks.types}
         kept = Blocks(tuple(bare[id(b)] for b in blocks.types), blocks.places)
         return cls(pickle.dumps(kept), layout, parameters, fuse)
@@ -121,7 +121,7 @@ class Evaluators(Mapping[Kind, Evaluator]):
         return self.made[kind]
 
     def __contains__(self, kind: object) -> bool:
-        """Whether there is one, compiled or not."""
+        """Return whether an evaluator of a kind exists, compiled or not."""
         return kind in self.made or (self.later is not None and kind in LATER)
 
     def __iter__(self) -> Iterator[Kind]:
@@ -188,7 +188,7 @@ def _holders(instances: list[Instance]) -> dict[Controller, int]:
 
 
 def _in_unknowns(places: tuple[Placement, ...], layout: Layout) -> tuple[Placement, ...]:
-    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need.
+    """Return placements whose letters are rows of ``y``, as residual and Jacobian targets need them.
 
     Only multipliers of active equations are in it.  Frozen coordinates come after all unknowns; their velocities are
     dropped.

@@ -1,4 +1,4 @@
-"""Expressions as they are derived from: functions written out, and whatever means nothing there refused."""
+"""Expressions before the derivation: functions are written out, and meaningless symbols are refused."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def plain(expression: Any) -> sympy.Expr:
 
 
 def _extreme(value: sympy.Basic) -> bool:
-    """Whether a number is none in double precision, or nearly."""
+    """Return whether a number is not finite in double precision, or nearly so."""
     return isinstance(value, sympy.Float) and value != 0 and not SMALLEST < abs(value) < 1 / SMALLEST
 
 
@@ -112,7 +112,7 @@ def settled_expression(
 
 
 def _stranger(component: Component, symbol: sympy.Symbol) -> str:
-    """Say what to write in terms instead of a symbol that means nothing there."""
+    """Return a message on what to write in terms instead of a symbol without meaning there."""
     if symbol == t:
         return "terms() uses uqmbd.t; there the time is p.time."
     if isinstance(symbol, StateSymbol):

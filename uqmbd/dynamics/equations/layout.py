@@ -43,7 +43,7 @@ RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
         "slope": ("direction", "q"),
     },
 }  # fmt: skip
-"""What the equations of a state yield: vectors and matrices by name, and what their indices count."""
+"""Results of the equations of a state: vectors and matrices by name, and the meaning of their indices."""
 
 
 def argument_names(kind: Kind, coordinates: int, states: int, constraints: int) -> list[tuple[str, int]]:
@@ -76,7 +76,7 @@ class Layout:
     active: Index  # kept equations that freeze no coordinate: the ones with multipliers in y
     nonholonomic: Index  # equations between velocities that have no counterpart between positions
     held: int = 0
-    """How many of the auxiliary states are what controllers hold from one sample to the next."""
+    """Number of auxiliary states that controllers hold constant between samples."""
 
     @property
     def width(self) -> int:
@@ -90,7 +90,7 @@ class Layout:
 
     @cached_property
     def number(self) -> Index:
-        """Number of each constraint equation among the kept ones; -1: it is not kept."""
+        """Number of each constraint equation among the independent ones; -1: dependent."""
         found = np.full(self.constraints, -1, dtype=np.int64)
         found[self.kept] = np.arange(len(self.kept))
         return found
@@ -117,7 +117,7 @@ class Layout:
 
     @cached_property
     def differential(self) -> int:
-        """Number of unknowns whose derivative occurs: the first of ``y``."""
+        """Number of unknowns whose derivatives occur: the first ones of ``y``."""
         return 2 * (self.coordinates - len(self.frozen)) + self.states
 
     @cached_property

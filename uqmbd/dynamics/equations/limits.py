@@ -1,4 +1,4 @@
-"""What no mechanism can be, for each realisation: numbers outside of their range, and inertia that no body has."""
+"""Impossible values, for each realisation: numbers outside of their range, and inertia that no body has."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ class Limit:
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
 
     def outside(self, values: Array) -> NDArray[np.bool_]:
-        """Whether values, shape (K,), are outside; values that are not finite are reported elsewhere."""
+        """Return whether values, shape (K,), are outside; values that are not finite are reported elsewhere."""
         if self.exclusive:
             return (values <= self.minimum) | (values >= self.maximum)
         return (values < self.minimum) | (values > self.maximum)
 
     def message(self, parameters: Array) -> str:
-        """Say that the value is outside, for parameters (P,)."""
+        """Return a message that the value is outside, for parameters (P,)."""
         value = format_quantity(float(parameters[self.index]), self.units)
         return f"the {self.name} is {value}: expected {self.expected}{_at(self.inputs, parameters)}"
 
@@ -71,7 +71,7 @@ class Tensor:
         return np.asarray(np.linalg.eigvalsh(entries), dtype=np.float64)
 
     def message(self, moments: Array, parameters: Array) -> str:
-        """Say that no body has these principal moments, for parameters (P,)."""
+        """Return a message that no body has these principal moments, for parameters (P,)."""
         listed = ", ".join(f"{x:.4g}" for x in moments)
         why = "none may be negative" if moments[0] < 0 else "the largest may not be more than the sum of the others"
         return (
@@ -136,7 +136,7 @@ def signs_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit
 
 
 def squares_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[Limit, ...]:
-    """Collect the factors of masses, inertias and ranged numbers whose even power hides a change of sign.
+    """Return the factors of masses, inertias and ranged numbers whose even power hides a change of sign.
 
     A moment of inertia ``m length**2 / 12`` is positive for negative lengths, too.  A sum, as that with a distance of
     axes, does not vanish with its square: there an offset may have either sign.  Missing expressions are appended to
@@ -177,7 +177,7 @@ def impossible(limits: Sequence[Limit], tensors: Sequence[Tensor], parameters: A
 
 
 def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]]:
-    """Random numbers of components that have a range or a sign, with what they are called."""
+    """Yield random numbers of components that have a range or a sign, with their names."""
     for component in mechanism.components.values():
         for key, parameter in component.parameters().items():
             if not (parameter.ranged or parameter.one_sign):
@@ -190,7 +190,7 @@ def _numbers(mechanism: Mechanism) -> Iterator[tuple[str, sympy.Expr, Parameter]
 
 
 def _placed(value: sympy.Expr, expressions: list[sympy.Expr], places: dict[sympy.Expr, int]) -> int:
-    """Return where an expression is among others, at whose end it is put where its place is not known."""
+    """Return the place of an expression in a list, to which it is appended if it is missing."""
     if value not in places:
         places[value] = len(expressions)
         expressions.append(value)
@@ -204,5 +204,5 @@ def _at(inputs: Inputs, parameters: Array) -> str:
 
 
 def _random(value: sympy.Expr) -> bool:
-    """Whether a number differs between realisations, and from nothing else."""
+    """Return whether a number differs between realisations, and from nothing else."""
     return bool(value.free_symbols) and all(isinstance(s, RandomVariable) for s in value.free_symbols)

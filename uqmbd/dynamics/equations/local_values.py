@@ -28,7 +28,7 @@ __all__ = ["bodies_of", "controller_symbols", "localise", "symbols_of"]
 
 
 def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
-    """Make local symbols of a letter."""
+    """Return local symbols of a letter."""
     return [sympy.Symbol(f"_{letter}{k}", real=True) for k in range(count)]
 
 
@@ -120,7 +120,7 @@ def localise(
 
 
 def _identity(option: Any) -> Any:
-    """Return what tells an option from others: equal ones share the terms of a component, others never do.
+    """Return the identity of an option: equal options share the terms of a component, unequal ones never do.
 
     Objects may look alike, and equal ones may differ (as 1 and True do): what is not plain data is itself alone.
     """

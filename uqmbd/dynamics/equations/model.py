@@ -70,9 +70,9 @@ class Model:
     events: tuple[tuple[str, str, int], ...] = ()
     """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
     rough: bool = False
-    """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
+    """Whether a force has corners in the state (contact, stops, friction) that long steps could miss."""
     findings: tuple[Finding, ...] = ()
-    """What is probably wrong with the mechanism."""
+    """Probable mistakes of the mechanism."""
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)
@@ -92,9 +92,9 @@ class Model:
     max_step: float = np.inf
     """Longest step of any integrator, s."""
     added_breaks: tuple[float, ...] = ()
-    """Times at which integrations start anew besides those that the equations have, s."""
+    """Further times at which integrations restart, s."""
     conditions: Any = field(default=None, repr=False)
-    """What holds at the start only, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
+    """Conditions that apply at the start only, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
     controls: tuple[Any, ...] = ()
     """Controllers, each a `uqmbd.dynamics.control.Loop`."""
     speeds_commanded: bool = False
@@ -106,7 +106,7 @@ class Model:
     turned: tuple[str, ...] = ()
     """Components that prescribe an angle, by name (`Component.prescribed_angle`)."""
     start_at: str = "drawn"
-    """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
+    """Start of realisations: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
     @property
     def needs_dense_output(self) -> bool:
@@ -114,7 +114,7 @@ class Model:
         return any(one is not None and one.needs_dense_output for one in (self.scalars, self.margins))
 
     def between_samples(self, time: float) -> Model:
-        """Return the model with another initial time, s, and without controllers: what they command is constant.
+        """Return the model with another initial time, s, and constant commands instead of controllers.
 
         What has been looked up stays known.
         """
@@ -131,7 +131,7 @@ class Model:
 
     @cached_property
     def block_parameters(self) -> int:
-        """How many parameters belong to the blocks (the first ones)."""
+        """Number of the parameters of the blocks (the first ones)."""
         return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
 
     @cached_property
@@ -143,7 +143,7 @@ class Model:
 
     @cached_property
     def counts(self) -> dict[str, int]:
-        """How many there are of what the indices of results count."""
+        """Length of each named dimension of the results."""
         return {
             "q": self.layout.coordinates, "state": self.layout.states, "row": self.layout.constraints,
             "cos": len(self.cosines), "event": len(self.events), "direction": sum(n for *_, n in self.events),
@@ -166,7 +166,7 @@ class Model:
 
     @cached_property
     def _places(self) -> dict[Kind, _Places]:
-        """Looked up so far."""
+        """Places found so far."""
         return {}
 
     def _places_of(self, kind: Kind) -> _Places:
@@ -185,7 +185,7 @@ class Model:
         return self._places[kind]
 
     def of_components(self, equations: Index) -> list[int]:
-        """Those of some constraint equations that components state."""
+        """Return the constraint equations of components among `equations`."""
         norms = set(self.norms.tolist())
         return [int(k) for k in equations if int(k) not in norms]
 

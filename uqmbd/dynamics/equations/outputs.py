@@ -66,7 +66,7 @@ class AngleCounter(Component):
 
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
-    """Make a counter for every angle in outputs, start conditions and what is measured: of bodies, then of joints."""
+    """Return a counter for every angle in outputs, start conditions and measured quantities: bodies, then joints."""
     expressions = [output.expression for output in mechanism.observed()]
     expressions += [condition.residual for condition in mechanism.conditions.values()]
     expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
@@ -144,7 +144,7 @@ def output_map(
     *,
     gradients: bool = False,
 ) -> OutputMap:
-    """Compile outputs in terms of all blocks and their placements, with all equations kept.
+    """Compile outputs of all blocks and their placements, with all equations retained.
 
     The index of each body by name is in `order`; `inputs` are the columns of the inputs; `sizes` are the numbers of
     coordinates, auxiliary states and constraint equations.  With `gradients` the kernel appends the derivatives of each
@@ -244,7 +244,7 @@ def _gradient(expression: Any, symbols: list[Any]) -> list[Any]:
 
 
 def _counted(expression: sympy.Expr) -> bool:
-    """Whether an angle is a polynomial of angles that are counted, so that it cannot jump."""
+    """Return whether an angle is a polynomial of counted angles, so that it cannot jump."""
     free = expression.free_symbols
     angles = any(isinstance(s, AngleSymbol) for s in free)
     return angles and bool(expression.is_polynomial(*free))
@@ -258,7 +258,7 @@ def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol
 def _angle(
     symbol: AngleSymbol, instances: list[Instance], places: list[Placement], order: dict[str, int], column: Any
 ) -> sympy.Expr:
-    """Angle in the turn that its counter tells, in coordinates, the counter's state, and random variables."""
+    """Return the angle, with the turns of its counter, in coordinates, the counter's state, and random variables."""
     swap = {s: _coordinate(s, order, column) for s in symbol.states}
     cosine, sine = (symbol.angle.whole(x).xreplace(swap) for x in (symbol.angle.cosine, symbol.angle.sine))
     for instance, place in zip(instances, places, strict=True):
@@ -269,7 +269,7 @@ def _angle(
 
 
 def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]) -> int:
-    """Return the number of what a controller holds among the auxiliary states."""
+    """Return the number of a controller's value among the auxiliary states."""
     for instance, place in zip(instances, places, strict=True):
         if isinstance(instance.component, HeldStates) and instance.component.controller is symbol.owner:
             return int(place.letters["s"][symbol.index])

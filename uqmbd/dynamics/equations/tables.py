@@ -63,7 +63,7 @@ class Tables:
         return expression.subs({**values, **other})
 
     def applied(self, expressions: Sequence[Any]) -> list[Any]:
-        """Put applications of tables in the place of symbols; nothing may be differentiated any more."""
+        """Replace symbols by applications of tables; the results must not be differentiated."""
         if not self._applications:
             return list(expressions)
         import symengine as se

@@ -1,4 +1,4 @@
-"""The terms of a whole mechanism, as expressions: what its equations are derived from, for other derivations."""
+"""The terms of a whole mechanism, as expressions: the basis of its equations, for further derivations."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _states(instance: Instance) -> list[sympy.Symbol]:
 
 
 def _globals(instance: Instance, states: list[sympy.Symbol]) -> dict[sympy.Basic, sympy.Expr]:
-    """For each local symbol what it stands for."""
+    """Return the meaning of each local symbol."""
     lists = {
         "q": [x for body in instance.bodies for x in body.q],
         "v": [x for body in instance.bodies for x in body.v],

@@ -1,4 +1,4 @@
-"""Whether the states that an integration yields are on the constraints, in position and in velocity."""
+"""Check of the states of an integration against the constraints, in position and in velocity."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OFF = 100.0
 """Tolerances by which a result may be off the constraints: coordinates over the size of the mechanism, velocities over
 the largest one."""
 LEAST, MOST = 1e-6, 1e-2
-"""The same at least and at most."""
+"""Least and greatest value of this limit."""
 BLOCK = 2048
 """States whose residuals are evaluated at once."""
 
@@ -90,12 +90,12 @@ def _evaluated(ensemble: Batch, times: Array, states: Array) -> Array:
 
 
 def allowed_residual(rtol: float) -> float:
-    """By how much a result may be off, over the size or the speed of the mechanism."""
+    """Return the allowed residual, over the size or the speed of the mechanism."""
     return min(MOST, max(LEAST, OFF * rtol))
 
 
 def described(model: Model, ratios: Array, time: float, allowed: float, rtol: float) -> str:
-    """Say that a state is off the constraints, from its ratios (equation,) to what is allowed."""
+    """Return a message on a state off the constraints, from its ratios (equation,) to the allowed residual."""
     return (
         f"the state at t = {time:.6g} s is off the constraints {named(model, np.flatnonzero(ratios > 1.0))}, by "
         f"{allowed * float(ratios.max()):.2g} of the size or the speed of the mechanism (allowed: {allowed:.2g}). "
@@ -132,7 +132,7 @@ def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> t
 
 
 def over_allowed(model: Model, phi: Array, psi: Array, scale: Array, size: Array, speed: Array) -> Array:
-    """Residuals over what is allowed, shape (M, T, equation); zero where equations are left out or states unknown."""
+    """Return residuals over the allowed ones, shape (M, T, equation); zero for omitted equations and unknown states."""
     ratios = np.maximum(np.abs(phi) / size[:, None, None], np.abs(psi) / speed[:, None, None]) / scale[:, None]
     kept = np.zeros(ratios.shape[2], dtype=bool)
     kept[model.layout.kept] = True

@@ -1,4 +1,4 @@
-"""Whether IDA is cheaper for a realisation that the explicit method integrates: by counts, for each on its own.
+"""Comparison of the costs of IDA and of the explicit method for one realisation, by counts.
 
 What the explicit method has reached so far IDA integrates alone, from the same start.  It is cheaper if that costs it
 less than the explicit method costs in a group of eight: so a comparison costs at most as much as what was spent.  A
@@ -64,7 +64,7 @@ class Comparison:
         return more
 
     def looked(self, member: int, steps: int, now: float) -> bool:
-        """Count a look at the rank, and tell whether IDA is cheaper."""
+        """Count a check of the rank, and return whether IDA costs less."""
         looks = self.looks[member] = self.looks.get(member, 0) + 1
         due = LOOKS
         while due < looks:
@@ -72,7 +72,7 @@ class Comparison:
         return looks == due and self._cheaper(member, now, steps)
 
     def expected(self, member: int, steps: int, now: float) -> float:
-        """Cost of the whole motion by the explicit method, alone, if it goes on like this."""
+        """Return the cost of the whole motion by the explicit method alone, at the present rate."""
         begin, end = float(self.times[0]), float(self.times[-1])
         spent = LANES * steps * self.attempt + self.looks.get(member, 0) * LOOK
         return spent * (end - begin) / (now - begin)

@@ -1,4 +1,4 @@
-"""What integrations cost, by counts: operations, factorisations, looks at the rank; not by a clock.
+"""Costs of integrations by counts of operations, factorisations and checks of the rank; not by a clock.
 
 The unit is an operation on a row of eight realisations. The weights were measured on governors, slider-cranks and
 masses on springs. Each is processor time divided by that of an operation of their kernels (0.5 to 1 ns), and rounded:
@@ -16,13 +16,13 @@ STAGES = 12
 ENTRY = 25
 """Operations of the method for each entry of a state and each evaluation."""
 CALL = 12_000
-"""Of a callback of IDA, with what it does before and after it."""
+"""Cost of a callback of IDA, with its overhead."""
 SOLUTION, FACTORISATION = 1.0, 0.2
-"""Of the dense solver, for n^2 and n^3 of n unknowns."""
+"""Costs of the dense solver, for n^2 and n^3 of n unknowns."""
 SPARSE_SOLUTION, SPARSE_FACTORISATION = 20, 400
-"""Of the sparse solver, for each entry of the matrix."""
+"""Costs of the sparse solver, for each entry of the matrix."""
 LOOK = 1_000_000
-"""Of a look at the rank of one realisation, which is Python."""
+"""Cost of a check of the rank of one realisation, which runs in Python."""
 
 
 def attempt_cost(dynamics: Dynamics) -> float:

@@ -39,7 +39,7 @@ PATIENCE = 15
 STEPS = 20_000
 """Most attempted steps of an interval."""
 MOST = 200_000
-"""The same where costs are compared, so that no other method is known to need less."""
+"""Most steps if costs are compared, and no other method is known to need less."""
 REFUSALS = 3
 """Refused steps in a row, and ..."""
 SURPLUS = 4.0
@@ -47,11 +47,11 @@ SURPLUS = 4.0
 BETWEEN = 3.0
 """Error of an interpolant from which its step is rejected, over the largest of a smooth oscillation."""
 SETTLED = 3
-"""Projections by which a state is put on the constraints to rounding."""
+"""Projections that put a state on the constraints to rounding."""
 FAR = 1000.0
 """Tolerances by which an interpolated state may be off the constraints: beyond, it is integrated to."""
 FARTHEST = 3e-3
-"""The same as a number, for loose tolerances."""
+"""Absolute limit of it, for loose tolerances."""
 POOR = 50
 """Most states that are integrated to, of one realisation."""
 
@@ -97,7 +97,7 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
 
 
 def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
-    """Say why an integration stopped: too many steps, or steps that are too small."""
+    """Return why an integration stopped: too many steps, or too small ones."""
     if many:
         return f"the integration stopped at t = {now:.6g} s: more than {most} steps"
     return (
@@ -173,7 +173,7 @@ class Integration:
         self.mend()
 
     def _advanced(self) -> tuple[Index, Index, Array]:
-        """Let everybody run, and return the members that wait for a decision, their status, and where they are."""
+        """Run all members, and return those that wait for a decision, with their status and state."""
         self.main.advance(watch=self.pace.watch)
         status, now = self.main.status.copy(), self.main.now.copy()
         for member, other in self.others.items():
@@ -183,7 +183,7 @@ class Integration:
         return waiting, status[waiting], now[waiting]
 
     def solved(self) -> Solved:
-        """Return what was found."""
+        """Return the integrated realisations."""
         notes: list[str] = []
         for watcher in self.watchers.values():
             notes += [note for note in watcher.notes if note not in notes]
@@ -196,7 +196,7 @@ class Integration:
 
     @property
     def counters(self) -> Counters:
-        """What it cost."""
+        """Return the counts of operations."""
         pools = self._pools
         compared = Counters() if self.comparison is None else self.comparison.counters
         return compared + Counters(
@@ -210,16 +210,16 @@ class Integration:
 
     @property
     def _pools(self) -> list[IntegrationState]:
-        """All that have integrated somebody."""
+        """All states of integrations."""
         return [self.main, *self.others.values(), *self.retired]
 
     def _place(self, member: int) -> tuple[IntegrationState, int]:
-        """Where a member is integrated, and its number there."""
+        """Return the integration state of a member, and its row there."""
         other = self.others.get(member)
         return (self.main, member) if other is None else (other, 0)
 
     def _parted(self, members: Index) -> Iterator[tuple[IntegrationState, Index, Index]]:
-        """Where members are integrated: pools, their numbers there, and which of `members` these are."""
+        """Yield the integration states of members, their rows there, and which of `members` these are."""
         apart = [row for row, m in enumerate(members.tolist()) if m in self.others] if self.others else []
         rest = np.arange(len(members))
         rest = np.delete(rest, apart) if apart else rest
@@ -234,7 +234,7 @@ class Integration:
 
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
-        """Let prescribed speeds of members jump, and then controllers be sampled; results there are those after it."""
+        """Apply jumps of prescribed speeds, then sample controllers; results at this time are those after it."""
         if not len(members) or not (self.jumping or self.sampled):
             return
         before = np.empty((len(members), self.model.layout.width))
@@ -262,13 +262,13 @@ class Integration:
             pool.result[np.ix_(k, at)] = after[rows, None]
 
     def _record_reasons(self, members: Index, reasons: dict[int, str]) -> None:
-        """Let rows of members fail, for reasons that hold for any method."""
+        """Mark rows of members as failed, for reasons that apply to any method."""
         for row, reason in reasons.items():
             self._fail(int(members[row]), reason, final=True)
 
     # -- difficulties ------------------------------------------------------------------------------------------------
     def _decide(self, member: int, status: int) -> None:
-        """Decide how a member goes on that waits."""
+        """Decide on a waiting member."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
         if self.comparing:
@@ -362,7 +362,7 @@ class Integration:
             return True
 
     def _settle(self, member: int) -> None:
-        """Put the state on the constraints to rounding: next to a singular pose any residual is magnified."""
+        """Project the state onto the constraints to rounding: next to a singular pose any residual is magnified."""
         pool, k = self._place(member)
         model = self._watcher(member).model
         layout, state = model.layout, pool.z[k : k + 1].copy()
@@ -381,7 +381,7 @@ class Integration:
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
     def mend(self) -> None:
-        """Integrate to the states that are far off the constraints: within a step over a singular pose, say."""
+        """Integrate again to states that are far off the constraints, for example next to a singular pose."""
         result = self.main.result
         for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():
             for at in np.flatnonzero(self.main.poor[member])[:POOR].tolist():

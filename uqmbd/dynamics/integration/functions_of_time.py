@@ -1,4 +1,4 @@
-"""Functions of time alone in the equations of motion, looked at before the integration on a fine grid.
+"""Functions of time alone in the equations of motion, sampled on a fine grid before the integration.
 
 What acts for a moment only, in a long time without anything, lies between the stages of a step and is missed: the step
 size follows the errors of steps, and those that do not meet it have none.  So every function of time is sampled
@@ -36,20 +36,20 @@ PARTS = 16
 PER_OUTPUT = 4
 """Points of the grid between two output times."""
 HUGE = 1e150
-"""Size of what is no number any more."""
+"""Value from which a number counts as infinite."""
 MOST_WINDOWS = 4096
 """Cells that are cut at once at most."""
 DEPTH = 12
-"""How often a cell is cut at most."""
+"""Most halvings of a cell."""
 SHORTEST = 5e-13
-"""Length of a cell, over the larger of 1 s and the time, at which what is left is a jump."""
+"""Length of a cell, over the larger of 1 s and the time, at which a remaining change counts as a jump."""
 EVERYWHERE = 0.25
-"""Part of the cells without a polynomial from which the function is as fast everywhere, and not looked at further."""
+"""Share of cells without a polynomial from which the function counts as fast everywhere, and is not refined further."""
 FEW = 2
 FADES = 0.5
-"""Where so few parts of a cell deviate, and the range of values there is this part of that of the cell, is a corner."""
+"""A corner is a cell in which so small a share of parts deviates, over this share of its range of values."""
 LEAST = 1e-9
-"""Deviation, over the largest value, that is rounding whatever the tolerance."""
+"""Deviation, over the largest value, that counts as rounding for any tolerance."""
 POWER = 4
 """Largest power of a sine that is as broad as its period."""
 ROWS = 1 << 17
@@ -129,7 +129,7 @@ def _of_time(e: sympy.Expr) -> Iterator[sympy.Expr]:
 
 
 def _even(e: sympy.Basic) -> bool:
-    """Whether a function of time is alike everywhere, or in pieces whose ends are known."""
+    """Return whether a function of time behaves alike everywhere, or in pieces with known ends."""
     if TIME not in e.free_symbols or e == TIME:
         return True
     if isinstance(e, (sympy.Add, sympy.Mul)):
@@ -148,7 +148,7 @@ def _even(e: sympy.Basic) -> bool:
 
 
 def _linear(e: sympy.Expr) -> bool:
-    """Whether a function of time is linear, or in pieces whose ends are known."""
+    """Return whether a function of time is linear, or linear in pieces with known ends."""
     pieces = e.atoms(sympy.Piecewise)
     outer = [x for x in pieces if not any(x != y and y.has(x) for y in pieces)]
     for x in outer:
@@ -195,7 +195,7 @@ def look(seen: TimedFunctions, values: Array, breaks: Array, times: Array, rtol:
 
 @dataclass
 class _Window:
-    """A part of time that is looked at by itself: one that lies beside a known break is no cell if all of it is one."""
+    """A separate part of time: next to a known break it is no cell if the whole part is one."""
 
     begin: float
     end: float
@@ -209,7 +209,7 @@ class _Window:
 def _look(
     value: Callable[[Array], Array], breaks: Array, begin: float, end: float, leaves: int, rtol: float
 ) -> TimeCells:
-    """Look at one function of one realisation."""
+    """Sample one function of one realisation."""
     breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > begin) & (breaks < end)])
     windows = [_Window(begin, end)]
     every, jumps, scale, parts = list(windows), list[float](), 0.0, leaves
@@ -267,7 +267,7 @@ def _look(
 
 
 def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
-    """Values (W, T) at times, with a line through those beside where there are none; 0 in a row without any."""
+    """Return values (W, T) at times, interpolated linearly over missing ones; 0 in a row without any."""
     if number.all():
         return values
     found = np.where(number, values, 0.0)

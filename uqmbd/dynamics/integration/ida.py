@@ -119,7 +119,7 @@ def integrate_by_ida(
 
 
 def can_finish_with_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
-    """Tell whether IDA integrates the only realisation of a batch to the last time for less than some cost."""
+    """Return whether IDA integrates the only realisation of a batch to the last time within a cost."""
     purse = _Purse(most)
     try:
         reached = not _integrate_stack(ensemble, times, rtol, purse).message
@@ -133,13 +133,13 @@ class _TooExpensiveError(Exception):
 
 
 class _Purse:
-    """What may be spent on residuals and Jacobians, by counts."""
+    """Budget of residuals and Jacobians, by counts."""
 
     def __init__(self, most: float) -> None:
         self.left, self.residuals, self.jacobians = most, 0, 0
 
     def paying(self, ensemble: Batch, callbacks: Callbacks) -> Callbacks:
-        """Make callbacks of a stack that pay."""
+        """Return callbacks of a stack that consume the budget."""
         count, (residual, jacobian) = len(ensemble), callbacks
         sparse = count * ensemble.model.layout.unknowns >= SPARSE_FROM
         residual_cost, jacobian_cost = implicit_costs(ensemble.model, count, sparse=sparse)
@@ -163,7 +163,7 @@ class _Purse:
 
 
 def _watched(ensemble: Batch, callbacks: Callbacks, pace: Pace) -> Callbacks:
-    """Make callbacks of a stack that watch how fast it gets on."""
+    """Return callbacks of a stack that monitor its progress."""
     (residual, jacobian), calls = callbacks, 0
 
     def watched(t: float, y: Array, yp: Array, res: Array) -> None:
@@ -264,7 +264,7 @@ def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
 
 
 def _no_number(ensemble: Batch, found: Array, time: float, stop: float) -> str:
-    """Name what is not a number from there on where one realisation stopped."""
+    """Return the name of the term that becomes undefined where one realisation stopped."""
     if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
         return ""
     q, s, v = ensemble.expand(found[-1])
@@ -319,14 +319,14 @@ def _solved(
 
 
 def step_limits(times: Array, longest: float) -> dict[str, Any]:
-    """Return IDA's limits of steps; whoever wants short ones gets as many between two output times as that takes."""
+    """Return IDA's limits of steps; a short longest step raises their number between two output times."""
     if not np.isfinite(longest):
         return {"max_num_steps": STEPS}
     return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
 
 
 def stack_callbacks(ensemble: Batch) -> Callbacks:
-    """Residual and Jacobian as IDA wants them.
+    """Return residual and Jacobian in the form that IDA needs.
 
     scikit-sundae 1.1 calls Python functions only, not those of C, and always with the same arrays: the compiled
     programs read and write these in their places.
@@ -394,7 +394,7 @@ def _sparsity(model: Model, copies: int) -> Any:
 
 
 def diagnosis(solution: SundialsSolution, time: float, rtol: float) -> str:
-    """Say why IDA stopped, and what to try."""
+    """Return a message on why IDA stopped, and what to try."""
     if solution.too_much_work:
         cause = "too many steps: the motion is very stiff or very fast for the output times"
     else:

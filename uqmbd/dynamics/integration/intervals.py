@@ -72,7 +72,7 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
 def _laid(
     model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool
 ) -> tuple[Interval, ...]:
-    """Do so for realisations with given inputs (K, input) and breaks (K, break)."""
+    """Return the intervals for realisations with given inputs (K, input) and breaks (K, break)."""
     intervals = _pace(model, values, breaks, times, rtol)
     if not knots or not model.tables:
         return intervals
@@ -186,7 +186,7 @@ def times_between(times: Array, now: float, stop: float) -> tuple[Index, Array]:
 
 
 def longest_step(rough: bool, times: Array) -> float:
-    """Longest step for forces with corners: as between output times, of which nobody expects to see less."""
+    """Return the longest step for forces with corners: the distance of output times."""
     return float(np.diff(times).max()) if rough else np.inf
 
 
@@ -202,7 +202,7 @@ def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:
 
 
 def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
-    """Join pieces whose sizes are alike: ends (B,) and longest steps (B,)."""
+    """Join pieces of similar sizes: ends (B,) and longest steps (B,)."""
     whole = edges[-1] - edges[0]
     band = np.floor(np.log(whole / sizes) / np.log(BAND) + 1e-9).astype(int)
     for level in range(int(band.max(initial=0)), 0, -1):

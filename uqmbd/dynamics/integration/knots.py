@@ -94,7 +94,7 @@ class TimedTables:
 
 
 def timed_tables(instances: list[Instance], inputs: Sequence[sympy.Symbol]) -> TimedTables | None:
-    """Find the tables in the equations of motion whose arguments are linear in time; None if there are none."""
+    """Return the tables in the equations of motion whose arguments are linear in time; None if there are none."""
     found: dict[tuple[SplineTable, sympy.Expr, sympy.Expr], None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}

@@ -1,4 +1,4 @@
-"""What components prescribe as functions of time: where it jumps, and by how much."""
+"""Prescribed functions of time: their jumps, and the sizes of these."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ __all__ = ["Prescribed", "instant", "jumped", "position_jumps", "prescribed_by"]
 INSTANT = 1e-12
 """Offset of the instants right before and right after a time, over the larger of 1 s and the time itself."""
 NEXT = 1e3
-"""As many of these times next to a jump an equation is a number, on both sides."""
+"""Number of these times next to a jump at which an equation is a number, on both sides."""
 POSES = 3
-"""Poses at which an equation is looked at before and after: at one alone it may agree by chance."""
+"""Poses at which an equation is evaluated before and after: at a single one it may agree by chance."""
 LEAST = 1e-9
-"""Jump, over the size of the mechanism, that is rounding whatever the tolerance."""
+"""Jump, over the size of the mechanism, that counts as rounding for any tolerance."""
 ROUNDING = 1e-14
 """Jump, over the largest coordinate, that is rounding in any mechanism."""
 
@@ -43,7 +43,7 @@ class Prescribed:
     functions: ParameterMap  # from inputs and time to their values
 
     def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
-        """Say which parameters of a component jump between two times, and by how much, at inputs (input,)."""
+        """Return a message on parameters of a component that jump between two times, at inputs (input,)."""
         moments = np.array([[*values, before], [*values, after]])
         change = np.diff(self.functions(moments), axis=0)[0]
         found = [
@@ -78,7 +78,7 @@ def instant(time: float) -> float:
 
 
 def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
-    """By how much values of equations jump: those right before and after, and twice as far from the moment.
+    """Return jumps of the values of equations: right before and after, and twice as far from the moment.
 
     What moves fast, and does not jump, moves twice as far in twice the time.  An equation that has only changed its
     sign says the same.
@@ -127,7 +127,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
 
 
 def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -> Array:
-    """By how much equations jump between times, `sides` (4, K): two before and two after; shape (K, equation)."""
+    """Return jumps of equations between times, `sides` (4, K): two before and two after; shape (K, equation)."""
     model, start = ensemble.model, ensemble.start
     found = np.zeros((len(members), model.layout.constraints))
     states = np.concatenate([start.q, start.s, np.zeros_like(start.v)], axis=1)[members]
@@ -142,7 +142,7 @@ def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -
 
 
 def _jump(ensemble: Batch, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:
-    """Say what jumps."""
+    """Return a message on the jumping quantities."""
     model = ensemble.model
     owners = dict.fromkeys(model.owners[k] for k in equations)
     parts = []

@@ -1,4 +1,4 @@
-"""Restarts: what becomes of velocities where a prescribed speed jumps."""
+"""Restarts: velocities after a jump of a prescribed speed."""
 
 from __future__ import annotations
 

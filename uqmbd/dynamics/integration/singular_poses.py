@@ -1,4 +1,4 @@
-"""Passing over singular poses, and choosing other equations where the kept ones become dependent.
+"""Passing over singular poses, and exchange of equations that become dependent.
 
 In a singular pose branches of motions meet, and the equations of motion do not say which one is taken: the motion that
 comes is continued smoothly, as momentum has it. So a polynomial that has the rates of the last states before the pose
@@ -44,15 +44,15 @@ FEWEST = 4
 PAST = 0.2
 """Part of the distance of the best continuation so far at which that one is taken: rounding has won."""
 ROUNDING = 1e-7
-"""Largest relative error of a continuation whose tolerance is out of reach because of rounding."""
+"""Largest relative error of a continuation whose tolerance cannot be reached because of rounding."""
 LOOKS = 60
-"""Looks at the same pose after which it is given up."""
+"""Checks of the same pose after which the attempt ends."""
 END = 1e-10
 """Part of the time that has passed below which the time to a singular pose is nothing."""
 DEPENDENT = 0.2
 """Kept equations are nearly dependent if their smallest singular value is below this part of that of all."""
 STRAY = 0.05
-"""Part of the way over a pose by which the constraints may correct what was continued: branches lie farther apart."""
+"""Share of the distance over a pose by which the constraints may correct a continuation: branches are farther apart."""
 POOR = 0.1
 """Relative residual of the index-1 system, over the tolerance, above which its pivots are poor."""
 BETTER = 0.1
@@ -174,7 +174,7 @@ class SingularPoseWatcher:
         return self._over(now, times, states, rank, end) or Continuation()
 
     def reason(self, now: float, z: Array) -> str:
-        """Say why the steps became too small, if it is the rank; else nothing."""
+        """Return why the steps became too small, if the rank is the reason; else an empty text."""
         text = dead_end(self.model, now, self._rank(now, z))
         self.final = self.final or bool(text)
         return text
@@ -187,7 +187,7 @@ class SingularPoseWatcher:
         return float(np.abs(z[self.model.layout.velocities :]).max(initial=0.0))
 
     def _calm(self) -> Continuation | None:
-        """Go on as if nothing had been."""
+        """Continue as before."""
         before, self.looks, self.limit = self.looks, 0, np.inf
         self.best, self.least, self.distance = None, np.inf, np.inf
         return Continuation() if before else None
@@ -217,7 +217,7 @@ class SingularPoseWatcher:
         return True
 
     def _others(self, now: float, z: Array, rank: Rank) -> Continuation | None:
-        """Keep other equations."""
+        """Select other equations."""
         n, k = self.model.layout.coordinates, self.model.layout.states
         model = repivoted(self.model, z[:n], z[n : n + k], now, self.parameters)
         new = np.setdiff1d(model.layout.kept, self.model.layout.kept)

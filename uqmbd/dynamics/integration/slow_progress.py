@@ -20,7 +20,7 @@ from uqmbd.wording import format_duration
 __all__ = ["Pace", "fastest_body"]
 
 PATIENCE = 5.0
-"""Seconds of the clock after which an integration is looked at first; then after four times as many, and so on."""
+"""Seconds of wall time after which an integration is checked first; then after four times as many, and so on."""
 
 LONG = 600.0
 """Seconds that the rest would take at the pace since the last look, from which it is reported."""
@@ -49,11 +49,11 @@ class Pace:
 
     @property
     def due(self) -> bool:
-        """Whether it is time for a look."""
+        """Whether a check is due."""
         return self._now() - self._since >= self._next
 
     def look(self, time: float, state: Array, steps: int, which: object = None) -> None:
-        """Look at the slowest realisation: its time, s, its state (q, s, v), its steps so far, and which it is.
+        """Check the slowest realisation: its time, s, its state (q, s, v), its steps so far, and its number.
 
         A pace needs two looks at the same realisation.
         """
@@ -86,7 +86,7 @@ class Pace:
         )
 
     def watch(self, run: IntegrationState) -> None:
-        """Look at realisations that the driver integrates."""
+        """Check realisations that the driver integrates."""
         if not self.due or run.dynamics.terms:
             return
         # those that wait for a lane have made no step
@@ -97,7 +97,7 @@ class Pace:
 
 
 def fastest_body(model: Model, state: Array) -> tuple[str, str]:
-    """Name the body that moves the fastest in a state (q, s, v), and say how fast; empty where there is none."""
+    """Return the name and the speed of the fastest body in a state (q, s, v), as text; empty if there is none."""
     first, size, dimension = model.layout.velocities, model.size, model.dimension
     count = len(model.bodies)
     speeds = np.asarray(state[first : first + count * size], dtype=float)

@@ -17,10 +17,10 @@ __all__ = ["interpolate_steps", "settled"]
 
 
 ALONE = 8
-"""Neighbouring times whose states determine a polynomial where rates are not known; with rates it is four."""
+"""Neighbouring times whose states determine a polynomial without rates; with rates four suffice."""
 
 APART = 0.5
-"""Part of a step by which further times are apart: the noise of states is multiplied by what tiny steps are shorter."""
+"""Least distance of further times, as a share of a step: short steps multiply the noise of states."""
 
 
 INSIDE = 1e-12
@@ -51,7 +51,7 @@ def interpolate_steps(
 
 
 def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
-    """Put states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints, which polynomials leave.
+    """Project states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints.
 
     They stand at `PLACES` from begin to end, `ends` (P, 2).
     """

@@ -64,14 +64,14 @@ class SundialsSolution:
 
 
 class _Callbacks:
-    """Callbacks that remember what they raised, and whether the matrix has been factorised."""
+    """Callbacks that store exceptions, and whether the matrix has been factorised."""
 
     def __init__(self) -> None:
         self.raised: BaseException | None = None
         self.factorised = False
 
     def residual(self, function: Callable[..., None]) -> Callable[..., None]:
-        """Make IDA's callback of a residual."""
+        """Return IDA's callback of a residual."""
 
         def call(t: float, y: Array, yp: Array, res: Array) -> None:
             try:
@@ -83,7 +83,7 @@ class _Callbacks:
         return call
 
     def jacobian(self, function: Callable[..., None]) -> Callable[..., None]:
-        """Make IDA's callback of a Jacobian."""
+        """Return IDA's callback of a Jacobian."""
 
         def call(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
             try:
@@ -190,14 +190,14 @@ def _solve_stepwise(solver: Any, times: Array, y: Array, yp: Array, most: int, s
 
 
 def _one_line(said: io.StringIO, message: str) -> str:
-    """Return what SUNDIALS said at last, without its codes, or the message if it said nothing."""
+    """Return the last message of SUNDIALS without its codes, or `message` if it printed nothing."""
     lines = [re.sub(r"^\[.*?\]\s*", "", line).strip() for line in said.getvalue().splitlines()]
     return next((line for line in reversed(lines) if line), message.strip()).rstrip(".")
 
 
 @contextmanager
 def _interrupted_by_instances() -> Iterator[None]:
-    """Let Ctrl-C raise an instance: Python's own handler raises a class alone, on which scikit-sundae fails."""
+    """Make Ctrl-C raise an instance: Python's own handler raises a class, on which scikit-sundae fails."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -217,13 +217,13 @@ def _interrupted_by_instances() -> Iterator[None]:
 
 
 class _Router(io.TextIOBase):
-    """A standard output that each thread may turn to a place of its own."""
+    """A standard output that each thread may redirect."""
 
     def __init__(self, stream: Any) -> None:
         self.stream, self.places = stream, dict[int, io.StringIO]()
 
     def write(self, text: str) -> int:
-        """Write where the thread wants it."""
+        """Write to the target of the thread."""
         place = self.places.get(threading.get_ident(), self.stream)
         return int(place.write(text) or 0) if place is not None else len(text)
 
@@ -241,7 +241,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def _heard(place: io.StringIO) -> Iterator[None]:
-    """Let what this thread prints go to a place; other threads print as before."""
+    """Redirect the output of this thread; other threads print as before."""
     me = threading.get_ident()
     with _lock:
         if not isinstance(sys.stdout, _Router):

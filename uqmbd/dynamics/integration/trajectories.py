@@ -1,4 +1,4 @@
-"""What an integration yields, and what it cost."""
+"""Results of an integration, and its counts of operations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Counters", "Segment", "SegmentedMotion", "Solved", "Trajectories", "
 @typechecked
 @dataclass(frozen=True)
 class Counters:
-    """What an integration cost.
+    """Counts of the operations of an integration.
 
     Attributes
     ----------

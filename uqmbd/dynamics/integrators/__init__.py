@@ -1,4 +1,4 @@
-"""Who integrates: the protocol of integrators, those of the core, and what every result is held against."""
+"""Integration by name: the protocol of integrators, those of the core, and checks of every result."""
 
 from uqmbd.dynamics.integrators.built_in import Auto, Dop853, Ida
 from uqmbd.dynamics.integrators.dispatch import (

@@ -35,16 +35,16 @@ ROUNDS = 64
 """Integrations of a realisation, at most."""
 
 SHORT, SHORTEST = 0.1, 1e-9
-"""Interval, over the whole time, that is not divided: over the tolerance, and whatever the tolerance."""
+"""Interval, over the whole time, that is not divided: relative to the tolerance, and for any tolerance."""
 
 ENOUGH = 25.0
 """Tolerances by which polynomials through every second state may differ from the others: by 2^8 less through all."""
 
 BESIDE = 4
-"""Intervals on each side of one that is not resolved whose polynomials see it."""
+"""Neighbours on each side of an unresolved interval whose polynomials depend on it."""
 
 ALONE = 8.0
-"""By how much states change more unexpectedly in a jump than beside it."""
+"""Ratio of the unexpected change of states in a jump to that next to it."""
 
 
 class _TimeSpan(NamedTuple):
@@ -60,7 +60,7 @@ class _TimeSpan(NamedTuple):
 
 
 class _IntervalRun(NamedTuple):
-    """One integration of some realisations: of each stretch its motion, and what `_smooth` says of it."""
+    """One integration of some realisations: the motion of each stretch, and the result of `_smooth`."""
 
     stretches: tuple[_TimeSpan, ...]
     found: Trajectories
@@ -154,7 +154,7 @@ def _first(breaks: Array, times: Array) -> dict[tuple[_TimeSpan, ...], list[int]
 
 
 def _divided(stretches: tuple[_TimeSpan, ...], wrong: list[Array], short: float) -> tuple[_TimeSpan, ...]:
-    """Return finer stretches where one is not resolved, from what `_smooth` says of each."""
+    """Return finer stretches where `_smooth` reports an unresolved one."""
     found = list[_TimeSpan]()
     for stretch, (bad, surprise) in zip(stretches, wrong, strict=True):
         if not bad.any():
@@ -175,7 +175,7 @@ def _pairs(edges: list[int]) -> list[tuple[int, int]]:
 
 
 def _jumps(surprise: Array) -> Index:
-    """Find the intervals whose change is foreseen neither from the left nor from the right, other than beside them."""
+    """Return intervals whose change is predicted neither from the left nor from the right, except next to them."""
     beside = np.maximum(np.append(surprise[1:], 0.0), np.insert(surprise[:-1], 0, 0.0))
     return np.flatnonzero((surprise > 1.0) & (surprise > ALONE * np.maximum(beside, np.median(surprise))))
 
@@ -195,7 +195,7 @@ def _surprise(states: Array) -> Array:
 
 
 def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[RecordedSteps, Array]:
-    """Return polynomials through states (M, S, width), straight where they are not smooth, and what is wrong.
+    """Return polynomials through states (M, S, width), straight where they are not smooth, and the unresolved ones.
 
     That is (M, 2, S - 1): whether an interval is to be resolved, and by how many tolerances its change is a surprise.
     """

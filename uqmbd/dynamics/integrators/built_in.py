@@ -245,7 +245,7 @@ class Auto:
 
 
 class BuiltInIntegrators:
-    """What the core offers as a plugin would."""
+    """Integrators of the core, in the form of a plugin."""
 
     @hookimpl
     def uqmbd_integrators(self) -> list[type]:
@@ -254,7 +254,7 @@ class BuiltInIntegrators:
 
 
 def _compiled(model: Model) -> bool:
-    """Tell whether the linear algebra of the explicit method is compiled."""
+    """Return whether the linear algebra of the explicit method is compiled."""
     return model.system is not None and model.system.programs is not None
 
 
@@ -278,7 +278,7 @@ def _stacks(members: Index) -> list[Index]:
 
 
 def _impacts(model: Model) -> bool:
-    """Tell whether events change the motion; others only note when they happen."""
+    """Return whether events change the motion; others only record times."""
     return any(directions for *_, directions in model.events)
 
 
@@ -301,7 +301,7 @@ def _from_event_to_event(projected: ProjectedEquations, times: Array, rtol: floa
 
 
 def _still(projected: ProjectedEquations, times: Array) -> ProjectedTrajectories:
-    """Return the motion of what cannot move."""
+    """Return the constant motion of immovable bodies."""
     coefficients = np.repeat(projected.start.state[:, None], len(times), axis=1)
     return ProjectedTrajectories(times, coefficients, "", "none", {})
 

@@ -1,4 +1,4 @@
-"""Integrators by name, what they can do, and the integration of an ensemble by any of them."""
+"""Integrators by name, their capabilities, and the integration of an ensemble."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def integrate(
 
 
 def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajectories:
-    """Return what an integrator gives, if it is of the right kind."""
+    """Return the result of an integrator, if it has the right type."""
     shape = (len(ensemble), len(times), ensemble.model.layout.width)
     if not isinstance(found, Trajectories) or np.shape(found.states) != shape or len(found.messages) != shape[0]:
         what = f"a {type(found).__name__}"

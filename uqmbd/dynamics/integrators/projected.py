@@ -138,7 +138,7 @@ class ProjectedEnsemble(ProjectedEquations):
         return replace(found, coefficients=coefficients, message=text)
 
     def require_phase(self) -> None:
-        """Raise where no phase can be the independent variable, whatever the clock.
+        """Raise if no phase can be the independent variable, for any clock.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class ProjectedEnsemble(ProjectedEquations):
 def _solved(
     projected: ProjectedEquations, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
 ) -> ProjectedTrajectories:
-    """Let an integrator integrate, with those options that it declares."""
+    """Call an integrator with the options that it declares."""
     cls: Any = integrator_class(name)
     options: dict[str, Any] = {}
     able = capabilities_of(cls)

@@ -1,4 +1,4 @@
-"""What an integrator is, and what it returns; those of the core and those of plugins alike."""
+"""The protocol of integrators, and their results."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ FORMER: Mapping[str, Capability] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Capabilities:
-    """What an integrator can do besides integrating smooth motions.
+    """Capabilities of an integrator beyond smooth motions.
 
     A study that needs a capability which its integrator does not have is an error before anything is computed.
 
@@ -181,7 +181,7 @@ class Integrator(Protocol):
 
 
 def capabilities_of(cls: type) -> Capabilities:
-    """Return what an integrator class declares.
+    """Return the capabilities that an integrator class declares.
 
     Raises `uqmbd.StudyError` if that is no `Capabilities`, or the class also has attributes of before 0.1.
     """

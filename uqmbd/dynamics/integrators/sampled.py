@@ -23,7 +23,7 @@ Method = Callable[[Ensemble, Array, float], Trajectories]
 ProjectedMethod = Callable[[ProjectedEquations, Array, float], ProjectedTrajectories]
 
 WATCHED = 20
-"""How often who watches a projected integration is asked."""
+"""Number of calls of the observer of a projected integration."""
 
 
 def stretches(sampling: Sampling, times: Array) -> list[Array]:
@@ -139,7 +139,7 @@ def projected_in_samples(
 
 
 def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -> Ensemble:
-    """Make the ensemble of some realisations that starts at a time in given states (M, width)."""
+    """Return the ensemble of some realisations that starts at a time in given states (M, width)."""
     model = ensemble.model.between_samples(time)
     q, s, v = model.layout.split(states)
     a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
@@ -150,7 +150,7 @@ def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -
 
 
 def _continued_projection(projected: ProjectedEquations, time: float, state: Array) -> ProjectedEquations:
-    """Make the projected ensemble that starts at a time with given coefficients (P, width)."""
+    """Return the projected ensemble that starts at a time with given coefficients (P, width)."""
     ensemble = _continued(projected.ensemble, np.arange(len(projected.ensemble)), time, projected.psi @ state)
     a, multipliers, _ = projected.accelerations(state, time)
     return projected.continued(ensemble, ProjectedStart(state, a, multipliers, 0))
@@ -165,7 +165,7 @@ def _joined(one: Counters, other: Counters) -> Counters:
 def _note(
     happened: dict[int, dict[str, list[float]]], scalars: Mapping[str, Array], members: Index, since: float
 ) -> None:
-    """Collect times of events of one stretch; what is in contact where it begins has not come into contact there."""
+    """Collect times of events of one stretch; contacts that are closed at its start do not count."""
     for name, times in scalars.items():
         for row, time in zip(members.tolist(), times.tolist(), strict=True):
             if np.isfinite(time) and time > since:

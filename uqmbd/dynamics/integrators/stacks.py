@@ -31,7 +31,7 @@ def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Tr
 
 
 def _stopped(found: Trajectories, off: dict[int, tuple[int, str]], least: int) -> Trajectories:
-    """Let realisations fail from a time on, not before that of number `least`."""
+    """Mark realisations as failed from a time on, not before that of number `least`."""
     texts = {k: text for k, text in off.items() if not found.messages[k]}
     if not texts:
         return found
@@ -82,7 +82,7 @@ MANY = 4096
 
 @dataclass(frozen=True)
 class IntegratedRealisations:
-    """Integrated realisations, and the name of who integrated each; empty where nothing moves."""
+    """Integrated realisations, and the integrator of each; empty if nothing moves."""
 
     solved: Solved
     by: tuple[str, ...]
@@ -93,7 +93,7 @@ class IntegratedRealisations:
         return cls(solved, (name,) * len(solved.messages))
 
     def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> IntegratedRealisations:
-        """Return what holds after another integrator has tried some rows: of these, those that are taken replace."""
+        """Return the result after another integrator has tried some rows: accepted ones replace earlier ones."""
         mine = rows[taken]
         states, messages, by = self.solved.states.copy(), list(self.solved.messages), list(self.by)
         states[mine] = other.states[taken]

@@ -30,7 +30,7 @@ __all__ = ["FrontalSolver", "Fronts", "frontal"]
 
 @dataclass(frozen=True)
 class _FrontBatch:
-    """Fronts of one kind and round: what each of them reads, and the first of their results."""
+    """Fronts of one kind and round: the inputs of each, and the first of their results."""
 
     kernel: Kernel
     reads: Index  # (front, argument)
@@ -50,7 +50,7 @@ class Fronts:
     operations: int  # additions, multiplications and divisions of a solution
 
     def solve(self, given: Array, right: Array) -> Array:
-        """Solve systems of what is given (K, given) for right-hand sides (K, size), shape (K, size)."""
+        """Solve systems (K, given) for right-hand sides (K, size), shape (K, size)."""
         return self._program(given[:, : self.given], right)
 
     @cached_property
@@ -77,7 +77,7 @@ class FrontalSolver:
     wanted: int  # number of leading unknowns that are returned
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve systems of what is given (K, value), shape (K, wanted), of one right-hand side after the other."""
+        """Solve systems (K, value) of one right-hand side after the other, shape (K, wanted)."""
         width = given.shape[1]
         if width not in self._programs:
             writer = ProgramWriter(width)
@@ -90,7 +90,7 @@ class FrontalSolver:
         return {}
 
     def write(self, writer: ProgramWriter, given: Index) -> Index:
-        """Write the solutions; rows of the wanted unknowns, for rows of what is given."""
+        """Write the solutions; return rows of the wanted unknowns, for `given` rows."""
         zero = writer.sums([[]])[0]
         sides = [np.where(side < 0, zero, given[side]) for side in self.rights]
         return np.concatenate([self.fronts.write(writer, given, side)[: self.wanted] for side in sides])
@@ -98,7 +98,7 @@ class FrontalSolver:
 
 @dataclass(frozen=True)
 class _Code:
-    """Code of one kind of front, and what its results are, by local numbers."""
+    """Code of one kind of front, and its results, by local numbers."""
 
     forward: Kernel
     backward: Kernel
@@ -168,7 +168,7 @@ class _Place:
 
     @staticmethod
     def of(front: Front, entries: dict[tuple[int, int], list[int]], rights: dict[int, list[int]]) -> _Place:
-        """Find what a front reads; those of one key have one code."""
+        """Return the inputs of a front; fronts of one key share one code."""
         own = front.unknowns
         beside = [j for j in front.neighbours if any(_slot(i, j) in entries for i in own)]
         square = [entries.get(_slot(own[a], own[b]), []) for a in range(len(own)) for b in range(a, len(own))]
@@ -178,7 +178,7 @@ class _Place:
         return _Place(front, beside, [k for part in (square, across, sides) for x in part for k in x], key)
 
     def leave(self, code: _Code, entries: dict[tuple[int, int], list[int]], rights: dict[int, list[int]]) -> None:
-        """Leave what the front adds to its neighbours."""
+        """Add the contribution of the front to its neighbours."""
         value = self.first + len(code.beside) + len(self.front.unknowns)
         for i, j in code.left:
             entries.setdefault(_slot(self.beside[i], self.beside[j]), []).append(value)

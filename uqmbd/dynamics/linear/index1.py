@@ -74,7 +74,7 @@ def residuals(model: Model, states: Array, times: Array, parameters: Array) -> A
 
 
 def excess(model: Model, states: Array, time: Array | float, parameters: Array) -> tuple[Array, Array]:
-    """By what states (S, width) exceed the constraints: the least changes of coordinates and velocities that mend them.
+    """Return the violation of the constraints by states (S, width): least corrections of coordinates and velocities.
 
     To be subtracted, of shape (S, coordinate) each; the norm is that of the masses, and the error quadratic in the
     excess.
@@ -86,7 +86,7 @@ def excess(model: Model, states: Array, time: Array | float, parameters: Array) 
 
 
 def impulses(model: Model, states: Array, time: float, parameters: Array) -> Array:
-    """Jumps of velocities by which states come to move as the constraints want: ``M dv = D^T L``, ``D dv = -psi``.
+    """Return jumps of velocities that satisfy the constraints: ``M dv = D^T L``, ``D dv = -psi``.
 
     States (K, width) are on the constraints in position.  NaN where the system is singular.
     """
@@ -105,7 +105,7 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
 
 
 def solve_directly(system: System, values: Array, right: Array) -> Array:
-    """Solve each system with pivots of its own, for right-hand sides (K, size); NaN where it is singular."""
+    """Solve each system with separate pivots, for right-hand sides (K, size); NaN if it is singular."""
     if system.size > DENSE_LIMIT:
         return system.pattern.factorise(values).solve(right)
     return _lapack(system.matrix(values), right)

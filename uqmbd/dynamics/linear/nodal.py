@@ -30,7 +30,7 @@ class Nodal:
 
     @property
     def compiled(self) -> bool:
-        """Whether the systems are cheap enough for every stage of an explicit step."""
+        """Whether the systems cost little enough for every stage of an explicit step."""
         return self.library is None
 
 
@@ -137,7 +137,7 @@ def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | Non
 def _renumbered(
     operations: list[Operation], which: list[int], first: int, reads: list[int]
 ) -> tuple[dict[int, int], list[Operation]]:
-    """Take some operations by themselves: the new number of each value, those that are read first, and the operations.
+    """Extract some operations: the new number of each value, the values read first, and the operations.
 
     Operation k makes the value of number ``first + k``.
     """
@@ -167,12 +167,12 @@ def _outside(system: System, values: Index, right: Index, solution: Index) -> Ou
 
 
 def _by_superlu(system: System, values: Array) -> Callable[[Array], Array]:
-    """Factorise sparse matrices, of large mechanisms whose elimination cannot be compiled."""
+    """Factorise sparse matrices by SuperLU, for large mechanisms whose elimination cannot be compiled."""
     return system.pattern.factorise(values).solve
 
 
 def _by_lapack(system: System, values: Array) -> Callable[[Array], Array]:
-    """Invert dense matrices: of mechanisms whose elimination is too long to compile, at the start of an integration."""
+    """Invert dense matrices by LAPACK at the start of an integration, if the elimination is too long to compile."""
     matrix = system.matrix(values)
     # rows of light bodies are scaled up: the pivots see comparable numbers
     scale = np.abs(matrix).max(axis=2)

@@ -26,7 +26,7 @@ REGULAR = 1e-6
 """Smallest over largest singular value, after scaling, of a block that may be eliminated."""
 
 WIDE = 2
-"""Units go together whose degree is at most this multiple of the least."""
+"""Units whose degree is at most this multiple of the least are eliminated together."""
 
 LARGEST = 24
 """Unknowns of a block beyond which code without loops is no good."""
@@ -99,13 +99,13 @@ class _Graph:
         return sum(len(self.unknowns[w]) for w in self.beside[u])
 
     def regular(self, u: int) -> bool:
-        """Whether the block of a unit can be inverted, in all typical systems."""
+        """Return whether the block of a unit can be inverted, in all typical systems."""
         if u not in self.known:
             self.known[u] = _regular(self._block(u, u))
         return self.known[u]
 
     def eliminate(self, u: int) -> Front:
-        """Take a unit out."""
+        """Eliminate a unit."""
         others = sorted(self.beside.pop(u))
         block = self.blocks.pop((u, u))
         beside = np.concatenate([self.blocks.pop((u, w)) for w in others], axis=2) if others else None
@@ -125,7 +125,7 @@ class _Graph:
         return Front(self.unknowns.pop(u), neighbours, block)
 
     def merge(self, u: int, w: int) -> None:
-        """Make one unit of two neighbours."""
+        """Merge two neighbours into one unit."""
         others = (self.beside[u] | self.beside[w]) - {u, w}
 
         def joined(a: int, b: int) -> Array:

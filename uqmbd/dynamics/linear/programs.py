@@ -1,4 +1,4 @@
-"""What a state determines, as compiled programs: rates, accelerations, multipliers, and how far constraints are off."""
+"""Compiled programs of a state: rates, accelerations, multipliers, and residuals of the constraints."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Residual = Kernel | RowResiduals
 
 
 def _solution(solver: Solver, writer: ProgramWriter, given: Index) -> Index:
-    """Write a solution; rows of the wanted unknowns, for rows of what is given."""
+    """Write a solution; return rows of the wanted unknowns, for `given` rows."""
     if isinstance(solver, Kernel):
         return writer.call(solver, given[None]).ravel()
     return solver.write(writer, given)
@@ -43,12 +43,12 @@ class Programs:
     residual: Residual  # from these results and the solution to the residual of the system
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made anew."""
+        """Omit data that are derived again."""
         return {key: value for key, value in self.__dict__.items() if key != "others"}
 
     @cached_property
     def others(self) -> dict[Any, Any]:
-        """What else was made of the model, by whatever tells it apart."""
+        """Further objects made of the model, by key."""
         return {}
 
     def write_motion(self, model: Model, writer: ProgramWriter, arguments: Index, parameters: Index) -> MotionRows:
@@ -90,7 +90,7 @@ def _turning(model: Model) -> Index:
 
 
 def bodies_in_no_loop(bodies: int, links: list[set[int]]) -> Mask:
-    """Tell which bodies, shape (bodies,), are in no loop of links, nor between loops and the ground (-1).
+    """Return which bodies, shape (bodies,), are in no loop of links, nor between loops and the ground (-1).
 
     Ends of the tree are taken off until none is left.  A link of three bodies is never taken off.
     """
@@ -139,7 +139,7 @@ def programs_of(
         return writer, values, rates
 
     def surplus(writer: ProgramWriter, values: Index) -> tuple[Index, Index, list[int]]:
-        """Write residuals, and what is too much; rows of both, and where their steps begin and end."""
+        """Write residuals and their excess; return rows of both, and the begin and end of their steps."""
         ends = [len(writer.steps)]
         drift = model.evaluators["drift"].write(writer, arguments, parameters)
         found = []

@@ -1,4 +1,4 @@
-"""How well solutions satisfy large systems, row by row, so that what is compiled does not grow with the system."""
+"""Residuals of solutions of large systems, row by row, so that compiled code does not grow with the system."""
 
 from __future__ import annotations
 

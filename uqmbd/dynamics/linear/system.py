@@ -156,19 +156,19 @@ class System:
 
     @cached_property
     def pattern(self) -> SparsePattern:
-        """The same places, for sparse products and factorisations."""
+        """Sparsity pattern of these places, for sparse products and factorisations."""
         return SparsePattern(self.rows, self.columns, self.source, self.size)
 
 
 def _taken(values: Array, which: Index) -> Array:
-    """Take columns of values (K, value); -1: zero."""
+    """Return columns of values (K, value); -1: zero."""
     found, used = np.zeros((len(values), len(which))), which >= 0
     found[:, used] = values[:, which[used]]
     return found
 
 
 def index1_system(model: Model, typical: Array | None) -> System:
-    """Return the index-1 system of a model with kept equations.
+    """Return the index-1 system of a model with its independent equations.
 
     The order of elimination is chosen for `typical` results of the ``acceleration`` evaluator (S, result); None: LAPACK
     solves the systems.
@@ -274,6 +274,6 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
 
 
 def _rights(system: System, given: int) -> tuple[Index, Index, Index]:
-    """Right-hand sides of the motion, and of both projections, whose results come behind the `given` ones."""
+    """Return right-hand sides of the motion and of both projections, whose results follow the `given` ones."""
     place, move = np.where(system.drift < 0, -1, given + system.drift)
     return system.motion[None], place[None], move[None]

@@ -44,7 +44,7 @@ def unroll(
 
 
 def is_compilable(operations: list[Operation]) -> bool:
-    """Whether operations are not too many to be compiled."""
+    """Return whether few enough operations remain to be compiled."""
     return len(operations) <= LIMIT
 
 

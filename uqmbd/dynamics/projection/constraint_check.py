@@ -1,4 +1,4 @@
-"""Whether coefficients are on the projected constraints."""
+"""Check of coefficients against the projected constraints."""
 
 from __future__ import annotations
 

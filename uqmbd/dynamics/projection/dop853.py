@@ -17,7 +17,7 @@ SOLVED = 0.01
 """Accuracy of accelerations, over the tolerance of the integration."""
 
 WATCHED = 20
-"""How often somebody who watches is asked."""
+"""Number of calls of an observer."""
 
 
 def integrate_coefficients(

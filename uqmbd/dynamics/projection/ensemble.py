@@ -32,7 +32,7 @@ from uqmbd.typing import Array
 __all__ = ["ProjectedSystem", "ProjectedStart", "ProjectedEquations"]
 
 DRIFT = 1e-3
-"""Relative accuracy of what a step exceeds the constraints by."""
+"""Relative accuracy of the violation of constraints by a step."""
 
 
 class ProjectedSystem:
@@ -50,7 +50,7 @@ class ProjectedSystem:
 
     @property
     def compiled(self) -> bool:
-        """Whether a solution is cheap enough for every stage of an explicit step."""
+        """Whether a solution costs little enough for every stage of an explicit step."""
         return self.nodal.compiled
 
     @property
@@ -82,7 +82,7 @@ class ProjectedSystem:
         return found, rates
 
     def excess(self, state: Array, time: float, tolerance: float) -> tuple[Array, Array]:
-        """By what coefficients of coordinates and velocities (P, coordinate) exceed the projected constraints."""
+        """Return the violation of the projected constraints by coefficients of positions and velocities."""
         self.systems.tolerances(tolerance, tolerance)
         return self.systems.excess(time, state)
 
@@ -91,10 +91,10 @@ ORTHONORMAL = 1e-9
 """Error of products of the basis, under the rule, that counts as rounding."""
 
 CLOSED = 1e-8
-"""What may be left of a projected constraint at the start, over the size of the coordinates."""
+"""Allowed residual of a projected constraint at the start, over the size of the coordinates."""
 
 CORRECTIONS = 12
-"""Most Newton steps that put projected initial states on the projected constraints."""
+"""Most Newton steps that project initial coefficients onto the constraints."""
 
 JACOBIAN_NUMBERS = 2_000_000
 """Entries of nodal Jacobians (8 bytes each) whose singular values are computed at once."""
@@ -157,7 +157,7 @@ class ProjectedEquations:
 
     @property
     def collocates(self) -> bool:
-        """Whether there are as many terms as nodes, so that nothing is truncated."""
+        """Whether the numbers of terms and nodes are equal, so that nothing is truncated."""
         return bool(self.psi.shape[0] == self.psi.shape[1])
 
     def residual(self, time: float, coefficients: Array, rates: Array) -> Array:
@@ -203,7 +203,7 @@ class ProjectedEquations:
 
     @cached_property
     def start(self) -> ProjectedStart:
-        """Consistent initial coefficients: nodes assembled, projected, and put on the projected constraints."""
+        """Consistent initial coefficients: nodes assembled, projected, and moved onto the projected constraints."""
         nodal, time = self.ensemble.start, self.model.time
         state = self.adjoint @ nodal.state
         n, velocities = self.model.layout.coordinates, self.model.layout.velocities
@@ -230,7 +230,7 @@ class ProjectedEquations:
         return ProjectedStart(state, found[:, :n], found[:, n:], corrections)
 
     def accelerations(self, state: Array, time: float) -> tuple[Array, Array, Array]:
-        """Coefficients of accelerations, multipliers of the kept equations and rates of the auxiliary states."""
+        """Return coefficients of accelerations, multipliers of independent equations and rates of auxiliary states."""
         found, rates = self.coupled.solve(state, time, tolerance=1e-10)
         n = self.model.layout.coordinates
         return found[:, :n], found[:, n:], rates
@@ -258,7 +258,7 @@ class ProjectedEquations:
         return -self._excess(state, time)[1]
 
     def continued(self, ensemble: Ensemble, start: ProjectedStart) -> ProjectedEquations:
-        """Make the same projection of an ensemble at a later time, with coefficients to start from."""
+        """Return the same projection of an ensemble at a later time, with coefficients to start from."""
         other = copy(self)
         other.__dict__.update(ensemble=ensemble, model=ensemble.model, start=start, coupled=self.coupled)
         return other

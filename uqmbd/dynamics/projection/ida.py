@@ -46,7 +46,7 @@ class ImplicitResult:
 
 
 class CoefficientJacobian:
-    """Jacobian of the coefficients in whatever form IDA wants."""
+    """Jacobian of the coefficients in the form that IDA needs."""
 
     def __init__(self, projected: ProjectedEquations, kind: LinearSolver, counters: dict[str, float]) -> None:
         self.projected, self.counters = projected, counters
@@ -229,7 +229,7 @@ def _sum(a: dict[str, float], b: dict[str, float]) -> dict[str, float]:
 
 
 def _expanded(projected: ProjectedEquations, y: Array, frozen: Array) -> Array:
-    """Whole states (P, T, width) of unknowns (P, T, n); frozen coordinates have coefficients (P, frozen)."""
+    """Return whole states (P, T, width) of unknowns (P, T, n); frozen coordinates have coefficients (P, frozen)."""
     layout = projected.model.layout
     where = layout.slices
     result = np.zeros((*y.shape[:2], layout.width))

@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 __all__ = ["PhaseMotion", "PhaseRates", "require_phase"]
 
 PhaseRates = Callable[[Array, Array], Array]
-"""From times (K,) and states (K, width) of the nodes to the rates (K,) of their phases, rad/s."""
+"""Function of times (K,) and states (K, width) of the nodes that returns the rates (K,) of their phases, rad/s."""
 
 STEADY = 0.02
-"""Least rate of the phase at a node, over its mean one: below it the clock stands."""
+"""Least rate of the phase at a node, over its mean one: below it the clock has stopped."""
 
 SETTLED = np.pi / 2
 """Phase from which on the mean rate is known."""
 
 EXCESS = 1e-3
-"""Relative accuracy of what a step exceeds the constraints by."""
+"""Relative accuracy of the violation of constraints by a step."""
 
 OWN = 1e-13
 """Relative tolerance of the time, which grows: its absolute one holds."""
@@ -144,7 +144,7 @@ class PhaseMotion:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Steps, evaluations of the rates, and what the projected systems took."""
+        """Return steps, evaluations of the rates, and operations of the projected systems."""
         return {"steps": self._steps, "evaluations": self._evaluations, **self.projected.coupled.counters}
 
     def at(self, phases: Array) -> Array:
@@ -258,7 +258,7 @@ class PhaseMotion:
         return np.asarray(found.ravel())
 
     def _constrained(self, whole: Array) -> Array:
-        """Put coefficients on the projected constraints, which hold at equal phase."""
+        """Project coefficients onto the projected constraints, at equal phase."""
         times, _ = self._nodal(whole)
         found = whole.copy()
         with self.projected.coupled.systems.in_phase(times, np.ones(len(times))):

@@ -1,4 +1,4 @@
-"""How near projected constraint Jacobians are to singular: of some times at once, without their eigenvalues.
+"""Distance of projected constraint Jacobians from singularity, at several times at once, without eigenvalues.
 
 The projected Jacobian ``A_ij = sum_k adjoint_ik psi_kj d_k`` has P m rows; all eigenvalues of ``A A^T`` took half the
 time of a study.  The smallest one follows from products with the nodal Jacobians ``d_k`` alone, by the method of
@@ -31,7 +31,7 @@ SINGLE = 1e-3
 """Part of the largest eigenvalue from which single precision, of 1e-5 at worst, is enough to show that."""
 
 STEPS = 60
-"""Most steps; what has not converged by then is computed from the whole matrix."""
+"""Most steps; unconverged values are computed from the whole matrix."""
 
 MOST, KEPT = 12, 4
 """Vectors of a basis, and those that are left when it starts again."""
@@ -127,7 +127,7 @@ def _of_the_whole(jacobians: Array, psi: Array, adjoint: Array) -> float:
 
 
 def _bounded(jacobians: Array, psi: Array, adjoint: Array, bound: float) -> bool:
-    """Whether no eigenvalue of ``A A^T`` is below a bound."""
+    """Return whether no eigenvalue of ``A A^T`` is below a bound."""
     gram = _gram(*(x.astype(np.float32) for x in (jacobians, psi, adjoint)))
     if not bound > SINGLE * np.abs(gram).sum(axis=0).max():
         gram = _gram(jacobians, psi, adjoint)

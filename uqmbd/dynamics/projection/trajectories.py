@@ -1,4 +1,4 @@
-"""What the integration of a projected ensemble yields, and who watches it."""
+"""Results of the integration of a projected ensemble, and its observers."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class _EquilibriumSearch:
         self.parts = PARTS if carried.any() or len(layout.nonholonomic) else 1
 
     def run(self) -> None:
-        """Go to the equilibrium of each."""
+        """Iterate to the equilibrium of each realisation."""
         active = self.every
         for _ in range(ITERATIONS):
             now = self.rest.forces(active, self.q[active], self.s[active])
@@ -200,7 +200,7 @@ class _EquilibriumSearch:
         return self.length * step / np.maximum(1.0, np.maximum(turn, shift))[:, None], done
 
     def _advance(self, active: Index, now: Forces, step: Array, done: Mask) -> Mask:
-        """Take the steps, shortened where needed; tell which could be taken."""
+        """Take the steps, shortened if needed; return which could be taken."""
         moved: Mask = np.zeros(len(active), dtype=bool)
         expected = np.einsum("kn,kn->k", now.force, step)
         before = np.linalg.norm(now.within(now.force), axis=1)
@@ -223,7 +223,7 @@ class _EquilibriumSearch:
         return moved
 
     def _along(self, members: Index, now: Forces, step: Array) -> tuple[Array, Array, Array]:
-        """Follow the constraints in the direction of a step; what the forces do on the way.  NaN: they do not close."""
+        """Follow the constraints in the direction of a step; return the work of the forces. NaN: they do not close."""
         q0, s0 = self.q[members], self.s[members]
         rest = self.rest
 
@@ -263,7 +263,7 @@ class _EquilibriumSearch:
         return np.where(near, stated, s)
 
     def _follows_pose(self) -> Mask:
-        """Which auxiliary states change with the pose as their initial values do, up to whole turns."""
+        """Return which auxiliary states change with the pose as their initial values do, up to whole turns."""
         count, number = self.s.shape
         if not number:
             return np.zeros((count, 0), dtype=bool)

@@ -1,4 +1,4 @@
-"""What outputs take from modes: frequencies, damping ratios, and how far quantities of the pose move in them."""
+"""Outputs of modes: frequencies, damping ratios, and mode shapes of quantities of the pose."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class ModeMap:
         return result, reasons
 
     def _gradients(self, batch: Batch, states: Array, times: Array, owner: NDArray[np.int64]) -> Array:
-        """Return the derivatives of what moves by all coordinates, shape (S, quantity, coordinate)."""
+        """Return the derivatives of moving quantities by all coordinates, shape (S, quantity, coordinate)."""
         count, n = len(self.moving.names), batch.model.layout.coordinates
         found = observe(batch, self.moving, states, times, owner)[:, count:]
         return np.asarray(found.reshape(len(states), count, 2, n)[:, :, 0])

@@ -91,12 +91,12 @@ Solved = tuple[NDArray[np.complex128], NDArray[np.complex128]]
 
 
 def no_modes(coordinates: int) -> Solved:
-    """Return what a realisation without modes has."""
+    """Return the result of a realisation without modes."""
     return np.zeros(0, dtype=complex), np.zeros((1, 0, coordinates), dtype=complex)
 
 
 def gathered(each: Sequence[Solved]) -> Modes:
-    """Put the modes of realisations together."""
+    """Join the modes of realisations."""
     result = np.full((len(each), max((len(values) for values, _ in each), default=0)), complex(np.nan, np.nan))
     for k, (values, _) in enumerate(each):
         result[k, : len(values)] = values

@@ -1,4 +1,4 @@
-"""The equations of motion at rest, and their exact derivatives: what statics and linearisation are made of.
+"""The equations of motion at rest, and their exact derivatives, for statics and linearisation.
 
 The unknowns at rest, at one time, are the coordinates ``q``, the auxiliary states ``s`` and the multipliers ``lambda``
 of the stabilised index-2 form. Their equations are::
@@ -53,7 +53,7 @@ class Forces:
     settle: Array  # (K, k): change of the relaxing auxiliary states to their equilibrium
 
     def select(self, members: Index) -> Forces:
-        """Take some of the states."""
+        """Return the forces of some states."""
         return Forces(**{name: value[members] for name, value in vars(self).items()})
 
     def multipliers(self) -> Array:
@@ -107,7 +107,7 @@ class RestEquations:
             self.relaxing = np.diagonal(own, axis1=1, axis2=2) != 0
 
     def coordinates(self, q: Array) -> Array:
-        """Take the unknown coordinates from all of them, shape (K, n)."""
+        """Return the unknown coordinates from all of them, shape (K, n)."""
         return q[:, self.model.layout.free]
 
     def whole(self, members: Index, q: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How bodies go on in a steady motion: each turns with a frame of constant angular velocity, and spins in it.
+"""Continuation of a steady motion: each body turns with a frame of constant angular velocity, and spins in it.
 
 With the angular velocity ``W`` of the frame of a body and its spin ``sigma = R^T (omega - W)``, which is constant in
 the body, its rotation is ``exp(W t) R exp(sigma t)``; the velocity of its origin turns with a frame of angular velocity
@@ -27,7 +27,7 @@ PHASES = (0.0, 0.37, 1.13, 2.6)
 """Turns of a frame, rad, at which a steady motion is examined."""
 
 NONE = 1e-7
-"""Acceleration, as a part of the largest one, that is none but what Newton's method leaves."""
+"""Acceleration, over the largest one, that counts as zero: the remainder of Newton's method."""
 
 LEAST = 1e-9
 """Acceleration, m/s^2 or rad/s^2, that is none but rounding."""
@@ -166,7 +166,7 @@ def _angular(e: Array, rates: Array) -> Array:
 
 
 def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> Screws | str:
-    """Find how the bodies of one realisation go on if the motion is steady; or say why it is not."""
+    """Return the screws of the bodies of one realisation in a steady motion, or a message on why it is not steady."""
     row = parameters[None]
 
     def motion(x: Array, y: Array, z: Array, time: float) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
@@ -213,7 +213,7 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
 
 
 def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: float, floor: float) -> Array | None:
-    """Angular velocity of a frame in which a vector is constant whose rates are known; None: there is none.
+    """Return the angular velocity of a frame in which a vector of known rates is constant; None: there is none.
 
     One of the `known` ones if there is one that fits, the slowest first.
     """

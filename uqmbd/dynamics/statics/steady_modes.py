@@ -57,7 +57,7 @@ CHANGING = (
 
 @dataclass(frozen=True)
 class _SteadyInstant:
-    """Exact derivatives of the equations at one time of a steady motion, and how its bodies stand."""
+    """Exact derivatives of the equations at one time of a steady motion, and the poses of its bodies."""
 
     after: float
     blocks: dict[str, Array]
@@ -133,7 +133,7 @@ def _arguments(time: float, q: Array, s: Array) -> Array:
 
 
 def _carried(one: Batch, screws: Screws, start: _SteadyInstant) -> NDArray[np.bool_]:
-    """Which auxiliary states only follow the bodies: their value is one of the pose, up to whole turns."""
+    """Return which auxiliary states only follow the bodies: their value is one of the pose, up to whole turns."""
     model = one.model
     carried: NDArray[np.bool_] = ~((start.blocks["sq"] != 0).any(axis=1) | (start.blocks["ss"] != 0).any(axis=1))
     if carried.all():
@@ -180,13 +180,13 @@ def _seen(one: Batch, instant: _SteadyInstant, frames: list[Array]) -> tuple[Arr
 
 
 def _seen_gradient(instant: _SteadyInstant, s: Array) -> Array:
-    """Gradient of the equations of positions by what is seen; zero where only rounding is left, as of unit lengths."""
+    """Return the gradient of the equations of positions by observed quantities, with rounding set to zero."""
     found: Array = instant.gradient @ s
     return np.where(np.abs(found) > ROUNDING * (np.abs(instant.gradient) @ np.abs(s)), found, 0.0)
 
 
 def _moves(one: Batch, start: _SteadyInstant, frames: list[Array]) -> list[bool]:
-    """Which bodies have freedom to move."""
+    """Return which bodies can move."""
     s, *_ = _seen(one, start, frames)
     basis = scipy.linalg.null_space(_seen_gradient(start, s), rcond=1e-9)
     blocks = np.abs(basis).reshape(len(one.model.bodies), -1)
@@ -199,7 +199,7 @@ Pencil = tuple[dict[str, Array], float, list[Array]]
 def _constant(
     one: Batch, instants: list[_SteadyInstant], frames: list[Array], carried: NDArray[np.bool_]
 ) -> Pencil | None:
-    """Coefficients, their size, and what moves at each time, ``S N``; if the coefficients are the same at all times."""
+    """Return coefficients, their size, and moving quantities at each time, ``S N``; None if coefficients change."""
     basis: Array | None = None
     first: dict[str, Array] = {}
     sizes: dict[str, float] = {}
@@ -267,7 +267,7 @@ def _coefficients(
 
 
 def _solved(found: dict[str, Array], size: float) -> Pairs | str:
-    """Eigenvalues, one of each pair, sorted, and what ``y`` is in their modes."""
+    """Return eigenvalues, one of each pair, sorted, and ``y`` in their modes."""
     m, c, k, f, a, b, e = (found[name] for name in "mckfabe")
     n, r = len(m), len(e)
     values, directions = np.linalg.eigh(found["z"])

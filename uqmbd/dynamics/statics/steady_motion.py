@@ -1,4 +1,4 @@
-"""Steady motions of realisations: every body goes on as on a screw, and the mechanism keeps its shape.
+"""Steady motions of realisations: every body follows a screw, and the mechanism keeps its shape.
 
 Newton's method finds the pose: velocities follow from a pose by `solve_steady_speeds`, accelerations from these along
 the motion, and the residual forces within the constraints must vanish.  What was found is
@@ -29,13 +29,13 @@ from uqmbd.typing import Array, Index, Mask
 __all__ = ["SteadyMotions", "steady_motions"]
 
 WINDOW = 10.0
-"""Time from the start on over which drivers and loads are looked at, s, at least."""
+"""Least time after the start over which drivers and loads are examined, s."""
 
 TURNS = 3.0
-"""The same in turns of what turns fastest."""
+"""The same in turns of the fastest body."""
 
 SAMPLES = 16
-"""Times of this window that are looked at; their distances grow, so that no period goes unseen."""
+"""Times of this window that are examined; their distances grow, so that no period is missed."""
 
 EVEN = 1e-7
 """Part of the change of a prescribed function by which it may depart from a straight line."""
@@ -55,7 +55,7 @@ def later_times(model: Model, parameters: Array, fastest: float) -> Array:
 
 
 def uneven_driver(ensemble: Batch, k: int) -> str:
-    """Say which driver of a realisation has a speed that is not constant from the start on; empty: none."""
+    """Return a message on a driver of a realisation whose speed is not constant after the start; empty: none."""
     model = ensemble.model
     prescribed = model.prescribed
     if prescribed is None or not prescribed.owners:
@@ -116,7 +116,7 @@ class SteadyMotions:
     messages: tuple[str, ...]  # empty where a steady motion was found, else the reason
 
     def select(self, members: Index) -> SteadyMotions:
-        """Take those of some realisations."""
+        """Return the motions of some realisations."""
         screws, messages = ([x[k] for k in members] for x in (self.screws, self.messages))
         return SteadyMotions(self.q[members], self.s[members], self.v[members], tuple(screws), tuple(messages))
 
@@ -155,7 +155,7 @@ def steady_motions(ensemble: Batch) -> SteadyMotions:
 
 
 def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[Screws | None]) -> str:
-    """Take a state of a realisation for a steady motion if it is one; else say what is not steady."""
+    """Accept a state of a realisation as a steady motion, or return a message on the unsteady quantity."""
     found = screws_of(ensemble.model, q[k], s[k], v[k], ensemble.parameters[k])
     if isinstance(found, str):
         return found
@@ -166,7 +166,7 @@ def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[
 
 
 def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
-    """Say what is wrong with a steady motion at other times; empty: nothing."""
+    """Return a message on a deviation from a steady motion at other times; empty: none."""
     layout, row = model.layout, parameters[None]
     why = _changing(model, screws, parameters)
     if why:
@@ -193,7 +193,7 @@ def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
 
 
 def _changing(model: Model, screws: Screws, parameters: Array) -> str:
-    """Say which driver or load does not let a steady motion go on later, when nothing turns fast; empty: none."""
+    """Return a message on a driver or load that ends a steady motion later, if nothing turns fast; empty: none."""
     after = later_times(model, parameters, screws.fastest)
     times, rows = model.time + after, np.repeat(parameters[None], len(after), axis=0)
     states = [screws.at(x) for x in after.tolist()]
@@ -350,7 +350,7 @@ def _counted(model: Model, q: Array, s: Array, moved: Array, parameters: Array) 
 
 
 def _closed(model: Model, q: Array, s: Array, step: Array, parameters: Array) -> tuple[Array, Array]:
-    """Take steps, and close the constraints again by the least change; NaN where they do not close."""
+    """Take steps, and close the constraints by the least change; NaN if they do not close."""
     x, y, kept = q + step, s, model.layout.independent_holonomic
     for _ in range(12):
         y = s + _counted(model, q, s, x, parameters)

@@ -18,7 +18,7 @@ __all__ = ["ORDERS", "flow", "solve_steady_speeds", "twists"]
 
 
 ORDERS = (("bodies", "ground"), ("ground", "bodies"))
-"""Which relative motions vanish first."""
+"""Order in which relative motions vanish."""
 
 RANK = 1e-9
 """Relative size below which a singular value counts as zero."""

@@ -1,4 +1,4 @@
-"""Outputs without a time: modes about rest or steady motion, values there, and what an integration yields."""
+"""Outputs without a time: modes about rest or steady motion, values there, and results of an integration."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
 
 LASTING = ("rest", "lift-off", "stick", "slip")
-"""Labels of what happens in a contact that lasts."""
+"""Labels of events of a persistent contact."""
 
 LETTERS = ("_m", "_n", "_e", "_s", "_u", "_x")
 """Arguments of the kernel of outputs, in order: modal, motion, resting, steady, summed, inputs."""
 
 CHANGES = 1e-5
-"""Part of a value by which it may change in a steady motion, to rounding and what Newton's method leaves."""
+"""Share by which a value may change in a steady motion, by rounding and Newton's method."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class ScalarMap:
         return self.summed.needs_dense_output
 
     def of_events(self, output: int) -> bool:
-        """Whether times of events are in an output, by number."""
+        """Return whether times of events are in an output, by number."""
         first = len(self.modal.values)
         return any(first <= argument < first + len(self.motion) for argument in self.reaching[output])
 
@@ -189,7 +189,7 @@ def scalar_map(
 
 
 def _late(expression: sympy.Expr) -> str:
-    """Say of an output that something in it does not happen."""
+    """Return a message on the missing event of an output."""
     events = sorted(map(str, expression.atoms(EventTime)))
     one = len(events) == 1 and not expression.atoms(FirstTime)
     return f"{f'the event {events[0]!r}' if one else 'it'} does not happen until the last output time"
@@ -334,7 +334,7 @@ def _on_the_way(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
 
 
 def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tuple[Array, list[str]]:
-    """Evaluate expressions in steady motions, shape (K, expression), and say which of them change on the way."""
+    """Evaluate expressions in steady motions, shape (K, expression); also return which change along the motion."""
     values, reasons = np.full((len(ensemble), len(steady.names)), np.nan), [""] * len(ensemble)
     for k, screws in enumerate(motions.screws):
         if screws is None:

@@ -1,4 +1,4 @@
-"""What sums a motion up, found on the motion between the output times: extremes, integrals, first times, margins."""
+"""Summaries of a motion between the output times: extremes, integrals, first times, margins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an expression along a motion is no finite real number, or cannot be resolved.
+"""Places along a motion at which an expression is no finite real number, or cannot be resolved.
 
 Values at the places of parts show most of that, but not all.  What is computed from an expression may be real where the
 expression is not, as the square of a root; a pole is between two places, and a gap may be narrower than their distance.
@@ -72,10 +72,10 @@ def _growth(e: sympy.Expr) -> tuple[list[sympy.Expr], sympy.Expr] | None:
 
 
 INTEGRAL = 3
-"""What parts are resolved for (`Need.kind`): everywhere alike."""
+"""Kind of parts that are resolved (`Need.kind`): equally everywhere."""
 
 ROUNDS = 20
-"""How often the place of a zero is enclosed more narrowly: to rounding."""
+"""Most rounds that narrow the place of a zero: to rounding."""
 
 OCTAVES = 36
 """Halvings of the distance at which an expression is followed towards the zero of a part."""
@@ -93,7 +93,7 @@ CHANGE = 1e-12
 """Change, as a part of the values, that is none: rounding."""
 
 DEEPEST = 40
-"""Divisions after which a part is taken as it is: as in ``parts.c``."""
+"""Divisions after which a part is accepted: as in ``parts.c``."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Domain:
 
     @property
     def needs(self) -> list[Need]:
-        """What has to be resolved."""
+        """Quantities that have to be resolved."""
         return [] if self.parts is None else [Need(INTEGRAL, 0.0, k) for k in range(len(self.parts.names))]
 
 
@@ -209,7 +209,7 @@ def _fine(parts: StepParts, column: int, which: Index) -> Array:
 
 @dataclass(frozen=True)
 class _Zeros:
-    """Where a part is zero, (Z,) each: of which realisation, in which step, where in it, s, and how far it is known."""
+    """Zeros of a part, (Z,) each: realisation, step, place in the step, s, and its accuracy."""
 
     number: Index
     step: Index
@@ -222,7 +222,7 @@ class _Zeros:
 
 
 def _zeros(motion: SteppedMotion, domain: Domain, column: int, parts: StepParts, slack: Array) -> _Zeros:
-    """Find where a part is zero, or comes as near to it as its own error: in order of time of each realisation."""
+    """Return the zeros of a part, within its error, in order of time of each realisation."""
     assert domain.parts is not None
     near = slack[parts.number]
     which = np.flatnonzero((parts.of("least", column) <= near) & (parts.of("most", column) >= -near))
@@ -269,7 +269,7 @@ def _unbounded_since(motion: SteppedMotion, outputs: OutputMap, column: int, zer
 
 
 def _unbounded(motion: SteppedMotion, outputs: OutputMap, column: int, zeros: _Zeros, side: float) -> Array:
-    """Tell at which zeros of a part an expression has no finite limit from one side, shape (Z,)."""
+    """Return at which zeros of a part an expression has no finite limit from one side, shape (Z,)."""
     course, count = motion.course, len(zeros.step)
     extent = course.last[zeros.step] - course.begin[zeros.step]
     end = np.where(extent > 0, (course.end - course.begin)[zeros.step] / np.where(extent > 0, extent, 1.0), 1.0)

@@ -69,11 +69,11 @@ class SteppedMotion:
 
 
 STEPS = ("owner", "begin", "end", "last", "kept")
-"""What a course says of each step, but where its states stand."""
+"""Data of each step of a motion, except the place of its states."""
 
 
 def motion_of(batch: Batch, path: RecordedSteps, members: Index, time: float, states: Array) -> SteppedMotion:
-    """Return the motion of some realisations (ascending numbers) from recorded steps; what was recorded later holds.
+    """Return the motion of some realisations (ascending numbers) from recorded steps; later steps replace earlier ones.
 
     Those without steps, as there is one time only, stay in their `states` (K, width) at a time.
     """

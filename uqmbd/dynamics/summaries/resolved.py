@@ -32,31 +32,31 @@ SHY = 1e-6
 """Part of a part that is left before a time at which an output is no finite real number any more."""
 
 SURPRISE = 0.3
-"""Part of the last four coefficients of a polynomial by which values between its points may be beside it: those of a
-smooth output are less, and what only one of its points shows is more."""
+"""Share of the last four coefficients of a polynomial by which values between its points may deviate. Smooth outputs
+stay below, and a peak at only one point exceeds it."""
 
 ROUGH = 6
-"""Divisions after which a part may be taken as it is, as nothing makes it better: as in ``parts.c``."""
+"""Divisions after which a part may be accepted, because further ones do not improve it: as in ``parts.c``."""
 
 FINEST = 1 / 4096
-"""Part of the whole time within which an output of time alone is looked at in eight points: no step of an integrator
-shows how fast it changes."""
+"""Share of the whole time within which an output of time alone is sampled at eight points: the steps of an integrator
+do not show its rate."""
 
 LONGEST = 1 / 64
-"""Part of the whole time that a part lasts at most: what an output does for a moment shows in some of its points."""
+"""Longest part, over the whole time, so that short changes of an output occur at some of its points."""
 
 
 SLOW = 4 / LONGEST
-"""Rate times whole time up to which such an output is not looked at: no part is longer than four radians then, and the
-coefficients of its polynomial show all that it does."""
+"""Rate times whole time up to which such an output is not sampled. No part then exceeds four radians, which the
+coefficients of its polynomial resolve."""
 
 VALUES_AT_ONCE = 1 << 18
-"""Numbers of a look at once, which bounds the memory."""
+"""Numbers that are evaluated at once, which bounds the memory."""
 
 
 @dataclass(frozen=True)
 class TimedOutputs:
-    """Outputs of time and inputs alone, whose rate of change no state determines."""
+    """Outputs of time and inputs alone, whose rate of change does not depend on the state."""
 
     outputs: OutputMap
     rates: OutputMap | None  # bounds on their rate of change, rad/s, of inputs alone; None: unknown
@@ -83,12 +83,12 @@ class StepParts:
 
     @cached_property
     def owner(self) -> Index:
-        """Of which realisation each is, shape (E,); ascending."""
+        """Realisation of each part, shape (E,), ascending."""
         return self.table.course.owner[self.table.step[self.order]]
 
     @cached_property
     def deep(self) -> Index:
-        """Numbers of those that were divided so often that they may have been taken as they are."""
+        """Numbers of parts that were divided so often that they may have been accepted unresolved."""
         return np.flatnonzero(self.table.depth[self.order] > ROUGH)
 
     @cached_property
@@ -118,7 +118,7 @@ class StepParts:
         return np.cumsum(np.diff(self.owner, prepend=self.owner[:1]) != 0)
 
     def of(self, name: str, column: int, which: Index | slice = slice(None)) -> Array:
-        """Return what is known of one output in some parts, by its name in the table."""
+        """Return data of one output in some parts, by its name in the table."""
         found: Array = getattr(self.table, name)[self.order[which], column]
         return found
 
@@ -128,7 +128,7 @@ class StepParts:
         return FittedPolynomials(column, self.order, table.begin, table.end, table.values, table.coefficients)
 
     def time(self, which: Index, places: Array) -> Array:
-        """Tell the times of places from -1 to 1 in some parts, s."""
+        """Return the times of places from -1 to 1 in some parts, s."""
         return self.begin[which] + 0.5 * (1 + places) * (self.end[which] - self.begin[which])
 
 
@@ -179,7 +179,7 @@ def _initial_parts(course: StepHistory) -> tuple[Index, Array, Array]:
 def _divide_timed(
     motion: SteppedMotion, timed: TimedOutputs, step: Index, low: Array, high: Array, share: float
 ) -> tuple[Index, Array, Array]:
-    """Divide parts on which outputs of time alone do what their polynomials do not show: of which step, from, to."""
+    """Divide parts in which outputs of time alone deviate from their polynomials: step, begin, end."""
     course = motion.course
     owner = course.owner[step]
     turns = np.append(np.flatnonzero(np.diff(owner, prepend=-1)), len(owner))

@@ -1,4 +1,4 @@
-"""What sums a motion up: extremes, integrals, last values and first times, of each realisation by itself.
+"""Summaries of motions: extremes, integrals, last values and first times, separately for each realisation.
 
 Integrals along a motion, and when a value is first reached.
 """
@@ -76,7 +76,7 @@ def _first_times(parts: StepParts, column: int) -> Array:
 
 
 AT_ONCE = 128
-"""Realisations whose motions are held at once."""
+"""Realisations whose motions are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class SummaryMap:
 
     @cached_property
     def needs(self) -> list[Need]:
-        """What has to be resolved."""
+        """Quantities that have to be resolved."""
         every = zip(self.kinds, self.columns, strict=True)
         return list(dict.fromkeys(Need(*_NEEDS[kind], column) for kind, column in every if kind in _NEEDS))
 
@@ -106,7 +106,7 @@ _EXTREMES = {"maximum": (1.0, 0), "minimum": (-1.0, 0), "time_of_maximum": (1.0,
 """Sign, and whether it is the value or the time."""
 
 LARGEST, SMALLEST, SO_FAR, INTEGRAL, REACHED = range(5)
-"""What an expression is resolved for (`Need.kind`)."""
+"""Purposes for which an expression is resolved (`Need.kind`)."""
 
 _NEEDS = {
     "maximum": (LARGEST, 0.0),
@@ -120,7 +120,7 @@ _NEEDS = {
 
 
 def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], OutputMap]) -> SummaryMap:
-    """Compile what is summed up; `compiled` makes a map of outputs."""
+    """Compile the summarised expressions; `compiled` makes a map of outputs."""
     ending = [s for s in found if s.kind == "final"]
     expressions = list(dict.fromkeys(s.summed for s in found if s.kind != "final"))
     last = list(dict.fromkeys(s.summed for s in ending))

@@ -80,7 +80,7 @@ def _require_listed(component: type[Declared]) -> None:
 
 
 def _is_frame(kind: Any) -> bool:
-    """Whether an annotation is that of a body, `NamedFrame`, as an object or as text."""
+    """Return whether an annotation is that of a body, `NamedFrame`, as an object or as text."""
     text = kind if isinstance(kind, str) else getattr(kind, "__name__", "")
     return text.strip("'\" ").rpartition(".")[2] == NamedFrame.__name__
 

@@ -93,7 +93,7 @@ class _Watched(Local):
 
 
 def _is_stated(component: Component, parameter: Parameter) -> bool:
-    """Whether a parameter that may be left out was given a value other than 0, None and its default."""
+    """Return whether a parameter that may be left out was given a value other than 0, None and its default."""
     if parameter.required or parameter.name not in component.given:
         return False
     value = component.values.get(parameter.name)

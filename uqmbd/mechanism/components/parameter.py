@@ -205,19 +205,19 @@ class Parameter(Generic[Given]):
         return tuple(x for x in self.choices if not isinstance(x, type))
 
     def offers(self, value: Any) -> bool:
-        """Whether an option can have a value."""
+        """Return whether an option can have a value."""
         types = tuple(x for x in self.choices if isinstance(x, type))
         same = any(isinstance(value, type(x)) and value == x for x in self.words)
         return not self.choices or same or isinstance(value, types)
 
     def allows(self, value: float) -> bool:
-        """Whether a number lies in the range."""
+        """Return whether a number lies in the range."""
         if self.exclusive:
             return self.minimum < value < self.maximum
         return self.minimum <= value <= self.maximum
 
     def fits(self, space: Space) -> bool:
-        """Whether the parameter makes sense in a space."""
+        """Return whether the parameter makes sense in a space."""
         return space.dimension >= self.dimensions
 
     def size(self, space: Space) -> int:

@@ -151,7 +151,7 @@ def _over_time(margin: sympy.Expr) -> sympy.Expr:
 
 
 def _bounds(margin: sympy.Expr) -> int:
-    """Tell which side a margin is known to be on where a time in it is later than the motion: 1 above, -1 below.
+    """Return which side a margin is known to be on where a time in it is later than the motion: 1 above, -1 below.
 
     0: it has several, or is not linear in the one that it has.
     """

@@ -277,7 +277,7 @@ class _Walk:
         )
 
     def _explained(self, dimensions: list[Dimension]) -> bool:
-        """Whether numbers that are 1, and are not seen, may make dimensions alike."""
+        """Return whether numbers that are 1, and are not seen, may make dimensions alike."""
         ones = {PURE, *self.unseen()}
         products = {_sum_of(one, other) for one in ones for other in ones}
         reached = [{_sum_of(dimension, one) for one in products} for dimension in dimensions]

@@ -130,7 +130,7 @@ def nonnegative(e: sympy.Basic) -> bool:
 
 
 def positive(e: sympy.Basic) -> bool:
-    """Whether an expression is surely above zero, by its structure alone."""
+    """Return whether an expression is surely above zero, by its structure alone."""
     if e.is_number or not e.args:
         return bool(e.is_positive)
     if isinstance(e, sympy.Add):

@@ -162,11 +162,11 @@ class Sized:
         return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
 
     def _heavy(self, stage: Stage) -> bool:
-        """Whether independent samples, whose standard errors come from their moments, have a heavy tail."""
+        """Return whether independent samples, whose standard errors come from their moments, have a heavy tail."""
         return self.sizing.falls == "root" and self.sizing.extends and stage.usual_kind == "std"
 
     def _enough(self) -> bool:
-        """Whether no larger size is wanted."""
+        """Return whether no larger size is wanted."""
         last = self.stages[-1]
         if self.accuracy is None:
             return False
@@ -326,7 +326,7 @@ class Sized:
         return size
 
     def _why(self, left: RemainingBudget, size: int | None = None) -> str:
-        """Say that a budget ends it, and what it would take."""
+        """Return a message that a budget ends it, and what it would take."""
         last = self.stages[-1]
         if math.isinf(left.realisations) and math.isinf(left.seconds):
             return f"{self.sizing.option}={last.size} is the largest that is tried"

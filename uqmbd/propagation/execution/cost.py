@@ -62,7 +62,7 @@ class CostClock:
             self._recovered += seconds
 
     def knows(self, key: str) -> bool:
-        """Tell whether work was done or read in this run."""
+        """Return whether work was done or read in this run."""
         return key in self._known
 
     def done(self, key: str) -> None:

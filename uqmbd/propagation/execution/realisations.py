@@ -281,7 +281,7 @@ class Observed:
         self.failed += part.failures
 
     def take(self, values: Array, responses: Array) -> None:
-        """Take some of those offered, evenly spread, until there are enough for the realisations so far."""
+        """Select some of those offered, evenly spread, until there are enough for the realisations so far."""
         most = min(MOST, NUMBERS // max(1, responses[:1].size), self.counted // EACH)
         wanted = min(max(AGAIN, most) - len(self.values), len(values))
         for k in np.linspace(0, len(values) - 1, max(0, wanted)).round().astype(int).tolist():

@@ -226,7 +226,7 @@ def _tell(told: list[warnings.WarningMessage]) -> None:
 
 
 def _late(seen: Observed, why: str, *, few: bool) -> str:
-    """Say why an output that does not happen in some realisations has no statistics; `why`: what else went wrong."""
+    """Return why an output that does not happen in some realisations has no statistics; `why`: what else went wrong."""
     missing, counted = seen.missing[0], seen.counted
     if missing == counted:
         words = "it does not happen in any realisation until the last output time; take later times"

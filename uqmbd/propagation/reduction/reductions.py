@@ -222,7 +222,7 @@ class Reductions:
         return ReductionOrder(piece.first, self._function, self._arguments, *about)
 
     def _is_of(self, record: Record) -> bool:
-        """Tell whether the result of a record is that of the same function of the same arguments."""
+        """Return whether the result of a record is that of the same function of the same arguments."""
         return bool(record[0].get("asked") == self._asked)
 
     def _find_stored(self, piece: Piece) -> Handover | None:

@@ -141,7 +141,7 @@ def _thinned(edges: Array) -> Array:
 
 
 def _goes_on(law: AffineDistribution, end: float, sign: float, spread: float) -> bool:
-    """Whether the density goes on beyond the bound of chaospy, falling."""
+    """Return whether the density goes on beyond the bound of chaospy, falling."""
     at = law.pdf(end + sign * spread * np.array([-0.02, 0.0, 0.02, 0.2]))
     return bool(at[1] * spread < 1e-5 and np.all(np.diff(at) < 0) and at[-1] > 0)
 

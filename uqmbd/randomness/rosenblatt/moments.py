@@ -144,7 +144,7 @@ def _integrated(names: tuple[str, ...], transform: Transform, k: int) -> float:
 
 
 def _without_mean(transform: Transform, k: int) -> bool:
-    """Whether the tails of a component are too heavy for a mean, at any of some values of the others."""
+    """Return whether the tails of a component are too heavy for a mean, at any of some values of the others."""
     if transform.law.discrete[k]:
         return False
     for level in (0.05, 0.5, 0.95):

@@ -113,7 +113,7 @@ class Transform:
         return self.law.invertible
 
     def alone(self, k: int) -> bool:
-        """Whether a component depends on no other, and no other on it."""
+        """Return whether a component depends on no other, and no other on it."""
         return not self.law.given[k] and not any(k in given for given in self.law.given)
 
     def inverse(self, uniform: Array) -> Array:
@@ -156,7 +156,7 @@ class Transform:
         return cls(decoded_law(json.loads(text)))
 
     def flaw(self) -> str:
-        """Say why it is the transform of no distribution; empty where it is one.
+        """Return why it is the transform of no distribution; empty where it is one.
 
         Values must be finite and vary. Those of a component must increase with its uniform variable for all values of
         the others. The transform must map the values back to the uniform variables.

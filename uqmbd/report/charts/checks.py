@@ -17,7 +17,7 @@ __all__ = ["checked", "checked_chart"]
 
 
 def _encodable(text: str) -> bool:
-    """Tell whether a page can hold a text: halves of characters have no code in UTF-8."""
+    """Return whether a page can hold a text: halves of characters have no code in UTF-8."""
     return not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 

@@ -338,7 +338,7 @@ def axis_of(chart: Chart) -> Axis:
 
 
 def several(chart: Chart) -> bool:
-    """Tell whether a chart has places that a line joins, or needs none."""
+    """Return whether a chart has places that a line joins, or needs none."""
     along = chart.along
     standing = along is not None and (along.categories or chart.plane is not None or chart.boxes is not None)
     return standing or len(np.asarray(chart.places)) > 1

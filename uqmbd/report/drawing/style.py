@@ -59,7 +59,7 @@ def arranged_layout() -> Any:
 
 
 def is_arranged(figure: Figure) -> bool:
-    """Tell whether `arrange` has placed the axes of a figure."""
+    """Return whether `arrange` has placed the axes of a figure."""
     return isinstance(figure.get_layout_engine(), arranged_layout())
 
 
@@ -342,7 +342,7 @@ def line_width(k: int, count: int) -> float:
 
 
 def constant(low: float, high: float) -> bool:
-    """Tell whether values between these ends differ by rounding only."""
+    """Return whether values between these ends differ by rounding only."""
     return high - low <= 1e-9 * max(abs(low), abs(high))
 
 

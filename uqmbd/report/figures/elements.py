@@ -31,7 +31,7 @@ _BEYOND = 0.001
 
 
 def has_elements(node: xr.DataTree) -> bool:
-    """Tell whether a method split the germ space."""
+    """Return whether a method split the germ space."""
     return "chaos" in node.children and {"lower", "upper"} <= set(map(str, node.children["chaos"].data_vars))
 
 

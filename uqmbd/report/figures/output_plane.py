@@ -238,7 +238,7 @@ def over_output(results: Results, output: str, over: str, *, ax: Axes | None = N
 
 
 def is_function(node: xr.DataTree, output: str, over: str) -> bool:
-    """Tell whether every realisation of an output is a function of another one, so that bands over it are drawn."""
+    """Return whether every realisation of an output is a function of another one, so that bands over it are drawn."""
     return _is_function(_paths(node, output, over))
 
 
@@ -267,7 +267,7 @@ def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
 
 
 def _is_function(path: OutputPaths) -> bool:
-    """Whether the other output only grows, or only falls, in all realisations, and all pass common values."""
+    """Return whether the other output only grows, or only falls, in all realisations, and all pass common values."""
     steps = np.diff(path.x, axis=1)
     one_way = bool((steps > 0).all() or (steps < 0).all())
     return one_way and steps.shape[1] > 0 and bool(path.x.min(axis=1).max() < path.x.max(axis=1).min())

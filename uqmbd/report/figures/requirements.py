@@ -119,7 +119,7 @@ def _growing(found: Mapping[str, xr.Dataset]) -> list[str]:
 
 
 def _told(data: xr.Dataset, name: str) -> bool:
-    """Tell whether a method says how probably a requirement has been violated by each time, constant or not."""
+    """Return whether a method says how probably a requirement has been violated by each time, constant or not."""
     return "violated_by" in data and data.sizes.get("time", 0) > 1 and name in data["requirement"].values
 
 

@@ -70,7 +70,7 @@ class Indices:
 
 
 def has_indices(node: xr.DataTree) -> bool:
-    """Tell whether a method has Sobol' indices over time, of inputs or of germs."""
+    """Return whether a method has Sobol' indices over time, of inputs or of germs."""
     return _kind(node) is not None and "time" in node.children["statistics"].sizes
 
 

@@ -184,7 +184,7 @@ class NumberedEvent:
 
 
 def has_events(node: xr.DataTree) -> bool:
-    """Tell whether a method followed events, and there were any."""
+    """Return whether a method followed events, and there were any."""
     return bool(_followed(node))
 
 

@@ -63,7 +63,7 @@ def _output(rest: Array, allowed: Array, size: float) -> dict[str, Any]:
     owner = np.repeat(np.arange(elements), terms)[used]
 
     def lasting(count: int) -> bool:
-        """Tell whether what is left out beyond some components is little in every element, at every column."""
+        """Return whether what is left out beyond some components is little in every element, at every column."""
         out = (u[:, count:] * s[count:]) @ vt[count:]
         starts = np.flatnonzero(np.r_[True, np.diff(owner) > 0])
         return not len(out) or bool(np.add.reduceat(out**2, starts).max() <= TRUNCATED**2)

@@ -104,7 +104,7 @@ def motion_charts(study: Study) -> str:
 
 
 def too_large(study: Study) -> bool:
-    """Whether a study does not compute anything merely to be shown."""
+    """Return whether a study does not compute anything merely to be shown."""
     return len(study.times) * len(study.mechanism.bodies) > LARGE
 
 

@@ -251,7 +251,7 @@ def _judgements(nodes: Mapping[str, xr.DataTree], data: xr.Dataset) -> dict[str,
 
 
 def _varies(one: Judgement, moves: bool) -> bool:
-    """Tell whether there is a spread: a method that sees none, and does not agree, may miss it."""
+    """Return whether there is a spread: a method that sees none, and does not agree, may miss it."""
     return one.kind != NO_SPREAD and (moves or one.kind in (DIFFERS, UNDER_RESOLVED, FEW))
 
 
@@ -268,7 +268,7 @@ def _order(nodes: Mapping[str, xr.DataTree], data: xr.Dataset, advised: Iterable
 
 
 def _blind(nodes: Mapping[str, xr.DataTree], label: str) -> bool:
-    """Tell whether an output does not vary in a method that varies in another."""
+    """Return whether an output does not vary in a method that varies in another."""
     moves = {}
     for other, node in nodes.items():
         statistics = node.children["statistics"].to_dataset()

@@ -113,7 +113,7 @@ def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, fl
 
 
 def _reaches(data: xr.Dataset, where: Sequence[int]) -> bool:
-    """Whether results were there at all of some times: those of a method that ended early were not."""
+    """Return whether results were there at all of some times: those of a method that ended early were not."""
     return "time" not in data.sizes or max(where, default=0) < data.sizes["time"]
 
 

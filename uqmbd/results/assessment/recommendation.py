@@ -69,7 +69,7 @@ class _RatedMethod:
 
 
 def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
-    """Say that the time integration is too coarse for any recommendation, in a sentence, or nothing."""
+    """Return a message that the time integration is too coarse for any recommendation, in a sentence, or nothing."""
     shares = [
         (one, label)
         for label, node in nodes.items()
@@ -185,7 +185,7 @@ def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
 
 
 def _alone(methods: list[_RatedMethod], base: _RatedMethod) -> str:
-    """Say that no other method can be relied on: it differs, or it is not resolved well enough."""
+    """Return a message that no other method can be relied on: it differs, or it is not resolved well enough."""
     holed = any(m.unknown for m in methods)
     if any(m.kind == DIFFERS for m in methods) or holed:
         whole = " and has all statistics at all times" if holed else ""

@@ -398,7 +398,7 @@ class Surrogate(SurrogateContainer):
         return reasons_where_missing(found, reasons) if reasons else found
 
     def _why_unknown(self) -> dict[str, str]:
-        """Say why statistics may be NaN at some times, by output; of most surrogates they are not."""
+        """Return why statistics may be NaN at some times, by output; of most surrogates they are not."""
         return {}
 
     def to_xarray(

@@ -151,7 +151,7 @@ class Violations:
 
 
 def events(running: Array) -> NDArray[np.bool_]:
-    """Tell which events have happened by each time: requirements (K, R, T) violated, and of several, any of them.
+    """Return which events have happened by each time: requirements (K, R, T) violated, and of several, any of them.
 
     >>> events(np.array([[[1.0, -1.0], [2.0, 1.0]]])).tolist()
     [[[False, True], [False, False], [False, True]]]

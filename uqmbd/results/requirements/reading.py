@@ -74,7 +74,7 @@ class Answer:
         return side / self.probability if self.probability > 0 else math.inf
 
     def apart(self, other: Answer) -> bool:
-        """Whether the intervals of two methods have nothing in common."""
+        """Return whether the intervals of two methods have nothing in common."""
         return self.lower > other.upper or other.lower > self.upper
 
 
@@ -113,7 +113,7 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
 
 
 def meets(found: Collection[Answer], allowed: float) -> bool | None:
-    """Tell whether a requirement is met with 95 % confidence; None: not certain.
+    """Return whether a requirement is met with 95 % confidence; None: not certain.
 
     It is met if all methods say so, and not met if any says so and none says the contrary. Methods that do not know the
     probability do not count.

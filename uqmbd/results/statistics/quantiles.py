@@ -264,7 +264,7 @@ def first_rows(columns: int) -> int:
 
 
 def too_few(count: int) -> str:
-    """Say that there are too few samples."""
+    """Return a message that there are too few samples."""
     return f"Statistics need at least two successful samples; there are {count}."
 
 

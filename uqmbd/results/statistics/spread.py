@@ -57,7 +57,7 @@ def relative(values: Array, scale: Array, unknown: float) -> Array:
 
 @typechecked
 def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> NDArray[np.bool_]:
-    """Tell which outputs vary.
+    """Return which outputs vary.
 
     An output varies if its standard deviation exceeds three times the integration error. This must hold for the root
     mean square over time, or at more than a tenth of the times. The error is ``integration_error_rms``, the root mean
@@ -98,7 +98,7 @@ def varying(statistics: xr.Dataset, rtol: Annotated[float, Bounds(0)] = 0.0) -> 
 
 @typechecked
 def varies(node: xr.DataTree, output: str) -> bool:
-    """Tell whether an output of a method varies; see :func:`varying`.
+    """Return whether an output of a method varies; see :func:`varying`.
 
     Parameters
     ----------

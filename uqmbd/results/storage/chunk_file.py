@@ -37,7 +37,7 @@ def codecs(kind: str, chunk: tuple[int, ...]) -> dict[str, Any]:
 
 
 def same_codecs(about: Mapping[str, Any], kind: str, chunk: tuple[int, ...]) -> bool:
-    """Tell whether an array has these codecs, by its metadata."""
+    """Return whether an array has these codecs, by its metadata."""
     filters = [one["id"] for one in about["filters"] or []]
     return (about["compressor"] or {}).get("id") == "crc32" and filters == (["blosc"] if _small(kind, chunk) else [])
 

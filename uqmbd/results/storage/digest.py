@@ -120,7 +120,7 @@ def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
 
 
 def _has_mark(file: BinaryIO) -> bool:
-    """Whether a file, or what is left of it, was written with a digest."""
+    """Return whether a file, or what is left of it, was written with a digest."""
     marks = (MARK.encode(), _FORM.encode())
     file.seek(0)
     last = b""

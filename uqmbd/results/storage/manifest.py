@@ -64,7 +64,7 @@ def in_manifest(folder: Path) -> dict[str, str]:
 
 
 def has_manifest(folder: Path) -> bool:
-    """Tell whether a folder has a manifest, as that of a run has."""
+    """Return whether a folder has a manifest, as that of a run has."""
     return _read(folder / MANIFEST) is not None
 
 
@@ -98,7 +98,7 @@ def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *,
 
 
 def is_ours(folder: Path, name: str) -> bool:
-    """Tell whether what has a name is what uqmbd wrote there, whole and unchanged."""
+    """Return whether what has a name is what uqmbd wrote there, whole and unchanged."""
     noted = in_manifest(folder).get(name)
     if noted is None or ("/" in name and not _is_folder(folder / FIGURES)):
         return False
@@ -106,7 +106,7 @@ def is_ours(folder: Path, name: str) -> bool:
 
 
 def is_recognised(place: Path) -> bool:
-    """Tell whether a file or folder is a result, a report or a store of samples of uqmbd, by what is in it."""
+    """Return whether a file or folder is a result, a report or a store of samples of uqmbd, by what is in it."""
     try:
         if place.name.endswith(".zarr"):
             return _is_folder(place) and _is_store(place) and not foreign_in_store(place)
@@ -204,7 +204,7 @@ def _renamed(folder: Path, target: Path) -> Path:
 
 
 def _is_whole(place: Path) -> bool:
-    """Tell whether everything in a folder is noted in its manifest, and unchanged."""
+    """Return whether everything in a folder is noted in its manifest, and unchanged."""
     if not _is_folder(place) or _read(place / MANIFEST) is None:
         return False
     names = [name for name in os.listdir(place) if name != MANIFEST]

@@ -208,7 +208,7 @@ class SampleStore:
         return store
 
     def fits(self) -> bool:
-        """Tell whether what is in the folder has this layout and these axes, and can be opened."""
+        """Return whether what is in the folder has this layout and these axes, and can be opened."""
         try:
             about, coords = _opened(self.folder)
             return coords.equals(_coordinates(self.labels)) and all(self._fits(*found) for found in about.items())
@@ -216,7 +216,7 @@ class SampleStore:
             return False
 
     def _fits(self, name: str, found: dict[str, Any]) -> bool:
-        """Tell whether a variable has the layout that is written here."""
+        """Return whether a variable has the layout that is written here."""
         shape, chunk = self.shapes(name)
         layout = {"shape": list(shape), "chunks": list(chunk), "dtype": KINDS[name], "order": "C"}
         return found | layout == found and same_codecs(found, KINDS[name], chunk)

@@ -232,7 +232,7 @@ def _gated(
 
 
 def _verified(source: Path, *, whole: bool) -> bool:
-    """Tell whether a file is as uqmbd wrote it, by its digest or the manifest beside it; a damaged one is refused."""
+    """Return whether a file is as uqmbd wrote it, by its digest or the manifest beside it; a damaged one is refused."""
     with regular(source) as file:
         if check_digest(file, whole=whole):
             return True
@@ -247,7 +247,7 @@ def _verified(source: Path, *, whole: bool) -> bool:
 
 
 def not_verified(tree: xr.DataTree) -> bool:
-    """Tell whether a result was read from a file, or a folder, without a digest."""
+    """Return whether a result was read from a file, or a folder, without a digest."""
     return bool(tree.encoding.get("digest") == "not verified")
 
 

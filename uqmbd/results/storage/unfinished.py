@@ -113,7 +113,7 @@ def _check(place: Path) -> None:
 
 
 def _is_of_earlier_version(place: Path) -> bool:
-    """Tell whether a folder was made by a version that left no mark: by what a run notes there before all else."""
+    """Return whether a folder was made by a version that left no mark: by what a run notes there before all else."""
     try:
         with open(place / _ASKED, "rb", opener=no_link) as file:
             found = json.load(file)
@@ -210,7 +210,7 @@ def reopen(folder: Path) -> None:
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Tell whether an earlier run has left something to go on with."""
+    """Return whether an earlier run has left something to go on with."""
     return any(any((folder / name).glob("*/*")) for name in (FOLDER, _ENDED))
 
 

@@ -170,7 +170,7 @@ def _integration(method: Method) -> list[tuple[str, str]]:
 
 
 def _nothing(value: str) -> bool:
-    """Tell whether a counter has counted nothing: what did not happen needs no line."""
+    """Return whether a counter has counted nothing: what did not happen needs no line."""
     try:
         return float(value) == 0.0
     except ValueError:

@@ -182,7 +182,7 @@ def explore(result: StudyResult) -> Content | None:
 
 
 def _sampled(result: StudyResult) -> bool:
-    """Tell whether outputs are known by samples of inputs, of which a surrogate could be made."""
+    """Return whether outputs are known by samples of inputs, of which a surrogate could be made."""
     held = [one for method in result.methods.values() for one in (method, method.scalars) if one is not None]
     return any(one.samples is not None and one.samples.sizes.get("input", 0) and one.names for one in held)
 

@@ -148,7 +148,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
 
 
 def over_time(result: StudyResult, name: str) -> bool:
-    """Tell whether an output has two times, between which lines can be drawn."""
+    """Return whether an output has two times, between which lines can be drawn."""
     return max(method.of(name).sizes["time"] for method in result.holders(name).values()) > 1
 
 
