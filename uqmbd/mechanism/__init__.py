@@ -1,4 +1,4 @@
-"""What a user describes: mechanism, bodies, components, outputs.  Symbolic and declarative; no numbers are crunched."""
+"""The description of a mechanism: bodies, components, outputs. Symbolic and declarative; no numbers are crunched."""
 
 from __future__ import annotations
 

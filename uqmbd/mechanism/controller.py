@@ -31,7 +31,7 @@ class HeldSymbol(Symbolic, Symbol):
     index: int  # among the commands, then the states, of its controller
 
     def __new__(cls, owner: Controller, index: int, name: str) -> HeldSymbol:
-        """Name it, and remember what it stands for."""
+        """Make a symbol with its meaning."""
         self: HeldSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.index = owner, index
         self.units = dict(enumerate(owner.commands.values())).get(index, "")
@@ -230,7 +230,7 @@ class Controller:
 
 
 class HeldStates(Component):
-    """What a controller holds between samples, as auxiliary states whose rates vanish."""
+    """Values of a controller between samples, as auxiliary states whose rates vanish."""
 
     bodies = ()
     offered = True
@@ -241,7 +241,7 @@ class HeldStates(Component):
         self.values = {"start": controller.values}
 
     def terms(self, p: Local) -> list[Auxiliary]:
-        """Hold every command and every state."""
+        """Return a constant state for every command and every controller state."""
         return [Auxiliary(p.state(str(k)), 0, x) for k, x in enumerate(p.start)]
 
     def reaction_point(self, p: Local) -> sympy.Matrix:

@@ -1,4 +1,4 @@
-"""Mechanisms that are read from files of other programs, with what was not taken from them."""
+"""Mechanisms that are read from files of other programs, with a list of omissions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uqmbd.plugins import reader
 __all__ = ["ImportedJoint", "ImportedMechanism", "Omission", "Omissions", "from_mjcf", "from_urdf"]
 
 NAMED = 4
-"""As many names of a row are shown."""
+"""Most names of a row that are shown."""
 
 
 @typechecked
@@ -77,7 +77,7 @@ class ImportedJoint:
 
     @property
     def margin(self) -> sympy.Expr | None:
-        """How far it is from the nearer one of its limits, negative beyond; None where it has none."""
+        """Distance from the nearer limit, negative beyond; None without limits."""
         if self.limits is None or self.position is None:
             return None
         low, high = self.limits
@@ -87,7 +87,7 @@ class ImportedJoint:
 @typechecked
 @dataclass(frozen=True)
 class Omission:
-    """What a file says and the mechanism does not, or says otherwise.
+    """A part of a file that the mechanism omits or changes.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Omission:
 
     @property
     def count(self) -> int:
-        """As many there are."""
+        """Number of such parts."""
         return len(self.names)
 
     @property
@@ -124,7 +124,7 @@ class Omission:
 
 @typechecked
 class Omissions(Sequence[Omission]):
-    """A table of what was not taken from a file, which prints itself.
+    """A table of omissions and changes of an import, which prints itself.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def from_mjcf(
 
 
 def _read(form: str, path: Any, **options: Any) -> ImportedMechanism:
-    """Let the reader of a format do it."""
+    """Call the reader of a format."""
     where = f"from_{form}"
     if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
         raise StudyError(f"{where}: path is {shown(path)}; expected the path of a file, a text or pathlib.Path.")

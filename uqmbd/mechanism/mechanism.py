@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 
 class Mechanism:
-    """Bodies that are joined, driven and loaded, and what is to be observed of them.
+    """Bodies, their joints, drivers and loads, and the outputs of their motion.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Mechanism:
         """Limits to stay within."""
         self.margins: dict[str, Output] = {}
         self.conditions: dict[str, StartCondition] = {}
-        """What holds at the start."""
+        """Start conditions by text."""
         self.effective: dict[Hashable, frozenset[str]] = {}
         """Parameters that have an effect, for classes of components with their options."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
@@ -282,7 +282,7 @@ class Mechanism:
 
     @checked
     def start(self, condition: Any, value: Any = None) -> None:
-        """State what holds where every realisation starts, and only there.
+        """Add a start condition, which every realisation meets at its start only.
 
         Conditions of positions are closed together with the joints: from the drawn pose the mechanism is moved until
         they hold, and what they leave open moves as little as possible.  Angles are followed on the way, so that
@@ -382,7 +382,7 @@ class Mechanism:
 
     @typechecked
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what `make` made when `key` was last asked for, unless the mechanism has changed since.
+        """Return the stored result of `make` for a key, unless the mechanism has changed since.
 
         Parameters
         ----------
@@ -491,7 +491,7 @@ class Mechanism:
         return {variable for value in values for variable in random_variables(value)} | self.moving_inputs()
 
     def _control(self, controller: Controller) -> None:
-        """Add a controller; what its names of outputs mean is looked up when the equations are made."""
+        """Add a controller; the names of measured outputs are resolved when the equations are made."""
         if self.controllers.get(controller.name) is controller:
             raise StudyError(f"{controller.where}: it has been added to mechanism {self.name!r} already.")
         require_free(self, controller.name, controller.where)
@@ -503,7 +503,7 @@ class Mechanism:
         return html_of(self)
 
     def __copy__(self) -> Mechanism:
-        """Copy what it consists of, so that the copy may have other outputs; bodies and components are shared."""
+        """Return a copy that may have other outputs; bodies and components are shared."""
         other = object.__new__(type(self))
         kept = {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
         other.__dict__.update({**kept, "_memory": {}})

@@ -1,4 +1,4 @@
-"""A body made of what its user states of it, checked."""
+"""Construction of a body from its checked arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UNITS = {
     "mass": "kg", "inertia": "kg m^2", "com": "m", "position": "m", "angle": "rad", "quaternion": "1", "rotation": "1",
     "velocity": "m/s", "angular_velocity": "rad/s",
 }  # fmt: skip
-"""What the numbers of a body are in."""
+"""Units of the numbers of a body."""
 
 
 def make_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:

@@ -39,7 +39,7 @@ def prepare_component(mechanism: Described, given: Any) -> Component:
 
 
 def _require_component(mechanism: Described, given: Any) -> Component:
-    """Return what is to be added; raise unless it is a component that makes sense in the space of a mechanism."""
+    """Return a component to add; raise unless it is one that is possible in the space of a mechanism."""
     if isinstance(given, type) and issubclass(given, Component):
         raise StudyError(
             f"mechanism {mechanism.name!r}: add() was given the class {given.__name__}; "

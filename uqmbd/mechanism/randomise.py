@@ -1,4 +1,4 @@
-"""Numbers of a mechanism that is there already become random, chosen by the pattern of their names."""
+"""Random numbers of an existing mechanism, selected by patterns of their names."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LISTED = 40
 
 @dataclass(frozen=True)
 class RandomisedQuantity:
-    """A number, a vector or an inertia of a body or a component, and what its values may be."""
+    """A number, a vector or an inertia of a body or a component, and its admissible values."""
 
     owner: str
     key: str
@@ -42,7 +42,7 @@ class RandomisedQuantity:
     maximum: float = math.inf
     stated: bool = True
     unused: bool = False
-    """Whether nothing depends on it, with the options of its component."""
+    """Whether the number has no effect, with the options of its component."""
 
     @property
     def name(self) -> str:
@@ -80,7 +80,7 @@ class VariationLaw:
 
     @property
     def scales(self) -> bool:
-        """Whether what is zero stays zero."""
+        """Whether zero remains zero."""
         return self.absolute is None and not self.has_function
 
     @property
@@ -89,7 +89,7 @@ class VariationLaw:
         return callable(self.distribution) and not is_distribution(self.distribution)
 
     def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
-        """Return the distribution of a number, or say what cannot be."""
+        """Return the distribution of a number, or raise if it is impossible."""
         if self.has_function or is_distribution(self.distribution):
             found = self._distribution_for(name, value) if self.has_function else value * self.distribution
             if not is_distribution(found):
@@ -112,7 +112,7 @@ class VariationLaw:
             ) from None
 
     def _distribution_for(self, name: str, value: float) -> Any:
-        """Return what the function makes of a number."""
+        """Return the distribution that the function makes for a number."""
         try:
             found = self.distribution(value)
         except Exception as error:  # noqa: BLE001 - the function is the user's
@@ -193,7 +193,7 @@ def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Variati
 
 
 def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
-    """Yield what may become random: inertia of bodies, and numbers of components."""
+    """Yield numbers that may become random: inertia of bodies, and numbers of components."""
     for body in mechanism.bodies.values():
         yield RandomisedQuantity(body.name, "mass", body.terms, "kg", minimum=0)
         yield RandomisedQuantity(body.name, "com", body.terms, "m", stated=False)
@@ -208,7 +208,7 @@ def _quantities(mechanism: Described) -> Iterator[RandomisedQuantity]:
 
 
 def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[RandomisedQuantity, list[int]]]:
-    """Return what patterns match, and which of its numbers."""
+    """Return the quantities that match patterns, and the selected numbers of each."""
     patterns = [pattern] if isinstance(pattern, str) else pattern
     if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
         raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of them.")
@@ -302,7 +302,7 @@ def _tensor(quantity: RandomisedQuantity, indices: list[int], law: VariationLaw)
 
 
 def _reason(value: sympy.Expr) -> str:
-    """Return why an expression is left as it is."""
+    """Return why an expression is not changed."""
     symbols = sorted(value.free_symbols, key=str)
     if all(isinstance(s, RandomVariable) for s in symbols):
         return f"is random already ({', '.join(map(str, symbols))})"
@@ -310,7 +310,7 @@ def _reason(value: sympy.Expr) -> str:
 
 
 def _warn(where: str, law: VariationLaw, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
-    """Tell what is left as it is, and of what the old number may have gone elsewhere."""
+    """Warn about unchanged numbers, and about earlier uses of changed ones."""
     if law.left:
         warnings.warn(f"{where}: left as it is: {'; '.join(law.left)}.", StudyWarning, stacklevel=5)
     read = [quantity.name for quantity, _ in changes if quantity.key in quantity.holder.read]
@@ -324,7 +324,7 @@ def _warn(where: str, law: VariationLaw, changes: Sequence[tuple[RandomisedQuant
 
 
 def _settle(mechanism: Described, changes: Sequence[tuple[RandomisedQuantity, Any]]) -> None:
-    """Put new values in, and let all components compute again what they made of the old ones; all or nothing."""
+    """Set new values, and recompute all data that components derived from the old ones; all or nothing."""
     holders: list[tuple[str, Component]] = [(f"body {x.name!r}", x.terms) for x in mechanism.bodies.values()]
     holders += [(f"{type(x).__name__} {x.name!r}", x) for x in mechanism.components.values()]
     before: list[tuple[Component, Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]] = [

@@ -1,4 +1,4 @@
-"""The points of bodies that a mechanism's description knows: what can be drawn of it."""
+"""The points of bodies in the description of a mechanism that can be drawn."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _settled(value: sympy.Expr) -> bool:
 
 
 def _observed(mechanism: Mechanism) -> Iterator[Mark]:
-    """Points whose position an output records: ``body.point(local)[k]``, read back from the expression."""
+    """Yield points whose position an output records: ``body.point(local)[k]``, recovered from the expression."""
     for output in mechanism.outputs.values():
         owners = {s.owner for s in output.expression.free_symbols if isinstance(s, StateSymbol)}
         body = next(iter(owners), None)

@@ -1,4 +1,4 @@
-"""What is wrong with the units of a mechanism, all at once; where it is stated each is a warning of its own."""
+"""All findings on the units of a mechanism; each is also a warning at the line of its cause."""
 
 from __future__ import annotations
 

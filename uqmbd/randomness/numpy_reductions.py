@@ -37,7 +37,7 @@ _REMEDIES = (
     (("clip",), "Write sympy.Min(sympy.Max({x}, low), high)"),
     (("percentile", "nanpercentile", "quantile", "nanquantile", "median", "nanmedian"), _SAMPLES),
 )
-"""Names of functions of NumPy, and what to write for the motion of one realisation."""
+"""Names of functions of NumPy, and the replacements for the motion of one realisation."""
 
 _ADVICE = {name: text for names, text in _REMEDIES for name in names}
 
@@ -116,6 +116,6 @@ def _object(value: sympy.Expr) -> Any:
 
 
 def install() -> None:
-    """Put both methods on `sympy.Expr`; a second call changes nothing."""
+    """Add both methods to `sympy.Expr`; a second call changes nothing."""
     sympy.Expr.__array_function__ = _of_function
     sympy.Expr.__array_ufunc__ = _of_ufunc

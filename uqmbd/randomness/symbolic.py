@@ -1,4 +1,4 @@
-"""Symbols of uqmbd in functions of NumPy, and in conditions of Python: a message says what to write instead.
+"""Symbols of uqmbd in functions of NumPy, and in conditions of Python: a message states the replacement.
 
 Both need numbers.  SymPy's relations have no truth value, and say so in terms of SymPy; there is no hook for the
 message, so that the method is replaced, for relations with symbols of uqmbd alone.  What is raised is a TypeError, as
@@ -77,12 +77,12 @@ def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
 
 
 class Symbolic:
-    """Base of symbols: NumPy asks an object for a method of the function's name, and finds one that says what to do."""
+    """Base of symbols: NumPy calls the method of a function's name, which raises with advice."""
 
     __slots__ = ()
 
     units = ""
-    """Units of what it stands for; empty: unknown."""
+    """Units of the symbol; empty: unknown."""
 
 
 for _name, _function in _WRITTEN.items():

@@ -24,7 +24,7 @@ __all__ = ["JointDistribution", "RandomVariable", "random_vector", "uniform_vari
 
 @dataclass(frozen=True, eq=False)
 class JointDistribution:
-    """A distribution of one or more dependent variables, with their names: what members of one group share."""
+    """A distribution of one or more dependent variables, with their names, which the members of a group share."""
 
     distribution: Any
     names: tuple[str, ...]
@@ -131,7 +131,7 @@ class RandomVariable(Symbolic, Symbol):
 
     @checked
     def __new__(cls, name: str, distribution: Distribution = None, units: str = "") -> RandomVariable:
-        """Check what is given."""
+        """Check the arguments."""
         where = f"random variable {check_name(name, 'random variable')!r}"
         distribution = _checked_distribution(where, distribution, 1)
         check_units(units, where)
@@ -181,7 +181,7 @@ class RandomVariable(Symbolic, Symbol):
 def random_vector(
     names: Sequence[str], distribution: Distribution, units: str | Sequence[str] = ""
 ) -> tuple[RandomVariable, ...]:
-    """Make dependent random variables from one joint distribution.
+    """Return dependent random variables of one joint distribution.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def random_vector(
 
 @typechecked
 def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> RandomVariable:
-    """Make a uniformly distributed random variable, for those that do not import chaospy.
+    """Return a uniformly distributed random variable without an import of chaospy.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> 
 
 
 def _checked_distribution(where: str, given: Distribution, dimension: int) -> Any:
-    """Return what is given as a distribution of chaospy that exists and has a dimension."""
+    """Return a distribution of chaospy that exists and has a dimension."""
     import chaospy
 
     from uqmbd.randomness.distributions import adopt_distribution, flaw_of, is_dependent

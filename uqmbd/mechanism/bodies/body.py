@@ -27,7 +27,7 @@ __all__ = ["Body", "Ground", "StateSymbol"]
 
 
 UNITS = {"q": "m", "v": "m/s", "a": "m/s^2"}
-"""Units of places, and their rates; quaternions have none, as lengths stand before them that may be 1 m."""
+"""Units of positions, and their rates; quaternions are dimensionless."""
 
 
 class StateSymbol(Symbolic, Symbol):
@@ -38,7 +38,7 @@ class StateSymbol(Symbolic, Symbol):
     index: int
 
     def __new__(cls, owner: Any, quantity: str, index: int, name: str, units: str = "") -> StateSymbol:
-        """Name it, and remember what it stands for."""
+        """Make a symbol with its meaning."""
         self: StateSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.quantity, self.index = owner, quantity, index
         self.units = units
@@ -73,7 +73,7 @@ class Ground(NamedFrame):
 
 @dataclass(frozen=True)
 class BodyPose:
-    """How a body is drawn: expressions in random variables."""
+    """The drawn pose of a body: expressions in random variables."""
 
     q: tuple[sympy.Expr, ...]
     velocity: tuple[sympy.Expr, ...] | None

@@ -169,5 +169,5 @@ def _nominal(where: str, key: str, value: sympy.Expr) -> float:
 
 
 def _at_means(*values: sympy.Expr) -> str:
-    """Say, for a message, that a number is one at the means, where anything is random."""
+    """Return a note for a message that a number is the one at the means, if anything is random."""
     return "" if all(x.is_number for x in values) else " at the means of the random variables"

@@ -1,4 +1,4 @@
-"""What a component is: its parameters, its terms, and the values and bodies it works with."""
+"""Components: their parameters, their terms, and the values and bodies that they use."""
 
 from __future__ import annotations
 

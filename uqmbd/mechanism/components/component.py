@@ -1,4 +1,4 @@
-"""Components: what a joint, driver, spring or force says of itself.
+"""Components: the description of a joint, driver, spring or force.
 
 Length: it is one class, whose public methods tell their parameters and what they return.
 """
@@ -121,20 +121,20 @@ class Component:
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
-    """How figures draw it, as the error on an unknown one lists; empty: by its parameters, and where it attaches."""
+    """Name of its symbol in figures; the error on an unknown one lists them. Empty: by its parameters and points."""
     prescribed_angle: ClassVar[str] = ""
     """Parameter that is the angle of `body_j` relative to `body_i`, of a driver that counts turns."""
     __signature__: ClassVar[inspect.Signature]
-    """The arguments, annotated with types, units and descriptions, as `help` tells them."""
+    """The arguments, with types, units and descriptions, as `help` shows them."""
     if TYPE_CHECKING:  # to mypy what has __getattr__ would be a number and a vector
         __float__: ClassVar[None]
         __len__: ClassVar[None]
     settled = 0
-    """How often its parameters got values; 0: it is no part of a mechanism yet."""
+    """Number of times that its parameters received values; 0: it is not part of a mechanism."""
     stating = False
-    """Whether it is being asked for its terms."""
+    """Whether its terms are being evaluated."""
     offered = False
-    """Whether it is a part of a mechanism without anybody's call of `Mechanism.add`."""
+    """Whether it belongs to a mechanism without a call of `Mechanism.add`."""
 
     def __init__(self, name: str | None = None, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
@@ -167,7 +167,7 @@ class Component:
         self.given = given
         self.values: dict[str, Any] = {}
         self.read: set[str] = set()
-        """Parameters whose values were read, by anything but `prepare`."""
+        """Parameters whose values were read, except by `prepare`."""
         self.prepared_from: frozenset[str] = frozenset()
         """Parameters whose values `prepare` read."""
         if not self.offered:
@@ -251,11 +251,11 @@ class Component:
         return {}
 
     def terms(self, p: Local) -> Iterable[Term]:
-        """Yield the terms, written in what `p` offers (never in `self`)."""
+        """Yield the terms, written in attributes of `p` (never of `self`)."""
         raise NotImplementedError
 
     def stated(self, p: Local) -> tuple[list[Term], sympy.Matrix]:
-        """Return the terms and the point of reactions, or say what went wrong in them.
+        """Return the terms and the point of reactions; an error states the faulty term.
 
         Raises
         ------
@@ -287,7 +287,7 @@ class Component:
         raise TypeError(f"{self.bodies[0]} is no frame")
 
     def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]:
-        """Return the motion that the component tells, by name: `joint.angle`, `joint.displacement`, and their speeds.
+        """Return the motion of the component, by name: `joint.angle`, `joint.displacement`, and their speeds.
 
         Written in the bodies (``self.attached["body_i"]``) and parameters; `joint_angle` and `joint_displacement` make
         what most joints have.  None: the space does not have it.
@@ -390,7 +390,7 @@ class Component:
         return EventTime(self, label, number)
 
     def __getattr__(self, name: str) -> Any:
-        """Motion that the component tells, expressions for outputs, parameters and laws; or one of its bodies."""
+        """Return a motion of the component, an expression for outputs, parameters and laws; or one of its bodies."""
         if name in type(self).bodies and "attached" in self.__dict__:
             return self.attached[name]
         if hasattr(type(self), name):  # a property that is not there in this space
@@ -477,7 +477,7 @@ class Component:
         return Frame(self._space(), attached.q if pose is None else pose.q)
 
     def drawn_side(self, *, either: bool = False) -> int:
-        """Tell on which side of `point_i` the point `point_j` is drawn on a line, for `prepare`.
+        """Return the side of `point_i` on which the point `point_j` is drawn on a line, for `prepare`.
 
         Parameters
         ----------

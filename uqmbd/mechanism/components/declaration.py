@@ -1,4 +1,4 @@
-"""What a class of components declares: checked when the class is made, and told to `help` and to editors."""
+"""Declarations of a class of components: checked when the class is made, and shown by `help` and editors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SYMBOLS = (
     "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",
     "slide", "spring", "torque", "universal", "weld", "wheel",
 )  # fmt: skip
-"""How figures can draw a component."""
+"""Symbols for the drawing of a component."""
 
 KINDS = {
     "scalar": "number or expression",
@@ -147,7 +147,7 @@ def _signature(component: type[Declared]) -> inspect.Signature:
 
 
 def _in_world(component: type[Declared]) -> dict[str, Any]:
-    """Return what may be given in the world, as it would be declared."""
+    """Return the arguments that may be given in the world frame, as declarations."""
     return {
         word: Parameter(
             "m" if word == "at" else "1",

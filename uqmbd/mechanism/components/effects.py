@@ -106,7 +106,7 @@ def _is_stated(component: Component, parameter: Parameter) -> bool:
 
 
 def _identity(option: Any) -> Hashable:
-    """Return what tells an option from others: plain words and numbers by value, all else by the object."""
+    """Return the identity of an option: plain words and numbers by value, others by the object."""
     plain = isinstance(option, (str, bool, int, float))
     return (type(option), option) if plain else id(option)
 
@@ -117,7 +117,7 @@ def _is_equal(one: Any, other: Any) -> bool:
 
 
 def _key(component: Component) -> Hashable | None:
-    """Return what effects depend on; None where an option is no plain word or number, which may be like no other."""
+    """Return the key of the effects of a component; None if an option is no plain word or number."""
     parts: list[Any] = [type(component), *(body.is_ground for body in component.attached.values())]
     for name, parameter in component.parameters().items():
         value = component.values.get(name)
@@ -131,7 +131,7 @@ def _key(component: Component) -> Hashable | None:
 
 
 def _symbolic(component: Component, options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, set[sympy.Dummy]]]:
-    """Return values of parameters in which each number is a symbol of its own, and the symbols by name."""
+    """Return values of parameters in which each number is a separate symbol, and the symbols by name."""
     declared = component.parameters()
     values: dict[str, Any] = {}
     symbols: dict[str, set[sympy.Dummy]] = {}
@@ -160,7 +160,7 @@ def _expressions(part: Any) -> Iterator[Any]:
 
 
 def no_effect(component: Component, space: Space, parameter: Parameter) -> str:
-    """Return the end of a sentence on a parameter without an effect: with which options that is so, and what to do."""
+    """Return the end of a sentence on a parameter without an effect: the options that cause this, and advice."""
     others = _options_with(component, space, parameter)
     having = " and ".join(f"{key}={_word(component.values[key])}" for key in _chosen(component, parameter))
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))

@@ -1,4 +1,4 @@
-"""The motion that components tell: angles counted over any number of turns, displacements, and their rates.
+"""Motions of components: angles counted over any number of turns, displacements, and their rates.
 
 Length: what is public has examples, which need a component each.
 """
@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 VOCABULARY = ("angle", "speed", "displacement", "sliding_speed")
-"""What joints with one angle and one displacement call them."""
+"""Names that joints with one angle and one displacement use."""
 
 HALF_TURN = 1e-9
 """Angle over a turn by which a joint that is drawn at half a turn may miss it by rounding: it starts at +pi."""
@@ -53,7 +53,7 @@ HALF_TURN = 1e-9
 @typechecked
 @dataclass(frozen=True)
 class JointAngle:
-    """An angle between bodies, of which a pair of expressions says what it is up to whole turns.
+    """An angle between bodies, which a pair of expressions determines up to whole turns.
 
     Parameters
     ----------
@@ -108,16 +108,16 @@ class JointAngle:
 
     @property
     def parts(self) -> int:
-        """How many times the angle of the pair the angle is."""
+        """Ratio of this angle to the angle of the pair."""
         return 2 if self.half else 1
 
     @property
     def period(self) -> sympy.Expr:
-        """By how much the angle may change without the pair, rad."""
+        """Change of the angle that leaves the pair unchanged, rad."""
         return 4 * sympy.pi if self.half and self.signed else 2 * sympy.pi
 
     def at_start(self, cosine: Any, sine: Any, near: Any) -> sympy.Expr:
-        """Angle nearest to one, of values of cosine and sine; smooth beside it.
+        """Return the angle nearest to a value, from cosine and sine; smooth in its neighbourhood.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class JointAngle:
         return angle_at_start(cosine, sine, near, half=self.half, signed=self.signed)
 
     def continued(self, counted: Any, cosine: Any, sine: Any) -> sympy.Expr:
-        """Angle nearest to a counted one, of values of cosine and sine; smooth, whatever the turn.
+        """Return the angle nearest to a counted one, from cosine and sine; smooth for any number of turns.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class JointAngle:
         return raw + self.period * sympy.floor((angle - raw) / self.period + sympy.Rational(1, 2))
 
     def whole(self, expression: Any) -> sympy.Expr:
-        """Insert what the constants stand for."""
+        """Insert the definitions of the constants."""
         return as_symbolic(expression).xreplace({k: as_symbolic(x) for k, x in self.constants.items()})
 
 
@@ -249,7 +249,7 @@ def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[
 
 
 def _spin(frame: Frame) -> sympy.Matrix:
-    """Angular velocity in coordinates, a column; that of a body in the plane is a symbol of its own."""
+    """Return the angular velocity in coordinates, a column; in the plane it is a symbol."""
     return frame.space.angular_velocity(frame.quaternion, frame.quaternion_rate)
 
 
@@ -263,7 +263,7 @@ class AngleSymbol(Symbolic, Symbol):
     angle: JointAngle
 
     def __new__(cls, owner: Any, name: str, angle: JointAngle) -> AngleSymbol:
-        """Name it, and remember what it stands for."""
+        """Make a symbol with its meaning."""
         self: AngleSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
         self.owner, self.angle, self.units = owner, angle, "rad"
         return self

@@ -1,4 +1,4 @@
-"""What terms are written in: frames of bodies, symbols of parameters, states, and named quantities."""
+"""The arguments of terms: frames of bodies, symbols of parameters, states, and named quantities."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class QuantitySymbol(sympy.Dummy):
 
     @property
     def free_symbols(self) -> set[sympy.Symbol]:
-        """Return the symbol itself, and those of what it stands for."""
+        """Return the symbol itself, and the symbols of its definition."""
         return {self, *self.contains}
 
     def _eval_derivative_n_times(self, s: sympy.Symbol, n: Any) -> sympy.Expr:
@@ -38,7 +38,7 @@ class QuantitySymbol(sympy.Dummy):
 
 
 class Local:
-    """What `Component.terms` works with: frames for bodies, symbols for parameters, and the time.
+    """The argument of `Component.terms`: frames for bodies, symbols for parameters, and the time.
 
     Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
     (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
@@ -116,7 +116,7 @@ class Local:
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
 
     def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:
-        """Insert what symbols in the values of parameters stand for."""
+        """Replace symbols in the values of parameters by their definitions."""
         if values:
             self._names = {
                 key: x.xreplace(values) if isinstance(x, (sympy.Basic, sympy.MatrixBase)) else x
@@ -124,7 +124,7 @@ class Local:
             }
 
     def let(self, name: str, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
-        """Name an intermediate quantity (a gap, a normal), so that what it stands for is derived and computed once.
+        """Name an intermediate quantity (a gap, a normal), so that its definition is derived and computed once.
 
         Terms that hold one long expression many times over take long to derive; with a name for it they do not.
 

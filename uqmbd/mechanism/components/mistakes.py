@@ -1,11 +1,11 @@
-"""What to write in place of what cannot be done with symbols: for errors that come up in the terms of a component."""
+"""Advice on operations that are impossible with symbols, for errors in the terms of a component."""
 
 from __future__ import annotations
 
 __all__ = ["remedy"]
 
 EXPECTED = "It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are written in what p offers."
-"""Where nothing better is known."""
+"""Advice if no other applies."""
 
 REMEDIES = (
     (
@@ -26,7 +26,7 @@ REMEDIES = (
         f"Is `yield` missing, or `return` written for it? {EXPECTED}",
     ),
 )
-"""A part of the words of Python, NumPy and SymPy, and what to do."""
+"""Parts of error messages of Python, NumPy and SymPy, and the advice for each."""
 
 
 def remedy(error: Exception) -> str:

@@ -33,7 +33,7 @@ Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "r
 
 
 class _Owner(Protocol):
-    """What has values for its parameters: a component."""
+    """Owner of values of parameters: a component."""
 
     name: str
     stating: bool
@@ -181,12 +181,12 @@ class Parameter(Generic[Given]):
 
     @property
     def required(self) -> bool:
-        """Whether there is no default where it makes sense."""
+        """Whether the argument has no default although it is applicable."""
         return self.default is _REQUIRED or self.left_out
 
     @property
     def left_out(self) -> bool:
-        """Whether checkers of types let it be left out, which is an error in space: a turning axis with ``()``."""
+        """Whether type checkers accept its omission, which is an error in space: a turning axis with ``()``."""
         return self.kind == "turning_axis" and isinstance(self.default, tuple) and not self.default
 
     @property
@@ -211,7 +211,7 @@ class Parameter(Generic[Given]):
         return not self.choices or same or isinstance(value, types)
 
     def allows(self, value: float) -> bool:
-        """Return whether a number lies in the range."""
+        """Return whether a number is within the range."""
         if self.exclusive:
             return self.minimum < value < self.maximum
         return self.minimum <= value <= self.maximum

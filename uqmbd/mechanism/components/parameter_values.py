@@ -1,4 +1,4 @@
-"""Values of a component's parameters, checked and put into one form.
+"""Values of a component's parameters, checked and in one form.
 
 Numbers of components that are 1, or 2: a product with one of them, or half of it, shows nothing of it.
 """
@@ -90,14 +90,14 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
 
 
 def _holders(component: Component) -> list[Component]:
-    """Return what holds the numbers of the bodies that a component is attached to."""
+    """Return the objects that contain the numbers of the bodies of a component."""
     return [
         terms for body in component.attached.values() if isinstance(terms := getattr(body, "terms", None), Component)
     ]
 
 
 def stated_in_bodies(component: Component, key: str) -> None:
-    """Where a parameter was given by a pose in the world, state it, and what goes with it, in the frames of bodies."""
+    """Convert a parameter that was given by a pose in the world, and its companions, to the frames of bodies."""
     for word in [word for word in component.world_pose if key in replaced(type(component), word)]:
         component.given.update({name: component.values[name] for name in replaced(type(component), word)})
         del component.world_pose[word]
@@ -185,14 +185,14 @@ def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tupl
 
 
 def _require_usable(where: str, key: str, value: Any) -> None:
-    """Raise where expressions of an option hold what is no number, or cannot be computed."""
+    """Raise if expressions of an option contain a non-number, or cannot be computed."""
     for part in flatten(value):
         if isinstance(part, (sympy.Expr, int, float, complex)) and not isinstance(part, bool):
             numbers(where, key, part, 1)
 
 
 def _prepared(where: str, key: str, value: Any) -> Any:
-    """Return what `Component.prepare` made, as an expression or a tuple of them."""
+    """Return the result of `Component.prepare` as an expression or a tuple of expressions."""
     parts = [numbers(where, key, x, 1)[0] for x in flatten(value)]
     scalar = len(parts) == 1 and isinstance(value, (int, float, sympy.Expr))
     return parts[0] if scalar else tuple(parts)

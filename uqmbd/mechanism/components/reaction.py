@@ -1,4 +1,4 @@
-"""Symbols that stand for the reactions of components in output expressions."""
+"""Symbols for the reactions of components in output expressions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNITS = {"reaction_force": "N", "reaction_moment": "N m"}
 
 
 class ReactingComponent(Protocol):
-    """What reacts: a component."""
+    """A component with reactions."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""Terms: what a component contributes to the equations of motion, as expressions."""
+"""Terms: contributions of a component to the equations of motion, as expressions."""
 
 from __future__ import annotations
 
@@ -315,7 +315,7 @@ class Impact:
 @typechecked
 @dataclass(frozen=True)
 class Event:
-    """What happens where an expression falls through zero.
+    """Event at which an expression falls through zero.
 
     The time is found, and is available to outputs as `Component.event_time`.
 

@@ -1,4 +1,4 @@
-"""Components whose arguments editors and checkers of types know."""
+"""Components whose arguments are known to editors and type checkers."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ __all__ = ["TypedComponent"]
 # Attributes of the class that has the decorator are no arguments: `name` is one in the class below.
 @dataclass_transform(eq_default=False, field_specifiers=(Parameter,))
 class _Fields(Component):
-    """What checkers of types take for a class whose annotations are the arguments of its constructor (PEP 681)."""
+    """Base for type checkers of classes whose annotations are the arguments of the constructor (PEP 681)."""
 
 
 class TypedComponent(_Fields):
-    """A `uqmbd.Component` whose bodies and parameters are annotated, so that editors and checkers know its arguments.
+    """A `uqmbd.Component` whose bodies and parameters are annotated, for editors and type checkers.
 
     A body is annotated by `uqmbd.extend.NamedFrame`, a parameter by ``uqmbd.Parameter[type]`` with the type of what is
     given:

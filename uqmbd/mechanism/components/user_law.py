@@ -17,7 +17,7 @@ __all__ = ["law_at", "law_values"]
 
 
 NO_NUMBERS = (sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I)
-"""What no law has in it: its values are finite and real."""
+"""Values that no law may contain: its values are finite and real."""
 
 
 @typechecked

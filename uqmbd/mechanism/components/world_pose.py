@@ -17,7 +17,7 @@ from uqmbd.units import without_quantities
 __all__ = ["KEYWORDS", "Declared", "localised", "replaced"]
 
 KEYWORDS = {"at": "point", "axis": "axis"}
-"""Argument that a component accepts -> beginning of the names of the parameters that it stands for."""
+"""Argument of a component -> beginning of the names of the parameters that it replaces."""
 
 KINDS = {"at": ("point",), "axis": ("axis", "turning_axis")}
 
@@ -26,7 +26,7 @@ ROUNDING = 1e-15
 
 
 class Declared(Protocol):
-    """What a class of components declares."""
+    """Declarations of a class of components."""
 
     bodies: ClassVar[tuple[str, ...]]
     grounded: ClassVar[tuple[str, ...]]
@@ -40,7 +40,7 @@ class Declared(Protocol):
 
 
 class _Drawn(Declared, Protocol):
-    """What may be given in the world: a component."""
+    """A component whose arguments may be given in the world frame."""
 
     given: dict[str, Any]
     world_pose: dict[str, Any]

@@ -1,4 +1,4 @@
-"""What is declared of a mechanism in expressions: outputs, requirements, start conditions; what each may contain."""
+"""Declarations of a mechanism in expressions: outputs, requirements, start conditions, and their allowed contents."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def require_holonomic(where: str, component: Component, space: Space) -> None:
 
 
 def _place(component: Component, space: Space) -> str:
-    """Tell what a velocity enters: a constraint, a potential energy, or neither (empty)."""
+    """Return where a velocity occurs: in a constraint, a potential energy, or neither (empty)."""
     frames = {
         role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
         for role, body in component.attached.items()

@@ -1,4 +1,4 @@
-"""How what depends on the pose of a mechanism changes, over time and in its modes, as expressions for outputs."""
+"""Rates of quantities of the pose, over time and in modes, as expressions for outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user gives to be recorded: an expression, its units, and what is known of it."""
+"""Recorded quantities: an expression, its units, and their properties."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def output_of(mechanism: Described, name: str, expression: Any, units: Any, *, a
 
 
 def require_recordable(where: str, expression: Any) -> sympy.Expr:
-    """Return what an output records, or say what to write instead."""
+    """Return a recordable expression, or raise with a replacement."""
     if isinstance(expression, Frame):
         name = getattr(expression, "name", "body")
         raise StudyError(
@@ -80,7 +80,7 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
 
 
 def drawn_over(where: str, over: Any, outputs: Mapping[str, Output], scalars: Mapping[str, Output]) -> str:
-    """Return the name of the output over which another one is to be drawn, or say why it cannot be."""
+    """Return the name of the output that is the abscissa of another one; raise if it cannot be."""
     if isinstance(over, str) and over in outputs:
         return over
     if isinstance(over, str) and over in scalars:

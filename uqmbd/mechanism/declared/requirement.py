@@ -74,7 +74,7 @@ class Requirement:
 
     @property
     def words(self) -> str:
-        """What it says: the description, else the relation."""
+        """The description, or the relation."""
         return self.description or self.relation
 
 
@@ -161,7 +161,7 @@ def _bounds(margin: sympy.Expr) -> int:
 
 
 def _linear(margin: sympy.Expr, part: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-    """Return the slope of a margin over a part of it, and what it is without that part."""
+    """Return the slope of a margin over a part of it, and its remainder without that part."""
     held = sympy.Dummy(real=True)
     inner = margin.xreplace({part: held})
     return inner.diff(held), inner.xreplace({held: sympy.Integer(0)})

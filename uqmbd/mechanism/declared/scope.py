@@ -1,4 +1,4 @@
-"""Which symbols an expression may contain: random variables anywhere, time and states in laws, reactions in outputs."""
+"""Symbols that an expression may contain: random variables anywhere, time and states in laws, reactions in outputs."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Described(Protocol):
 
     @property
     def requirements(self) -> Mapping[str, object]:
-        """By name."""
+        """Requirements by name."""
 
 
 LAW_QUANTITIES = ("q", "v", "angular_velocity")
@@ -97,7 +97,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
 
 
 def unseen_numbers(mechanism: Described) -> Callable[[], set[Dimension]]:
-    """Return what returns the dimensions of the numbers of a mechanism that are 1; see `check_dimensions`."""
+    """Return a function that returns the dimensions of numbers that equal 1; see `check_dimensions`."""
     return unseen_in([*(body.terms for body in mechanism.bodies.values()), *mechanism.components.values()])
 
 

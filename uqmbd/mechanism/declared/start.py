@@ -1,4 +1,4 @@
-"""Start conditions: what positions and velocities have to satisfy where a motion begins, and only there."""
+"""Start conditions: equations of positions and velocities at the start of a motion only."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class StartCondition:
 
     @property
     def kind(self) -> str:
-        """What it is a condition of."""
+        """Whether it is a condition of positions or of velocities."""
         return "velocity" if self.of_velocities else "position"
 
 
 def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCondition:
-    """Make a condition of what a user gave, or say what is wrong with it."""
+    """Return a start condition from arguments of a user; raise if they are invalid."""
     where = f"mechanism {mechanism.name!r}: start"
     left, right = _sides(where, condition, value)
     text = f"{_short(left)} = {_short(right)}"

@@ -1,4 +1,4 @@
-"""Expressions of time, inputs and quantities without a time, and what users may give as values."""
+"""Expressions of time, inputs and quantities without a time, and values of users."""
 
 from __future__ import annotations
 

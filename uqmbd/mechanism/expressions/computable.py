@@ -1,4 +1,4 @@
-"""What expressions may consist of: the operations and functions that can be compiled and differentiated."""
+"""Contents of expressions: operations and functions that can be compiled and differentiated."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ FUNCTIONS: tuple[type[sympy.Basic], ...] = (
 """Functions that expressions may contain."""
 
 WITHOUT_DERIVATIVE: tuple[type[sympy.Basic], ...] = (sympy.floor, sympy.ceiling, sympy.gamma, sympy.loggamma)
-"""Those of them whose derivative cannot be computed."""
+"""Functions among them whose derivative cannot be computed."""
 
 
 class Placeholder:
-    """Base of functions that stand for what is computed otherwise, such as a value at equilibrium."""
+    """Base of functions that represent separately computed quantities, such as a value at equilibrium."""
 
 
 class OwnFunction(sympy.Function):
@@ -43,7 +43,7 @@ class OwnFunction(sympy.Function):
 
 
 class FunctionData(sympy.AtomicExpr):
-    """Base of atoms that are no numbers, but what an `OwnFunction` is computed from."""
+    """Base of atoms that are no numbers, but data of an `OwnFunction`."""
 
 
 _OPERATIONS: tuple[type[sympy.Basic], ...] = (
@@ -54,7 +54,7 @@ _OPERATIONS: tuple[type[sympy.Basic], ...] = (
 UNEVALUATED: tuple[type[sympy.Basic], ...] = (
     sympy.Integral, sympy.Derivative, sympy.Sum, sympy.Product, sympy.Limit, sympy.Subs,
 )  # fmt: skip
-"""What SymPy writes down without computing it."""
+"""Objects of SymPy that represent unevaluated operations."""
 
 
 _KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, OwnFunction, FunctionData, Placeholder)

@@ -54,7 +54,7 @@ class Spline(OwnFunction):
 
     @classmethod
     def eval(cls, x: Any, table: Any, order: Any, *terms: Any) -> sympy.Expr | None:
-        """Compute it where it is a number; put terms that are numbers into the table."""
+        """Compute the value for a number; insert terms that are numbers into the table."""
         if order > 3:
             return sympy.S.Zero
         known = {k: float(e) for k, e in enumerate(terms) if e.is_number}
@@ -67,7 +67,7 @@ class Spline(OwnFunction):
 
     @property
     def argument(self) -> sympy.Expr:
-        """What it is a function of."""
+        """Argument of the spline."""
         result: sympy.Expr = self.args[0]
         return result
 
@@ -79,12 +79,12 @@ class Spline(OwnFunction):
 
     @property
     def order(self) -> int:
-        """Which derivative of the spline it is."""
+        """Order of the derivative of the spline."""
         return int(self.args[2])
 
     @property
     def random_terms(self) -> tuple[sympy.Expr, ...]:
-        """What the values are linear in."""
+        """Terms in which the values are linear."""
         return tuple(self.args[3:])
 
     def __call__(self, argument: Any) -> sympy.Expr:
@@ -109,7 +109,7 @@ class Spline(OwnFunction):
         return sympy.Add(*(self.fdiff(k) * e.diff(s) for k, e in parts if s in e.free_symbols))
 
     def _eval_evalf(self, prec: int) -> None:
-        """Leave it: numbers are evaluated when they are made, what is left has symbols in it."""
+        """Do nothing: numbers are evaluated at once, and the remaining ones contain symbols."""
 
     @staticmethod
     def _imp_(x: Any, text: str, order: int, *terms: Any) -> Any:
@@ -239,7 +239,7 @@ def spline(
 
 
 def _knots(given: Any) -> Array:
-    """Return the knots as numbers, or say what is wrong with them."""
+    """Return the knots as numbers; raise if they are invalid."""
     found, expressions = _plain_numbers("knots", given)
     if expressions:
         random = [s for _, e in expressions for s in e.free_symbols if isinstance(s, RandomVariable)]
@@ -262,7 +262,7 @@ def _knots(given: Any) -> Array:
 
 
 def _values(given: Any) -> tuple[Array, list[sympy.Expr]]:
-    """Return values (n, 1 + M), a constant and factors of terms, and the M terms; or say what is wrong with them."""
+    """Return values (n, 1 + M), a constant and factors of terms, and the M terms; raise if they are invalid."""
     constant, expressions = _plain_numbers("values", given)
     columns: dict[sympy.Expr, Array] = {}
     for k, e in expressions:

@@ -53,12 +53,12 @@ from uqmbd.mechanism.expressions.timeless import AtEquilibrium, AtSteady, ModeSh
 from uqmbd.units import PURE, TABLE, Dimension, Unit, in_words, read_units, warn
 
 Unseen = Iterable[Dimension]
-"""Of numbers that are 1."""
+"""Dimensions of numbers that equal 1."""
 
 __all__ = ["Mismatch", "check_dimensions", "mismatches", "units_of"]
 
 SEEN = "A factor that has units is written even where it is 1: 1.0 * (...)."
-"""How to say that something is right after all."""
+"""Sentence on how to confirm a correct expression."""
 
 _SHOWN = 60
 """Characters of a term that a message shows."""
@@ -102,7 +102,7 @@ def check_dimensions(where: str, expression: Any, units: str = "", unseen: Calla
 
 
 def mismatches(where: str, expression: Any, units: str = "", unseen: Callable[[], Unseen] = tuple) -> list[Mismatch]:
-    """Return what is wrong with the units of an expression; see `check_dimensions`."""
+    """Return findings on the units of an expression; see `check_dimensions`."""
     if not isinstance(expression, sympy.Basic) or isinstance(expression, sympy.Number) or not expression.free_symbols:
         return []
     walk = _Walk(where, unseen)
@@ -137,7 +137,7 @@ class _Walk:
     known: dict[Any, Measure] = field(default_factory=dict)
 
     def measure(self, part: Any) -> Measure:
-        """Return what a part measures."""
+        """Return the measure of a part."""
         if part not in self.known:
             self.known[part] = self._measured(part)
         return self.known[part]
@@ -212,7 +212,7 @@ class _Walk:
         return None if part.has(t) else Number()  # cos(t) has a frequency of 1 rad/s, which its rate has as a factor
 
     def _pure(self, part: Any, measure: Measure, function: str = "") -> None:
-        """Look at what has to be a pure number, or an angle in radians."""
+        """Check a part that must be a pure number, or an angle in radians."""
         if not isinstance(measure, MeasuredProduct):
             return
         what = f"{function} is a function of numbers and of angles in rad" if function else "a power takes pure numbers"
@@ -235,7 +235,7 @@ class _Walk:
             )
 
     def _sum(self, whole: Any, terms: Any) -> Measure:
-        """Return what a sum measures, and look at whether its terms are alike."""
+        """Return the measure of a sum, and check that its terms have one."""
         pairs = [(term, self.measure(term)) for term in terms]
         known = [(term, measure) for term, measure in pairs if isinstance(measure, MeasuredProduct)]
         if not known:
@@ -284,7 +284,7 @@ class _Walk:
         return bool(set.intersection(*reached))
 
     def _apart(self, one: tuple[Any, MeasuredProduct], other: tuple[Any, MeasuredProduct]) -> bool:
-        """Tell terms of one dimension whose numbers are in different units."""
+        """Report terms of one dimension whose numbers have different units."""
         a, b = one[1], other[1]
         if a.unit.dimension != b.unit.dimension:
             return False
@@ -301,7 +301,7 @@ class _Walk:
         return True
 
     def compare(self, expression: Any, found: MeasuredProduct, declared: Unit, units: str) -> None:
-        """Compare what an expression is in with what it is stated to be in."""
+        """Compare the units of an expression with the stated ones."""
         text = _short(expression)
         if found.unit.dimension != declared.dimension:
             if not found.free and not self._explained([found.unit.dimension, declared.dimension]):

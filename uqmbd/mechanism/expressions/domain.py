@@ -1,4 +1,4 @@
-"""Where an expression is a finite real number, as conditions on its parts.
+"""Conditions on the parts of an expression under which it is a finite real number.
 
 What is computed from an expression may be real where the expression is not: the square of a root is.  So the conditions
 are taken from the expression as the user wrote it.

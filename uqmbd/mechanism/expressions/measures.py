@@ -1,4 +1,4 @@
-"""What parts of expressions measure: numbers, and products of units with a number."""
+"""Measures of parts of expressions: numbers, and products of units with a number."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SAME = 1e-9
 """Factors that differ by less than this, relatively, are the same."""
 
 CLEARLY = 2.5
-"""How much nearer to 1 than to the factor between two units a number is, by logarithms, where that factor is missing.
+"""Ratio of logarithms by which a number must be nearer to 1 than to the factor between two units, if that is missing.
 
 A hundredth in millimetres of what is in metres has the number 10 in front, and is as near to 1 as to 1000.
 """
@@ -39,7 +39,7 @@ A third in km/h of what is in m/s has the number 1.2 in front.
 
 @dataclass(frozen=True)
 class Number:
-    """A number, or a stand-in for one: it fits every dimension."""
+    """A number, or a symbol for one: it fits every dimension."""
 
     size: float = 1.0  # absolute value
     seen: bool = False  # whether it is written, as is 1.0; the whole number 1 is not
@@ -76,7 +76,7 @@ def product(one: Measure, other: Measure) -> Measure:
 
 
 def raised(measure: Measure, power: Fraction) -> Measure:
-    """Return what a power measures."""
+    """Return the measure of a power."""
     try:
         if isinstance(measure, Number):
             return replace(measure, size=measure.size ** float(power))
@@ -97,7 +97,7 @@ def greatest(numbers: list[Number]) -> Number:
 
 
 def common(measures: list[MeasuredProduct]) -> Measure:
-    """Return what the sum of terms measures, one of each constant."""
+    """Return the measure of the sum of terms, one for each constant."""
     if len(measures) == 1:
         return measures[0]
     for measure in measures:

@@ -1,4 +1,4 @@
-"""The table of a spline: its knots and values, and what is looked up in it."""
+"""The table of a spline: its knots and values, and the evaluation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["LOOKED_UP", "SplineTable", "polynomial", "table_of"]
 BOUNDARY = {"not-a-knot": "not-a-knot", "natural": "natural", "flat": "clamped", "periodic": "periodic"}
 """Conditions at the ends as SciPy calls them."""
 SLIVER = 1e-12
-"""Length beside the ends, over that of the table, that is rounding and belongs to the table."""
+"""Length next to the ends, over that of the table, that counts as rounding and belongs to the table."""
 LOOKED_UP = 5
 """Numbers of an interval: where it begins, and the coefficients of the cubic from there, constant first."""
 
@@ -33,7 +33,7 @@ class SplineTable(FunctionData):
     digest: str
 
     def __new__(cls, knots: Array, values: Array, ends: str, beyond: str) -> SplineTable:
-        """Keep copies of the numbers."""
+        """Copy the numbers."""
         self: SplineTable = super().__new__(cls)
         self.knots = np.array(knots, dtype=float)
         self.values = np.array(values, dtype=float)
@@ -55,7 +55,7 @@ class SplineTable(FunctionData):
 
     @cached_property
     def rows(self) -> Array:
-        """What is looked up, shape (n + 1, 1 + M, LOOKED_UP): below the table, in its intervals, beyond."""
+        """Rows of coefficients, shape (n + 1, 1 + M, LOOKED_UP): below the table, in its intervals, beyond."""
         from scipy.interpolate import CubicSpline
 
         x, y = self.knots, self.values
@@ -72,7 +72,7 @@ class SplineTable(FunctionData):
 
     @cached_property
     def edges(self) -> Array:
-        """Where the intervals begin; the ends themselves belong to the table."""
+        """Begins of the intervals; the ends belong to the table."""
         edges = self.knots.copy()
         sliver = SLIVER * (edges[-1] - edges[0])
         edges[0], edges[-1] = edges[0] - sliver, np.nextafter(edges[-1] + sliver, np.inf)
@@ -80,7 +80,7 @@ class SplineTable(FunctionData):
 
     @property
     def period(self) -> float:
-        """Of the table, from its first knot on; 0: it has none."""
+        """Period of the table, from its first knot on; 0: none."""
         return float(self.knots[-1] - self.knots[0]) if self.ends == "periodic" else 0.0
 
     @cached_property
@@ -138,7 +138,7 @@ class SplineTable(FunctionData):
         return result
 
     def folded(self, terms: dict[int, float]) -> SplineTable:
-        """Make the table in which some terms are numbers."""
+        """Return the table in which some terms are numbers."""
         values = self.values.copy()
         for k, number in terms.items():
             values[:, 0] += number * values[:, 1 + k]
@@ -163,7 +163,7 @@ class SplineTable(FunctionData):
 
 @lru_cache(maxsize=64)
 def table_of(text: str) -> SplineTable:
-    """Read what `SplineTable` writes for `sympy.lambdify`."""
+    """Return the table from its text for `sympy.lambdify`."""
     count, ends, beyond, rest = text.split(" ")
     stored = np.frombuffer(base64.b64decode(rest)).reshape(int(count), -1)
     return SplineTable(stored[:, 0], stored[:, 1:], ends, beyond)

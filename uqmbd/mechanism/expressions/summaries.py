@@ -34,7 +34,7 @@ __all__ = [
 
 
 class Summary(Placeholder, sympy.Function):
-    """Base of what sums the values of an expression up, over the whole motion of a realisation."""
+    """Base of summaries of the values of an expression over the whole motion of a realisation."""
 
     nargs = 1
     is_real = True
@@ -42,7 +42,7 @@ class Summary(Placeholder, sympy.Function):
 
     @property
     def summed(self) -> sympy.Expr:
-        """What is followed over time."""
+        """The expression over time."""
         found: sympy.Expr = self.args[0]
         return found
 

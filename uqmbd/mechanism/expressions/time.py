@@ -15,7 +15,7 @@ __all__ = ["step", "t"]
 
 
 class _Time(Symbolic, Symbol):
-    """The time symbol; a class of its own, so that a user's symbol named ``t`` is never taken for it."""
+    """The time symbol; a separate class distinguishes it from a user's symbol named ``t``."""
 
     def __new__(cls) -> _Time:
         self: _Time = sympy.Symbol.__xnew__(cls, "t", real=True)
@@ -53,7 +53,7 @@ class step(OwnFunction):  # noqa: N801 - it is written as a function in expressi
     nargs = 5
 
     def __new__(cls, *arguments: Any, **options: Any) -> Any:
-        """Refuse what is no number or expression, before SymPy fails on it."""
+        """Refuse an argument that is no number or expression, before SymPy fails on it."""
         if len(arguments) != 5:
             raise StudyError(f"step: {len(arguments)} arguments are given; expected step(x, x0, y0, x1, y1).")
         named = zip(("x", "x0", "y0", "x1", "y1"), arguments, strict=True)

@@ -1,4 +1,4 @@
-"""Quantities without a time in output expressions: what modes are like, values at rest and in motion."""
+"""Quantities without a time in output expressions: properties of modes, values at rest and in motion."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 
 class ScalarSymbol(Symbolic, Symbol):
-    """A number that a realisation has once, whatever the output times; the same for the same name.
+    """A single number of a realisation, for any output times; equal names are one symbol.
 
     `quantity` says what it is (``frequency`` or ``damping_ratio`` of a mode), `number` of which mode, `at` about which
     pose it is linearised.
@@ -49,7 +49,7 @@ class ScalarSymbol(Symbolic, Symbol):
     at: str
 
     def __new__(cls, name: str, quantity: str, number: int = 0, at: str = "") -> Self:
-        """Name it, and remember what it stands for."""
+        """Make a symbol with its meaning."""
         self: Self = sympy.Symbol.__xnew__(cls, name, real=True)
         self.quantity, self.number, self.at = quantity, number, at
         self.units = {"frequency": "Hz", "damping_ratio": "1"}.get(quantity, "")
@@ -63,7 +63,7 @@ class ScalarSymbol(Symbolic, Symbol):
 
 
 class MotionSymbol(ScalarSymbol):
-    """A number that the integration of a motion yields beside its states, as the time of an event.
+    """A number that the integration of a motion yields in addition to its states, as the time of an event.
 
     Integrators give it in ``Trajectories.scalars`` under its name.
     """
@@ -74,7 +74,7 @@ class MotionSymbol(ScalarSymbol):
 
 
 def event_name(component: str, label: str, number: int) -> str:
-    """Name of the time of an event among what a motion yields."""
+    """Name of the time of an event among the results of a motion."""
     return f"{component}: {label} {number}"
 
 
@@ -85,7 +85,7 @@ class EventTime(MotionSymbol):
     label: str
 
     def __new__(cls, component: Any, label: str, number: int) -> Self:
-        """Name it, and remember what it is of."""
+        """Make a symbol with its meaning."""
         self = super().__new__(cls, event_name(component.name, label, number))
         self.component, self.label = component, label
         self.units = "s"
@@ -110,19 +110,19 @@ class AtSteady(Placeholder, sympy.Function):
 
 
 class ModeShape(Placeholder, sympy.Function):
-    """How far one expression of the pose moves in a mode, over how far another one does."""
+    """Ratio of the amplitudes of two expressions of the pose in a mode."""
 
     nargs = 5
     is_real = True
 
     @property
     def moved(self) -> tuple[sympy.Expr, sympy.Expr]:
-        """What moves, and over what it is taken."""
+        """The two expressions of the ratio."""
         return self.args[0], self.args[1]
 
     @property
     def number(self) -> int:
-        """Of the mode, from 1."""
+        """Number of the mode, from 1."""
         return int(self.args[2])
 
     @property
@@ -132,7 +132,7 @@ class ModeShape(Placeholder, sympy.Function):
 
     @property
     def part(self) -> Part:
-        """Of the complex ratio."""
+        """Part of the complex ratio."""
         return PARTS[int(self.args[4])]
 
     def _sympystr(self, printer: Any) -> str:
@@ -143,7 +143,7 @@ class ModeShape(Placeholder, sympy.Function):
 
 
 def shape_of_mode(number: Any, quantity: Any, over: Any, at: Any, part: Any) -> ModeShape:
-    """Return what stands for the shape of a mode, or raise; see `uqmbd.mode_shape`."""
+    """Return the symbol for the shape of a mode, or raise; see `uqmbd.mode_shape`."""
     count = _number("mode_shape", number, at)
     if not isinstance(part, str) or part not in PARTS:
         raise StudyError(f"mode_shape: part is {shown(part)}; expected 'real' or 'imaginary'.")
@@ -300,7 +300,7 @@ def at_steady(expression: Any) -> sympy.Expr:
 
 
 def single(function: str, expression: Any, example: str = "body.position[0]") -> sympy.Expr:
-    """Return what a quantity without a time is of: one expression, in which there is none of them yet."""
+    """Return the argument of a quantity without a time: one expression that contains no such quantity."""
     parts = flatten(expression)
     try:
         value = as_symbolic(parts[0]) if len(parts) == 1 else None

@@ -1,4 +1,4 @@
-"""What users give where numbers are expected: scalars, sequences, arrays, matrices, expressions in random variables."""
+"""Values of users for numbers: scalars, sequences, arrays, matrices, expressions in random variables."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LARGEST = 1e100
 
 
 MANY = 10_000
-"""Numbers of an array that a message may show, and that are put into an expression."""
+"""Most numbers of an array in an expression or a message."""
 
 
 def as_symbolic(value: Any) -> Any:
-    """Return a number as SymPy's, and a SymPy object as it is; raise `uqmbd.StudyError` for texts and containers.
+    """Return a number as SymPy's, and a SymPy object unchanged; raise `uqmbd.StudyError` for texts and containers.
 
     Every user value passes this function before it reaches SymPy: `sympy.sympify` executes texts as Python, also those
     inside of tuples, sets and dicts, and with ``strict=True``.
@@ -171,7 +171,7 @@ def _float(number: sympy.Expr) -> float:
 
 
 def _parts(value: Any) -> list[Any] | None:
-    """Return what a sequence, an array or a matrix consists of; None for anything else."""
+    """Return the entries of a sequence, an array or a matrix; None for other objects."""
     if isinstance(value, (tuple, list, sympy.MatrixBase, sympy.Tuple)):
         return list(value)
     if value is None or isinstance(value, (int, float, str, bytes, sympy.Basic)) or is_quantity(value):

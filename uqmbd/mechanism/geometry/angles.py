@@ -10,7 +10,7 @@ __all__ = ["angle_at_start", "continued"]
 
 
 def continued(counted: Any, cosine: Any, sine: Any, *, half: bool) -> sympy.Expr:
-    """Angle that a pair of cosine and sine stands for, in the turn that a counted angle tells.
+    """Return the angle of a pair of cosine and sine, in the turn of a counted angle.
 
     Exact and smooth, whatever the turn; where the pair is that of half the angle, its sign does not matter.
     """
@@ -23,7 +23,7 @@ def continued(counted: Any, cosine: Any, sine: Any, *, half: bool) -> sympy.Expr
 
 
 def angle_at_start(cosine: Any, sine: Any, near: Any, *, half: bool, signed: bool) -> sympy.Expr:
-    """Angle nearest to another one that a pair of cosine and sine stands for: smooth in them beside it."""
+    """Return the angle of a pair of cosine and sine that is nearest to another angle; smooth in its neighbourhood."""
     if half and not signed:
         return continued(near, cosine, sine, half=True)
     parts = 2 if half else 1

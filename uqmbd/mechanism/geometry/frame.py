@@ -119,7 +119,7 @@ class Frame:
 
     @checked
     def attitude(self, local: Sequence[Any]) -> tuple[sympy.Expr, ...]:
-        """Quaternion, to the world, of a frame whose quaternion relative to this one is given.
+        """Return the quaternion, to the world, of a frame whose quaternion relative to this one is given.
 
         Examples
         --------
@@ -199,7 +199,7 @@ class Frame:
         return self._rate(self.point_velocity(local))
 
     def _column(self, local: Any, method: str, kind: str) -> Matrix:
-        """Return components as a column, or say that there are not as many as there are dimensions."""
+        """Return components as a column; raise if their number differs from the dimension."""
         local = without_quantities(f"{method}(): its argument local", local, "m" if kind == "point" else "")
         given = flatten(local)
         if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):

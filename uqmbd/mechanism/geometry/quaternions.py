@@ -1,4 +1,4 @@
-"""Small pure helpers on vectors and rotations whose entries may be random."""
+"""Functions of vectors and rotations whose entries may be random."""
 
 from __future__ import annotations
 
@@ -305,7 +305,7 @@ def turned(turn: Sequence[Any], vector: Sequence[Any]) -> tuple[sympy.Expr, ...]
 
 
 def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
-    """Frames fixed in two bodies whose third axes are the given ones, as quaternions relative to the bodies.
+    """Return frames fixed in two bodies whose third axes are the given ones, as quaternions relative to the bodies.
 
     The frames are equal where the axes have equal components; else frame j is frame i turned by the smallest rotation
     that takes `axis_i` to `axis_j`.  So the angle between them is zero where the body frames coincide.

@@ -22,7 +22,7 @@ __all__ = ["Line", "Planar", "Space", "Spatial", "Translational"]
 
 @dataclass(frozen=True)
 class Space:
-    """What bodies of a mechanism move in.
+    """The space in which bodies of a mechanism move.
 
     Parameters
     ----------
@@ -164,24 +164,24 @@ class Planar(Space):
 
 @dataclass(frozen=True)
 class _Turnless(Space):
-    """What spaces of point masses share."""
+    """Common base of spaces of point masses."""
 
     turns: ClassVar[bool] = False
 
     def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: the identity."""
+        """Return the identity: points do not turn."""
         return sympy.eye(self.dimension)
 
     def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
+        """Return zero: points do not turn."""
         return sympy.zeros(1, 1)
 
     def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
+        """Return zero: points do not turn."""
         return sympy.zeros(1, 1)
 
     def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
+        """Return zero: points do not turn."""
         return sympy.zeros(1, 1)
 
 

@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 Seed: TypeAlias = int | np.random.SeedSequence
-"""What ``numpy.random.default_rng`` makes a generator of."""
+"""Arguments of ``numpy.random.default_rng``."""
 
 
 class SamplingDesign(Protocol):
@@ -144,7 +144,7 @@ class Halton:
 
 
 class BuiltInDesigns:
-    """What the core offers, by the hook that plugins use."""
+    """Sampling designs of the core, in the form of a plugin."""
 
     @hookimpl
     def uqmbd_designs(self) -> list[type]:
@@ -185,7 +185,7 @@ class Design:
 
     @classmethod
     def of(cls, kind: type[SamplingDesign]) -> Design:
-        """Make a design, and look at what it declares.
+        """Return a design after checking its declarations.
 
         Raises
         ------
@@ -230,7 +230,7 @@ class Design:
 
 
 def design_problem(points: Array, shape: tuple[int, int]) -> str:
-    """Return what is wrong with the points of a design, or nothing."""
+    """Return a message on faulty points of a design, or nothing."""
     if points.shape != shape:
         return f"gave points of shape {points.shape}; expected {shape}"
     if not ((points >= 0) & (points <= 1)).all():

@@ -1,4 +1,4 @@
-"""Distributions of chaospy: what they are made of, whether they exist, and how heavy their tails are.
+"""Distributions of chaospy: their structure, their existence, and the weight of their tails.
 
 Those of other packages are adopted: they become distributions of chaospy.
 """

@@ -19,7 +19,7 @@ __all__ = ["adopt_distribution", "distribution_of"]
 
 
 PROBE = np.array([1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
-"""Probabilities at which a translated family is compared with what was given."""
+"""Probabilities at which a translated family is compared with the original."""
 
 OF_DATA = {"rv_histogram", "rv_sample"}
 """Distributions of scipy that are made of data, and need no parameters."""
@@ -174,7 +174,7 @@ def _of_openturns(where: str, given: Any) -> Any:
 
 
 def _coupled(where: str, given: Any) -> Any:
-    """Take distributions of OpenTURNS of several variables that are Gaussian copulas, or independent."""
+    """Translate joint distributions of OpenTURNS that are Gaussian copulas, or independent."""
     import chaospy
 
     marginals = [_of_openturns(where, given.getMarginal(k)) for k in range(given.getDimension())]

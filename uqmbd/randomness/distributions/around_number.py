@@ -15,7 +15,7 @@ __all__ = ["KINDS", "distribution_about", "is_distribution", "strays"]
 KINDS = ("normal", "lognormal", "uniform")
 
 RARE = 1e-9
-"""Probability that may lie outside of a range: none of it is ever sampled."""
+"""Probability that may be outside of a range: it is never sampled."""
 
 
 def distribution_about(

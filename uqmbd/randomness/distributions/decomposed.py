@@ -31,7 +31,7 @@ class AffineDistribution:
 
     @classmethod
     def of(cls, distribution: Any) -> AffineDistribution:
-        """Take a distribution of one variable apart, as far as its structure is known."""
+        """Decompose a distribution of one variable, as far as its structure is known."""
         law = cls(distribution)
         while law.cut is None:
             inner = law._peel()
@@ -56,7 +56,7 @@ class AffineDistribution:
 
     @property
     def mends(self) -> bool:
-        """Whether chaospy's own inverse is wrong or fails: truncations, and arithmetic on arithmetic."""
+        """Whether chaospy's inverse is wrong or fails: truncations, and arithmetic on arithmetic."""
         return self.cut is not None or self.operations > 1
 
     @property
@@ -123,7 +123,7 @@ class AffineDistribution:
 
     @property
     def formula(self) -> bool:
-        """Whether the density is a formula that holds beyond the bounds of chaospy."""
+        """Whether the density is a formula that is valid beyond the bounds of chaospy."""
         return bool(self.core.formula) if self.cut is not None else self._simple
 
     def _ends_of_core(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Whether a distribution is one: chaospy takes parameters that belong to none, and samples a constant or NaN."""
+"""Check of distributions: chaospy accepts parameters without a distribution, and samples a constant or NaN."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["flaw_of"]
 
 
 LEVELS = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 1 - 1e-3])
-"""Probabilities at which quantiles are looked at: within them even the heaviest tails are finite."""
+"""Probabilities at which quantiles are checked: within them even the heaviest tails are finite."""
 
 RARE = 1e-9
-"""Probability beyond which a discrete distribution is not looked at."""
+"""Probability beyond which a discrete distribution is not checked."""
 
 ROUGH = 1e-3
 """Quantiles that are found by iteration may fall by this, relative to their span."""
@@ -24,7 +24,7 @@ MISFIT = 0.1
 """Probabilities of quantiles may be off by this: quantiles are found by iteration, and infinite supports cut."""
 
 POINTS = 16
-"""Points at which the map of a dependent distribution is looked at."""
+"""Points at which the map of a dependent distribution is checked."""
 
 
 def flaw_of(distribution: Any) -> str:
@@ -82,7 +82,7 @@ def _inner(distribution: Any) -> list[Any]:
 
 
 def _not_a_number(distribution: Any) -> str:
-    """Name of a parameter that is NaN, of a distribution or of what it is made of; empty if there is none."""
+    """Return the name of a parameter that is NaN, of a distribution or its parts; empty if there is none."""
     inner = _inner(distribution)
     numbers = {name: x for name, x in distribution._parameters.items() if not any(x is part for part in inner)}
     bad = [name for name, x in numbers.items() if np.isnan(np.asarray(x, dtype=float)).any()]
@@ -90,7 +90,7 @@ def _not_a_number(distribution: Any) -> str:
 
 
 def _flaw_of_map(distribution: Any) -> str:
-    """Look at what dependent variables are at some points of the unit cube."""
+    """Check dependent variables at some points of the unit cube."""
     steps = np.sqrt(np.arange(2, 2 + len(distribution)))[:, None]  # a lattice that is not aligned with anything
     points = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1), 1.0)
     values = np.asarray(distribution.inv(points), dtype=float)

@@ -1,4 +1,4 @@
-"""Quantiles of distributions of scipy that have a formula of the density, and none of the quantiles.
+"""Quantiles of distributions of scipy with a formula of the density but none of the quantiles.
 
 scipy searches for each such quantile by Brent's method: the table of 6,601 that a surrogate needs took 3 to 60 s, and
 ``norminvgauss`` failed in its tails.  By the density it takes 0.1 s.  UNU.RAN, which scipy has as
@@ -35,7 +35,7 @@ MOST = 1500
 """Panels; more are a sign of a density full of noise, which is an integral itself."""
 
 STEPS = 60
-"""Of Newton's method or bisection."""
+"""Steps of Newton's method or bisection."""
 
 PROBE = np.array([1e-12, 1e-6, 1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999, 1 - 1e-6])
 """Probabilities at which a table is compared with the distribution function."""
@@ -56,7 +56,7 @@ class Inverted:
         return self._solved(np.where(lower, u, 1 - u), lower)
 
     def _solved(self, wanted: Array, lower: NDArray[np.bool_]) -> Array:
-        """Return where a probability is below, or else above: Newton's method, kept within its bracket."""
+        """Return where a probability is below, or else above: Newton's method within a bracket."""
         last = len(self.series)
         left = np.searchsorted(self.below, wanted, side="right") - 1
         right = last - np.searchsorted(self.above[::-1], wanted, side="right")

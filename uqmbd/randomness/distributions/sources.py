@@ -1,4 +1,4 @@
-"""Distributions of scipy.stats and OpenTURNS behind one interface: what chaospy asks of a distribution of one variable.
+"""Distributions of scipy.stats and OpenTURNS behind one interface, as chaospy needs it for one variable.
 
 Neither package is imported here: objects of them bring what is needed.
 """
@@ -18,7 +18,7 @@ from uqmbd.typing import Array
 __all__ = ["Frozen", "Infrastructure", "OpenTurns", "DistributionSource"]
 
 INTEGRALS = {"levy_stable", "studentized_range"}
-"""Families of scipy whose density is an integral itself, which takes milliseconds and is not smooth."""
+"""Families of scipy whose density is an integral, which takes milliseconds and is not smooth."""
 
 
 class DistributionSource(Protocol):
@@ -52,7 +52,7 @@ class DistributionSource(Protocol):
 
 
 TURNS = {"vonmises": (-np.pi, np.pi)}
-"""Where scipy's quantiles lie of a density that it repeats without end."""
+"""Range of scipy's quantiles of a periodic density."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ DEPTH = np.array([1e-4, 1e-5, 1e-8, 1e-9])
 """Probabilities between which tails are measured."""
 
 NO_MOMENTS = {"cauchy", "folded_cauchy", "levy"}
-"""Cores without an expectation, whatever their parameters."""
+"""Families without an expectation for any parameters."""
 
 FEWEST = 4.0
 """Moments of this order must be finite: the kurtosis of an input, the standard error of a standard deviation."""
@@ -29,7 +29,7 @@ SLOWEST = 9.5
 """Tail index at 1e-9 below which polynomials do not converge: ``exp(-sqrt(x))``, the limit of determinacy, has 9.8."""
 
 SLOWEST_GROWTH = 1.6
-"""The same for its growth: 2 for ``exp(-x**c)``, 1.4 for a lognormal distribution."""
+"""Limit of its growth: 2 for ``exp(-x**c)``, 1.4 for a lognormal distribution."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Distributions of other packages as those of chaospy, which evaluate what they wrap.
+"""Distributions of other packages as those of chaospy, which evaluate the wrapped object.
 
 `chaospy.UserDistribution` holds functions, has no moments, and is always continuous.
 """
@@ -20,7 +20,7 @@ RARE = 1e-15
 """Probability beyond an end of the support that chaospy gets where the true one is infinite, as for its own."""
 
 MOST_VALUES = 100_000
-"""Whole numbers that a discrete distribution may take."""
+"""Most whole numbers that a discrete distribution may take."""
 
 
 class _Printed:
@@ -38,7 +38,7 @@ class WrappedDistribution(_Printed, SimpleDistribution):
     """Continuous distribution of another package, printed as `text`."""
 
     tabulated = True
-    """Whether its quantiles are found by numbers, which may take a while."""
+    """Whether its quantiles are found numerically, which may take a while."""
 
     def __init__(self, source: DistributionSource, text: str) -> None:
         super().__init__(parameters={}, repr_args=[])

@@ -20,7 +20,7 @@ __all__ = ["Germ"]
 
 
 STORED = 64
-"""Recurrence coefficients that a classical germ carries; more are computed when asked for."""
+"""Recurrence coefficients that a classical germ stores; more are computed on demand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,8 @@ class Germ:
 
     name: str
     family: str
-    """Of `recurrence` (hermite, legendre, jacobi, laguerre), discrete (finitely many values) or stieltjes (others)."""
+    """Family of `recurrence` (hermite, legendre, jacobi, laguerre), discrete (finitely many values) or stieltjes
+    (others)."""
     alpha: Array  # (N,) recurrence coefficients of the monic polynomials; a discrete germ has as many as values
     beta: Array  # (N,), ``beta[0] = 1``
     parameters: tuple[float, ...] = ()  # ``a, b`` of the beta density, the shape of the gamma density
@@ -43,7 +44,7 @@ class Germ:
 
     @classmethod
     def classical(cls, name: str, family: str, *parameters: float) -> Germ:
-        """Make a germ of a classical family."""
+        """Return a germ of a classical family."""
         alpha, beta = recurrence(family, parameters, STORED)
         bounds = {"hermite": (-np.inf, np.inf), "laguerre": (0.0, np.inf)}.get(family, (-1.0, 1.0))
         return cls(name, family, alpha, beta, tuple(float(p) for p in parameters), bounds)
@@ -54,7 +55,7 @@ class Germ:
 
     @property
     def values(self) -> int | None:
-        """How many values a discrete germ takes; None for a continuous one."""
+        """Number of values of a discrete germ; None for a continuous one."""
         return self.table.shape[1] if self.family == "discrete" and self.table is not None else None
 
     @property
@@ -189,5 +190,5 @@ class Germ:
         return self.family in ("hermite", "legendre") or bool(self.family == "jacobi" and not np.any(self.alpha))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Plain arrays travel between processes; what was derived from them does not."""
+        """Pickle plain arrays only; derived data are computed again."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__}

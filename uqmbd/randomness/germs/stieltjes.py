@@ -31,7 +31,7 @@ QUANTILES: Array = np.r_[
     [1e-12, 1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3], np.arange(1, 64) / 64, 1 - np.array([3e-3, 1e-3, 1e-4, 1e-5]),
     1 - np.array([1e-6, 1e-8, 1e-10, 1e-12]),
 ]  # fmt: skip
-"""Probabilities at whose quantiles panels begin: no mass of more than 1/64 is overlooked."""
+"""Probabilities at whose quantiles panels begin, so that no mass above 1/64 is missed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def _thinned(edges: Array) -> Array:
 
 
 def _goes_on(law: AffineDistribution, end: float, sign: float, spread: float) -> bool:
-    """Return whether the density goes on beyond the bound of chaospy, falling."""
+    """Return whether the falling density continues beyond the bound of chaospy."""
     at = law.pdf(end + sign * spread * np.array([-0.02, 0.0, 0.02, 0.2]))
     return bool(at[1] * spread < 1e-5 and np.all(np.diff(at) < 0) and at[-1] > 0)
 

@@ -23,7 +23,7 @@ POINTS = 24
 """Nodes of the Gauss rule on each panel of a density."""
 
 FAR = 26.0
-"""Where a standard normal density times a polynomial of degree 80 is below rounding."""
+"""Standard normal variable at which the density times a polynomial of degree 80 is below rounding."""
 
 SMALLEST = 1e-12
 """Probability of an interval below which it is none."""
@@ -102,7 +102,7 @@ def truncate_germ(germ: Germ, lower: float, upper: float) -> Germ:
 
 
 def _key(germ: Germ) -> bytes:
-    """Return what tells a tabulated distribution from others; nothing for those with a formula."""
+    """Return the key of a tabulated distribution; empty for distributions with a formula."""
     return b"" if germ.table is None else germ.table.tobytes()
 
 

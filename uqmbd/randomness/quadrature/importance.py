@@ -1,4 +1,4 @@
-"""Points that lie in the tails more often than the inputs do, with weights, for means of what is large there.
+"""Weighted points that are denser in the tails than the inputs, for means of quantities that are large there.
 
 What a polynomial chaos of order n misses begins with polynomials of degree n + 1, and their squares live in the tails:
 few points that are spread like the inputs hold none of it.  chaospy and SciPy draw from no such densities; those of
@@ -26,7 +26,7 @@ NOMINAL = 0.5
 """Part of the points that is spread like the inputs; no weight is larger than its inverse."""
 
 DEGREES = (2, 3, 4, 5)
-"""Total degrees of the products of polynomials whose squares the others are spread like."""
+"""Total degrees of the products of polynomials whose squares distribute the other points."""
 
 SINGLE = 0.5
 """Part of these for polynomials of a single germ; the rest is for all products of the same degree."""
@@ -94,7 +94,7 @@ class TailMixture:
     space: GermSpace
 
     def points(self, count: int, seed: int) -> Array:
-        """Return germ points (K, d), of a scrambled Sobol' sequence whose first number chooses the polynomials."""
+        """Return germ points (K, d) of a scrambled Sobol' sequence whose first number selects the polynomials."""
         dimension = self.space.dimension
         uniform = sampling_design("sobol", "TailMixture").points(dimension + 1, count, seed)
         choice, uniform = uniform[:, 0], uniform[:, 1:].copy()

@@ -30,7 +30,7 @@ SAME = 1e-12
 """Nodes of one germ nearer than this, relative to the largest, are one node."""
 
 CANCELLED = 1e-13
-"""Weights below this, relative to the sum of what was added up for the node, are zero."""
+"""Weights below this, relative to the sum of the contributions to the node, are zero."""
 
 
 @typechecked

@@ -1,4 +1,4 @@
-"""Roots of rising functions, all at once: the same bits for each whatever others are searched for with it."""
+"""Roots of increasing functions, vectorised: the bits of a root do not depend on the others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["bisected"]
 
 
 STEPS = 1100
-"""Of bisection, at most: as many as there are halvings of the largest number; nearly all end after 60."""
+"""Most steps of bisection: the number of halvings of the largest number; nearly all end after 60."""
 
 
 def bisected(

@@ -26,7 +26,7 @@ __all__ = ["AffineConditional", "Conditional", "Core", "Cut", "Mapped", "Spanned
 
 
 COLLECTION = "chaospy.distributions.collection."
-"""Where the standard families of chaospy are: what is read from a file may name no other module."""
+"""Modules of the standard families of chaospy; a stored distribution may name no other module."""
 
 
 class Conditional(Protocol):

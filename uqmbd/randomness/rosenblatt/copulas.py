@@ -37,7 +37,7 @@ FAMILIES = {"clayton": 0.0, "gumbel": 1.0, "joe": 1.0}
 """Families with a generator, and the least value of their parameter; that of Clayton is excluded."""
 
 SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
-"""Ends within which coordinates are kept: generators are infinite at zero."""
+"""Bounds of coordinates: generators are infinite at zero."""
 
 
 class Copula(Protocol):
@@ -80,7 +80,7 @@ class Archimedean:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Components in the order of conditioning: as they are."""
+        """Components in the order of conditioning: unchanged."""
         return tuple(range(self.dimension))
 
     def inverse(self, u: Array) -> Array:
@@ -125,7 +125,7 @@ class Archimedean:
         return np.asarray(np.clip(scipy.special.expit(found), SMALLEST, LARGEST))
 
     def _sums(self, v: Array) -> Array:
-        """Return what the generators of components sum to, for one component, shape (m, N)."""
+        """Return the sums of the generators of components, for one component, shape (m, N)."""
         theta = self.parameter
         if self.family == "clayton":  # the logarithm of one plus the sum
             return -theta * np.log(v)[None, :]
@@ -219,7 +219,7 @@ def scores(u: Array, order: tuple[int, ...], freedom: float) -> Array:
 
 
 def unscored(parts: Array, order: tuple[int, ...], freedom: float) -> Array:
-    """Map what :func:`scores` returned back."""
+    """Invert :func:`scores`."""
     found, total = np.empty_like(parts), np.zeros(parts.shape[1])
     for k, row in enumerate(order):
         widening = 1.0 if np.isinf(freedom) else np.sqrt((freedom + total) / (freedom + k))

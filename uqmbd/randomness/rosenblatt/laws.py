@@ -28,7 +28,7 @@ class JointLaw(Protocol):
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on, directly or through others."""
+        """For each component, the others that its distribution depends on, directly or through others."""
 
     @property
     def outer(self) -> frozenset[int]:
@@ -40,7 +40,7 @@ class JointLaw(Protocol):
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
 
     def inverse(self, u: Array, values: Array) -> Array:
         """Map independent uniform variables to components."""
@@ -80,7 +80,7 @@ class Single:
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
         return True
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -122,7 +122,7 @@ class Chain:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on."""
+        """For each component, the others that its distribution depends on."""
         found: dict[int, frozenset[int]] = {}
         for step in self.steps:
             own = frozenset(k - self.outside for k in step.law.outer if k >= self.outside)
@@ -144,7 +144,7 @@ class Chain:
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
         return all(step.law.invertible for step in self.steps)
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -182,7 +182,7 @@ class Copulated:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on."""
+        """For each component, the others that its distribution depends on."""
         place = {k: number for number, k in enumerate(self.order)}
         return tuple(
             frozenset(self.order[: place[k]]) | self.margins.given[k] - {k} for k in range(len(self.margins.given))
@@ -200,7 +200,7 @@ class Copulated:
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
         return self.margins.invertible and not any(self.margins.discrete)
 
     def inverse(self, u: Array, values: Array) -> Array:
@@ -231,7 +231,7 @@ class AffineJoint:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on."""
+        """For each component, the others that its distribution depends on."""
         return self.inner.given
 
     @property
@@ -246,7 +246,7 @@ class AffineJoint:
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
         return self.inner.invertible
 
     def inverse(self, u: Array, values: Array) -> Array:

@@ -35,7 +35,7 @@ STATED, REFUSED = 1e-6, 1e-3
 """Errors, relative to the standard deviation, above which a mean is stated with its error, and above which none is."""
 
 REPLICATES, SAMPLES = 8, 2**13
-"""Of a scrambled Sobol' sequence, where a rule has too many points."""
+"""Replicates and points of a scrambled Sobol' sequence, if a rule has too many points."""
 
 MeanOf = Callable[[Any], float]
 """Returns the mean of a distribution of chaospy of one variable."""

@@ -28,7 +28,7 @@ POINTS = 16
 """Points at which a map is verified, next to those with one component far out."""
 
 RARE = 1e-9
-"""Probability beyond which no value is looked at."""
+"""Probability beyond which values are not checked."""
 
 LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.95])
 """Conditional probabilities at which quantiles must increase."""
@@ -39,7 +39,7 @@ ROUGH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Native:
-    """A map that chaospy evaluates: of normal vectors and Gaussian copulas, and of what is not known here."""
+    """A map that chaospy evaluates: of normal vectors, Gaussian copulas, and unknown distributions."""
 
     distribution: Any
 
@@ -109,7 +109,7 @@ class Transform:
 
     @property
     def invertible(self) -> bool:
-        """Whether uniform variables follow from values: a copula does not tell where in its probability one lies."""
+        """Whether values determine uniform variables; a discrete value in a copula does not."""
         return self.law.invertible
 
     def alone(self, k: int) -> bool:
@@ -240,7 +240,7 @@ def _verified_at(dimension: int) -> Array:
 
 
 def _gaussian(distribution: Any) -> bool:
-    """Whether it is a normal vector, or normal variables behind distributions that chaospy evaluates correctly."""
+    """Whether it is a normal vector, or normal variables under distributions that chaospy evaluates correctly."""
     import chaospy
 
     from uqmbd.randomness.distributions import AffineDistribution
@@ -293,7 +293,7 @@ def _whole(distribution: Any, k: int) -> bool:
 
 
 def _repeatable(law: JointLaw) -> bool:
-    """Whether chaospy gives the same bits in each call: what it searches for, it searches for with random steps."""
+    """Whether chaospy gives the same bits in each call: its searches use random steps."""
     u = _verified_at(len(law.order))[:POINTS].T
     state = np.random.get_state()
     try:

@@ -28,7 +28,7 @@ class Vector:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on."""
+        """For each component, the others that its distribution depends on."""
         place = {k: number for number, k in enumerate(self.order)}
         correlated = self.factor != 0 if np.isinf(self.freedom) else np.ones_like(self.factor, dtype=bool)
         return tuple(frozenset(j for j in self.order[: place[k]] if correlated[k, j]) for k in range(len(self.centre)))
@@ -82,7 +82,7 @@ class NormalMixture:
 
     @property
     def given(self) -> tuple[frozenset[int], ...]:
-        """Of each component, the others that its distribution depends on: all before it."""
+        """For each component, the others that its distribution depends on: all before it."""
         place = {k: number for number, k in enumerate(self.order)}
         return tuple(frozenset(self.order[: place[k]]) for k in range(len(self.order)))
 

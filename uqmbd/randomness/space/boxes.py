@@ -57,7 +57,7 @@ class GermBox:
     upper: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Take numbers of any kind, and check them."""
+        """Convert and check the bounds."""
         for name in ("lower", "upper"):
             object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
         if not len(self.lower) == len(self.upper) == self.space.dimension:

@@ -1,4 +1,4 @@
-"""Which germ and map belong to an input: families recognised by the structure of a distribution and by numbers."""
+"""Germ and map of an input: families are recognised by the structure of a distribution and by numbers."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def refuse_tail(name: str, description: str, tail: Tail) -> None:
 
 
 def checked_law(name: str, distribution: Any) -> AffineDistribution:
-    """Take a distribution apart, and make sure that it can be evaluated and does not contradict itself."""
+    """Decompose a distribution, and check that it can be evaluated and is consistent."""
     try:
         law = AffineDistribution.of(distribution)
         quantiles = law.quantile(PROBE)

@@ -375,7 +375,7 @@ class GermSpace:
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset) -> GermSpace:
-        """Read what :meth:`to_dataset` returned; other variables in the dataset are left alone.
+        """Read the result of :meth:`to_dataset`; other variables in the dataset are ignored.
 
         Raises
         ------

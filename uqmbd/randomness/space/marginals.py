@@ -63,7 +63,7 @@ class Marginal:
         return np.where((free >= low) & (free <= high), slope_at(self.table, z), 0.0)
 
     def to_germ(self, x: Array) -> Array:
-        """Map the input, of any shape, to the standard variable; NaN where it lies outside the support."""
+        """Map the input, of any shape, to the standard variable; NaN outside of the support."""
         values: Array
         if self.kind == "affine":
             values = (x - self.shift) / self.scale

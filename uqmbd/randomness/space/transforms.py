@@ -19,7 +19,7 @@ SMALLEST, LARGEST = 1e-300, 1 - 2.0**-53
 """Ends of probabilities that have a finite normal germ."""
 
 STEP = 2e-3
-"""Of germs, for derivatives of maps that are known as numbers only."""
+"""Step of germs, for derivatives of maps that are known only numerically."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class JointMap(Protocol):
 
     @property
     def text(self) -> str:
-        """It as text, by which it is stored; empty where it cannot be."""
+        """Stored text of the map; empty if it cannot be stored."""
 
 
 @dataclass(frozen=True, eq=False)

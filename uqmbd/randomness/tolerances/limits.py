@@ -22,7 +22,7 @@ __all__ = ["Toleranced", "made", "require_number", "stated_tolerance", "toleranc
 @typechecked
 @dataclass(frozen=True)
 class Toleranced:
-    """Where the distribution of a size comes from: what `uqmbd.tolerance` and `uqmbd.iso286` attach to theirs.
+    """Origin of the distribution of a size: `uqmbd.tolerance` and `uqmbd.iso286` attach it.
 
     Parameters
     ----------
