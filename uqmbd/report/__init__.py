@@ -32,14 +32,17 @@ from uqmbd.report.installed import installed_sections
 from uqmbd.report.live import with_poses
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.notebook import Shown, load_ipython_extension, show, unload_ipython_extension
-from uqmbd.report.sections import Section
+from uqmbd.report.sections import ChartGroup, FirstScreen, ReliabilityStatement, Section
 
 __all__ = [
     "Band",
     "Chart",
+    "ChartGroup",
     "Curve",
+    "FirstScreen",
     "Section",
     "Shown",
+    "ReliabilityStatement",
     "animate",
     "arrange",
     "axes_grid",

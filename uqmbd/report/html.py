@@ -20,8 +20,16 @@ from uqmbd.files import replacing, scratch
 from uqmbd.isolation import Isolated
 from uqmbd.report.drawing import CHARTED, write_images
 from uqmbd.report.live import page_scripts
-from uqmbd.report.overview import ANSWERS
-from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
+from uqmbd.report.overview import ANSWERS, contributed
+from uqmbd.report.sections import (
+    ABOUT_METHODS,
+    ABOUT_RESULTS,
+    Content,
+    FirstScreen,
+    Section,
+    TemplateSection,
+    environment,
+)
 from uqmbd.report.view import StudyResult
 from uqmbd.results.storage import FIGURES, errors_of_files, has_manifest, move_unlisted, record
 
@@ -115,7 +123,8 @@ def _page(tree: xr.DataTree, sections: Sequence[Section]) -> tuple[str, dict[str
         *(one for one in of_plugins if one["html"] or one["problem"]),
         *_built_in(ABOUT_METHODS, result, contents),
     ]
-    (first,) = _built_in((ANSWERS,), result, contents)
+    screens = [_first_screen(section, tree) for section in sections]
+    (first,) = _built_in((ANSWERS,), result, contents, contributions=[one for one in screens if one])
     created = str(tree.attrs.get("created", ""))
     page = environment().get_template("report.html.j2")
     text = page.render(
@@ -160,14 +169,15 @@ def _charted(content: object) -> bool:
 
 
 def _built_in(
-    sections: Sequence[TemplateSection], result: StudyResult, contents: dict[str, Content]
+    sections: Sequence[TemplateSection], result: StudyResult, contents: dict[str, Content], **more: Any
 ) -> Iterator[dict[str, str]]:
-    """Make sections of the core, and keep what each shows under its name."""
+    """Make sections of the core, and keep what each shows under its name; `more`: further content."""
     from markupsafe import Markup
 
     for section in sections:
         content = section.content(result)
         if content is not None:
+            content |= more
             contents[section.name] = content
             html = Markup(section.fragment(result, content))
             yield {"title": section.title, "anchor": section.name, "html": html, "problem": ""}
@@ -197,6 +207,21 @@ def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, st
         warnings.warn(f"report section {title!r} ({where}) is omitted: {problem}", PluginWarning, stacklevel=4)
         return {"title": title, "anchor": anchor, "html": "", "problem": f"{problem} ({where})"}
     return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
+
+
+def _first_screen(section: Section, tree: xr.DataTree) -> Content | None:
+    """Return what a section adds to the first screen; None if nothing; a failure is a warning and a note."""
+    make = getattr(section, "first_screen", None)
+    if make is None:
+        return None
+    with Isolated() as work, _own_settings():
+        made: Any = make(tree.copy())
+        if made is not None and not isinstance(made, FirstScreen):
+            raise TypeError(f"first_screen() returned a {type(made).__name__}; expected a FirstScreen or None")
+        return None if made is None else contributed(made)
+    where = f"{type(section).__module__}.{type(section).__qualname__}"
+    warnings.warn(f"the first screen of {where} is omitted: {work.reason}", PluginWarning, stacklevel=4)
+    return {"problem": f"{work.reason} ({where})"}
 
 
 @contextmanager

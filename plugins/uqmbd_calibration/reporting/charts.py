@@ -22,11 +22,11 @@ POINTS = 600
 OUTER = 4.0
 """Residuals, over the noise, from which on they are drawn at the edge."""
 
-REACH = 4.0
-"""Standard deviations about the mean that are drawn of each input."""
+REACH, REACH_BEFORE = 5.0, 3.0
+"""Standard deviations about the mean that are drawn of each input, after and before."""
 
-POINTS_OF_DENSITY = 160
-"""Of the density of an input."""
+POINTS_OF_DENSITY = 100
+"""Of the density of an input after, and before."""
 
 
 def inputs_of(tree: xr.DataTree) -> list[str]:
@@ -100,29 +100,30 @@ def posterior_charts(tree: xr.DataTree) -> list[Chart]:
     for name in inputs_of(tree)[:MOST_INPUTS]:
         found, before = (np.ravel(group[name].values) for group in (posterior, prior))
         mean, deviation = float(found.mean()), float(found.std()) or 1.0
-        # as wide as what was known, but not so wide that nothing is seen of what is
-        reach = np.clip(3 * before.std(), REACH * deviation, 10 * REACH * deviation)
-        edges = np.linspace(mean - reach, mean + reach, POINTS_OF_DENSITY + 1)
+        # all of the prior, with points enough for a narrow posterior
+        spans = [(mean, REACH * deviation), (float(before.mean()), REACH_BEFORE * float(before.std()))]
+        grids = [np.linspace(middle - reach, middle + reach, POINTS_OF_DENSITY) for middle, reach in spans]
+        places = np.unique(np.concatenate(grids))
         curves = [
-            Curve(label, _over_maximum(values, edges), (), "density over its maximum")
+            Curve(label, _over_maximum(values, places), (), "density over its maximum")
             for label, values in (("after", found), ("before", before))
         ]
-        chart = Chart("density over its maximum", (edges[1:] + edges[:-1]) / 2, curves, name, "1", name, units[name],
-                      ends=(0.0, 1.08))  # fmt: skip
+        start = int(np.argmax(np.asarray(curves[0].values)))
+        chart = Chart("density over its maximum", places, curves, name, "1", name, units[name], ends=(0.0, 1.08),
+                      start=start)  # fmt: skip
         charts.append(chart)
     return charts
 
 
-def _over_maximum(values: Array, edges: Array) -> Array:
-    """Return the density of values at the middles of cells, by Gaussian kernels, over its maximum."""
-    middle = (edges[1:] + edges[:-1]) / 2
-    wide = max(1.06 * float(values.std()) * len(values) ** -0.2, 0.5 * float(edges[1] - edges[0]))
+def _over_maximum(values: Array, places: Array) -> Array:
+    """Return the density of values at places, by Gaussian kernels, over its maximum."""
+    wide = max(1.06 * float(values.std()) * len(values) ** -0.2, 1e-3 * float(np.ptp(places)))
     low, high = float(values.min()), float(values.max())
     counts, own = np.histogram(values, 400, (low, high if high > low else low + 1.0))
     centres = (own[1:] + own[:-1]) / 2
-    summed = np.exp(-0.5 * ((middle[:, None] - centres) / wide) ** 2) @ counts
+    summed = np.exp(-0.5 * ((places[:, None] - centres) / wide) ** 2) @ counts
     largest = float(summed.max())
-    return np.asarray(summed / largest if largest > 0 else np.zeros(len(middle)))
+    return np.asarray(summed / largest if largest > 0 else np.zeros(len(places)))
 
 
 def pair_charts(tree: xr.DataTree) -> list[Chart]:

@@ -7,11 +7,12 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
-from uqmbd.report import charts_html, with_units
+from uqmbd.report import FirstScreen, charts_html, with_units
 from uqmbd_calibration.reporting.charts import learned_chart, pair_charts, posterior_charts, record_charts
+from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
+from uqmbd_calibration.reporting.overview import first_screen
 from uqmbd_calibration.result import learned, named_strays
 
 __all__ = ["CalibrationSection"]
@@ -21,6 +22,11 @@ class CalibrationSection:
     """What records say of the inputs."""
 
     title = "Calibration"
+
+    def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
+        """Return the inputs before and after, the fit and the doubts; None where no method has a calibration."""
+        found = list(_calibrations(tree))
+        return first_screen(found) if found else None
 
     def render(self, tree: xr.DataTree) -> str:
         """Return the section; empty where no method has a calibration."""
@@ -179,9 +185,9 @@ def _table(tree: xr.DataTree) -> str:
     for k, name in enumerate(data["input"].values.tolist()):
         one = data.isel(input=k)
         cells = (
-            _pair(one["prior_mean"], one["prior_sd"]),
-            _pair(one["mean"], one["sd"]),
-            f"{_number(one['lower'], one['sd'])} to {_number(one['upper'], one['sd'])}",
+            mean_and_deviation(one["prior_mean"], one["prior_sd"]),
+            mean_and_deviation(one["mean"], one["sd"]),
+            interval(one),
             learned(one),
             f"{float(one['rhat']):.3f}",
             f"{float(one['ess']):.0f}",
@@ -193,19 +199,6 @@ def _table(tree: xr.DataTree) -> str:
         '<div class="wide" tabindex="0" role="region" aria-label="What was learned of the inputs"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
-
-
-def _pair(mean: Any, sd: Any) -> str:
-    return f"{_number(mean, sd)} ± {float(sd):.2g}"
-
-
-def _number(value: Any, sd: Any) -> str:
-    """Write a number with two digits of its standard deviation."""
-    middle, width = float(value), float(sd)
-    if not width > 0 or not np.isfinite(width):
-        return f"{middle:.6g}"
-    digits = max(0, 1 - int(np.floor(np.log10(width))))
-    return f"{middle:.{digits}f}" if digits <= 9 and abs(middle) < 1e7 else f"{middle:.6g}"
 
 
 def _text(text: str) -> str:

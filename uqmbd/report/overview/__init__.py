@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.report.overview.answers import ANSWERS
+from uqmbd.report.overview.contributions import contributed
 
-__all__ = ["ANSWERS"]
+__all__ = ["ANSWERS", "contributed"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -56,10 +57,18 @@ def asked(result: StudyResult) -> Content:
         return {"kind": "requirements", "rows": shown, "more": max(more, 0), "allowed": words}
     if names := result.histories:
         every = [one for name in ranked(result, names) for one in result.assessment.of(name)]
-        rows = [_history(result, one) for one in every[:ROWS]]
+        found = _alike(
+            [of_history(result.alike(one.method), one.quantity) for one in every[:ROWS]],
+            lambda k: of_history(result.alike(every[k].method), every[k].quantity, correlations=True),
+        )
+        rows = [_history(result, one, because) for one, because in zip(every, found, strict=False)]
         return {"kind": "outputs", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
     every = [one for name in result.scalar_names for one in result.assessment.of(name, "scalar")]
-    rows = [_scalar(result, one) for one in every[:ROWS]]
+    found = _alike(
+        [of_scalar(result.alike(one.method), one.quantity) for one in every[:ROWS]],
+        lambda k: of_scalar(result.alike(every[k].method), every[k].quantity, correlations=True),
+    )
+    rows = [_scalar(result, one, because) for one, because in zip(every, found, strict=False)]
     return {"kind": "scalars", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
 
 
@@ -101,11 +110,18 @@ def _requirement(result: StudyResult, name: str) -> Content:
     }
 
 
+def _alike(found: list[Influences | None], correlated: Callable[[int], Influences | None]) -> list[Influences | None]:
+    """Return influences that one column can show: all are correlations if one of several regressions is."""
+    if not any(one is not None and one.correlations for one in found):
+        return found
+    return [correlated(k) if one is not None and one.signed else one for k, one in enumerate(found)]
+
+
 def _because(found: Influences | None) -> str:
     return "" if found is None else found.words
 
 
-def _history(result: StudyResult, one: OutputReliability) -> Content:
+def _history(result: StudyResult, one: OutputReliability, because: Influences | None) -> Content:
     name, method = one.quantity, result.methods[one.method]
     data, units = method.of(name), method.units(name)
     row = {"name": one.name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
@@ -118,7 +134,7 @@ def _history(result: StudyResult, one: OutputReliability) -> Content:
         "spread": str(format_cells([float(std[at])], units)[0]),
         "when": f"{float(data['time'][at]):.4g} s",
         "note": "",
-        "because": _because(of_history(result.alike(one.method), name)),
+        "because": _because(because),
     }
 
 
@@ -144,10 +160,9 @@ def _at(values: Array, times: Array, which: object) -> tuple[float, float]:
     return float(values[k]), float(times[k])
 
 
-def _scalar(result: StudyResult, one: OutputReliability) -> Content:
+def _scalar(result: StudyResult, one: OutputReliability, because: Influences | None) -> Content:
     numbers = _of_scalar(result.scalars[one.method], one.quantity)
-    because = _because(of_scalar(result.alike(one.method), one.quantity))
-    return {"name": one.name, "meaning": "", "method": one.method, **numbers, "because": because}
+    return {"name": one.name, "meaning": "", "method": one.method, **numbers, "because": _because(because)}
 
 
 def _of_scalar(method: Method, name: str) -> Content:
@@ -222,9 +237,11 @@ def content(result: StudyResult) -> Content:
     """Return what the first screen says and shows."""
     shown = asked(result)
     name = in_view(result)
-    found, of_what = _influences(result, shown, name)
+    found, of_what = _influences(_latest(result), shown, name)
     known = result.assessment
+    lines = _lines(known.reliability)
     return {
+        "contributions": [],
         "problems": [*result.problems, *known.contradictions],
         "failures": _failures(result),
         "asked": shown,
@@ -233,13 +250,30 @@ def content(result: StudyResult) -> Content:
         "in_view": name,
         "matters": None if found is None else _bars(found, of_what),
         "untold": _untold(result, shown),
-        "reliability": known.reliability[:LINES],
-        "more_lines": max(len(known.reliability) - LINES, 0),
+        "reliability": lines[:LINES],
+        "more_lines": max(len(lines) - LINES, 0),
         "next": {"methods": _costs(result), "words": known.recommendation},
     }
 
 
 ANSWERS = TemplateSection("Answers", "answers", content)
+
+
+def _lines(found: Sequence[OutputReliability]) -> list[Content]:
+    """Return a line for each quantity; of several populations one for the outputs of a method at a level."""
+    groups: dict[tuple[object, ...], list[OutputReliability]] = {}
+    for k, one in enumerate(found):
+        groups.setdefault((one.method, one.kind, one.level) if one.population else (k,), []).append(one)
+    return [
+        {
+            "level": worst.level,
+            "sign": worst.sign,
+            "word": worst.word,
+            "name": worst.name if not rest else f"{', '.join(one.quantity for one in (worst, *rest))} ({worst.method})",
+            "reason": worst.reason if not rest else f"{worst.quantity}: {worst.reason}",
+        }
+        for worst, *rest in groups.values()
+    ]
 
 
 def _costs(result: StudyResult) -> list[Content]:
@@ -248,6 +282,12 @@ def _costs(result: StudyResult) -> list[Content]:
     some = [result.methods[label] for label in labels]
     counts = [f"{format_count(m.realisations, 'realisation')}, {format_duration(m.wall_time)}" for m in some]
     return [{"label": method.label, "cost": cost} for method, cost in zip(some, counts, strict=True)]
+
+
+def _latest(result: StudyResult) -> StudyResult:
+    """Return the result by the last population of the inputs, if there are several: that after a calibration."""
+    labels = [label for label, method in result.methods.items() if method.population]
+    return result.alike(labels[-1]) if labels else result
 
 
 def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:

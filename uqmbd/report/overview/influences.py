@@ -74,7 +74,7 @@ def _order(result: StudyResult) -> list[str]:
     return [label for label in result.assessment.order if label in result.methods]
 
 
-def of_history(result: StudyResult, name: str) -> Influences | None:
+def of_history(result: StudyResult, name: str, *, correlations: bool = False) -> Influences | None:
     """Return the influences on an output over time; None if the results do not contain them."""
     nodes = {label: node for label, node in result.nodes.items() if has_indices(node) and _has(node, name)}
     if nodes:
@@ -84,16 +84,16 @@ def of_history(result: StudyResult, name: str) -> Influences | None:
             kind = "Total Sobol’ indices: share of the variance, over all times, to which each contributes"
             alone, total = found.weighted
             return _sorted(found.names, total, f"{kind} ({label_of(node)}).", alone=alone)
-    return _of_samples(result, name, scalar=False)
+    return _of_samples(result, name, scalar=False, correlations=correlations)
 
 
-def of_scalar(result: StudyResult, name: str) -> Influences | None:
+def of_scalar(result: StudyResult, name: str, *, correlations: bool = False) -> Influences | None:
     """Return the influences on a scalar output; None if the results do not contain them."""
     for label in _order(result):
         inner = result.methods[label].scalars
         if inner is not None and name in inner.names and (found := _total(inner.of(name), label)):
             return found
-    return _of_samples(result, name, scalar=True)
+    return _of_samples(result, name, scalar=True, correlations=correlations)
 
 
 def of_requirement(result: StudyResult, name: str) -> Influences | None:
@@ -142,8 +142,8 @@ def _over_time(values: Array, std: Array) -> Array:
     return np.asarray(values @ weight / weight.sum() if weight.sum() > 0 else values[:, 0] * np.nan, dtype=float)
 
 
-def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences | None:
-    """Return the effects of a linear regression at the time of the largest standard deviation."""
+def _of_samples(result: StudyResult, name: str, *, scalar: bool, correlations: bool) -> Influences | None:
+    """Return the effects of a linear regression, or correlations, at the time of the largest standard deviation."""
     for label in _order(result):
         method = result.methods[label]
         inner = method.scalars if scalar else method
@@ -151,16 +151,18 @@ def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences |
             continue
         samples = inner.samples.isel(output=inner.names.index(name))
         samples = samples.isel(sample=np.flatnonzero(samples["status"].values == Status.OK))
-        count, inputs = samples["inputs"].shape
-        if not inputs or count < max(30, SAMPLES * inputs):
+        count, columns = samples["inputs"].shape
+        if not columns or count < max(30, SAMPLES * columns):
             return None
         response, when = np.asarray(samples["response"].values, dtype=float), ""
         if response.ndim > 1:
             at = int(np.nan_to_num(inner.of(name)["std"].values, nan=-1.0).argmax())
             response, when = response[:, at], f" at {float(samples['time'][at]):.4g} s"
         values = np.asarray(samples["inputs"].values, dtype=float)
-        if _dependent(values) and np.ptp(response) > 0:
-            kind = f"Correlations{when} by {label}, whose inputs are dependent: + increases, − decreases the output."
+        dependent = _dependent(values)
+        if (dependent or correlations) and np.ptp(response) > 0:
+            inputs = ", whose inputs are dependent" if dependent else ""
+            kind = f"Correlations{when} by {label}{inputs}: + increases, − decreases the output."
             found = _standard(values).T @ _standard(response) / count
             return _sorted(samples["input"].values, found, kind, signed=True, correlations=True)
         effects, explained = _regression(values, response)

@@ -12,13 +12,17 @@ from uqmbd.report.sections.about_results import (
     over_chart,
     ranked,
 )
+from uqmbd.report.sections.first_screen import ChartGroup, FirstScreen, ReliabilityStatement
 from uqmbd.report.sections.section import Content, Section, TemplateSection, environment
 
 __all__ = [
     "ABOUT_METHODS",
     "ABOUT_RESULTS",
+    "ChartGroup",
     "Content",
+    "FirstScreen",
     "Section",
+    "ReliabilityStatement",
     "TemplateSection",
     "bands_chart",
     "bands_of",

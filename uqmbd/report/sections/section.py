@@ -27,6 +27,9 @@ Content = dict[str, Any]
 class Section(Protocol):
     """A section that a plugin adds to the report.
 
+    A section may also have a method ``first_screen(self, tree)``. It returns a `uqmbd.report.FirstScreen`, which the
+    first screen of the report shows, or None.
+
     Examples
     --------
     What a plugin gives by the hook ``uqmbd_report_sections``:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.assessment.accuracy import StatedAccuracy, stated_accuracy
 from uqmbd.results.assessment.alignment import align
-from uqmbd.results.assessment.assessment import Assessment, OutputReliability, assess
+from uqmbd.results.assessment.assessment import LEVELS, Assessment, OutputReliability, assess
 from uqmbd.results.assessment.differences import choose_reference, compare
 from uqmbd.results.assessment.error_norms import relative_errors
 from uqmbd.results.assessment.integration_share import IntegrationShare, integration_shares, worst_integration_share
@@ -22,6 +22,7 @@ __all__ = [
     "EXACT",
     "IntegrationShare",
     "Judgement",
+    "LEVELS",
     "NO_SPREAD",
     "REFERENCE",
     "OutputReliability",

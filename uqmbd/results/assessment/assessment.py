@@ -23,7 +23,7 @@ from uqmbd.results.schema import comparable, propagator_nodes
 from uqmbd.results.statistics import rtol_of, varying
 from uqmbd.wording import format_at_most, format_count, format_integer, format_percent
 
-__all__ = ["Assessment", "OutputReliability", "assess"]
+__all__ = ["LEVELS", "Assessment", "OutputReliability", "assess"]
 
 LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "constant"))
 """Signs, for those who see no colours, and words of the levels of reliability."""

@@ -1,0 +1,176 @@
+"""What the first screen shows of a calibration: inputs before and after, fit, identifiability, and doubts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report import Chart, ChartGroup, FirstScreen, ReliabilityStatement, with_units
+from uqmbd_calibration.reporting.charts import inputs_of, posterior_charts, record_charts
+from uqmbd_calibration.reporting.numbers import interval, mean_and_deviation
+from uqmbd_calibration.result import learned, named_strays
+
+__all__ = ["first_screen"]
+
+MOST_OUTPUTS = 3
+"""Measured outputs in the figure of the fit, those that the model explains worst first."""
+
+TOGETHER, WIDE = 0.9, 0.3
+"""Correlation of two inputs, and width of both over that of the prior, above which a record does not separate them."""
+
+
+def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
+    """Return the first screen of calibrations, each with the labels of the methods that use it."""
+    rows, said = [], []
+    for labels, tree in found:
+        of = f" ({', '.join(labels)})" if len(found) > 1 else ""
+        rows += list(_rows(tree, of))
+        said += [replace(one, name=f"{one.name}{of}") for one in _statements(tree)]
+    _, first = found[0]
+    charts = [
+        ChartGroup(
+            posterior_charts(first),
+            "The density of each input before and after the calibration.",
+            "Inputs before and after the calibration: densities, each over its own maximum.",
+            "Input",
+        ),
+        ChartGroup(
+            list(_fits(first)),
+            "Measured values with predictions before and after the calibration, and residuals.",
+            "Record and fit, with bands for 95 % of measurements; residuals over the standard deviation of the noise.",
+            "Output",
+        ),
+    ]
+    heads = ("Before", "After", "95 % interval", "Learned")
+    return FirstScreen("Calibrated input", heads, rows, charts, said)
+
+
+def _rows(tree: xr.DataTree, of: str) -> Iterator[tuple[str, ...]]:
+    data = tree["summary"].to_dataset()
+    for name in inputs_of(tree):
+        one = data.sel(input=name)
+        yield (
+            with_units(name, str(one["units"].item())) + of,
+            mean_and_deviation(one["prior_mean"], one["prior_sd"]),
+            mean_and_deviation(one["mean"], one["sd"]),
+            interval(one),
+            learned(one),
+        )
+
+
+def _fits(tree: xr.DataTree) -> Iterator[Chart]:
+    """Yield the charts of measured outputs, those with the smallest probability of their residuals first."""
+    p = {(one["record"], one["output"]): float(one["p"]) for one in _checks(tree).get("model", [])}
+    names = [str(name) for name in tree["observed_data"].data_vars]
+    worst = {name: min((x for (_, output), x in p.items() if name.startswith(output)), default=1.0) for name in names}
+    for name in sorted(names, key=lambda one: worst[one])[:MOST_OUTPUTS]:
+        for chart, what in zip(record_charts(tree, name), ("fit", "residuals"), strict=True):
+            # the time of the record is not the time of the prediction, which the page shares
+            across, units = (chart.across, chart.across_units) if chart.across else ("time in the record", "s")
+            yield replace(chart, title=f"{name}: {what}", across=across, across_units=units)
+
+
+def _checks(tree: xr.DataTree) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(str(tree.attrs.get("checks", "{}")))
+    return found
+
+
+def _statements(tree: xr.DataTree) -> list[ReliabilityStatement]:
+    checks = _checks(tree)
+    return [*_of_fit(checks), *_of_identifiability(tree), *_of_posterior(tree, checks)]
+
+
+def _of_fit(checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
+    """State which outputs the model cannot explain; of the others the smallest probability."""
+    of = checks.get("model", [])
+    for one in of:
+        where = f"{one['output']} in record {one['record']}"
+        if one.get("doubted"):
+            when = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
+            text = f"the model cannot explain {where} (p = {one['p']:.1g})" + (
+                f", above all at {when}." if when else "."
+            )
+            yield ReliabilityStatement(0, "Fit", text)
+        if one.get("strays"):
+            yield ReliabilityStatement(1, "Outliers", f"{where}: {named_strays(one)}.")
+    fine = [one for one in of if not one.get("doubted")]
+    if fine:
+        least = min(fine, key=lambda one: float(one["p"]))
+        what = "the measured output" if len(fine) == 1 else f"{len(fine)} measured outputs"
+        text = f"the residuals of {what} are those of the noise (p = {least['p']:.2g}" + (
+            ")." if len(fine) == 1 else f" or more; least for {least['output']})."
+        )
+        yield ReliabilityStatement(2, "Fit", text)
+
+
+def _of_identifiability(tree: xr.DataTree) -> Iterator[ReliabilityStatement]:
+    """State combinations and pairs of inputs that the record does not determine."""
+    left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
+    if left:
+        text = f"the record contains less about {'; '.join(left)} than the prior."
+        yield ReliabilityStatement(1, "Identifiability", text)
+    data, draws = tree["summary"].to_dataset(), tree["posterior"].to_dataset()
+    pairs = []
+    for one, other in combinations(inputs_of(tree), 2):
+        values = [np.ravel(draws[name].values) for name in (one, other)]
+        if all(np.ptp(x) > 0 for x in values):
+            pairs.append((float(np.corrcoef(*values)[0, 1]), one, other))
+    kept = 1 - data["learned"]
+    close = [
+        (r, one, other)
+        for r, one, other in pairs
+        if abs(r) > TOGETHER and min(float(kept.sel(input=name)) for name in (one, other)) > WIDE
+    ]
+    for r, one, other in sorted(close, key=lambda pair: -abs(pair[0])):
+        text = f"{one} and {other} cannot be distinguished: their correlation is {_signed(r)} after the calibration."
+        yield ReliabilityStatement(1, "Identifiability", text)
+    if not left and not close:
+        text = "the record determines each input"
+        if pairs:
+            r, one, other = max(pairs, key=lambda pair: abs(pair[0]))
+            text += f"; the largest correlation is {_signed(r)} ({one}, {other})"
+        yield ReliabilityStatement(2, "Identifiability", f"{text}.")
+
+
+def _signed(number: float) -> str:
+    return f"{number:.2f}".replace("-", "\N{MINUS SIGN}")
+
+
+def _of_posterior(tree: xr.DataTree, checks: dict[str, Any]) -> Iterator[ReliabilityStatement]:
+    """State whether realisations and chains verify the posterior, and what speaks against it."""
+    cost = f"{int(tree.attrs.get('realisations', 0))} realisations"
+    last = checks["surrogate"][-1] if checks.get("surrogate") else None
+    if "even" in checks and last is not None:
+        shift = f"means shift by up to {last['shift']:.2g} standard deviations"
+        if checks["even"]:
+            text = f"realisations at {last['draws']} draws confirm it: {shift} ({cost} in all)."
+            yield ReliabilityStatement(2, "Posterior", text)
+        else:
+            text = f"realisations at {last['draws']} draws do not confirm it: {shift} ({cost} in all)."
+            yield ReliabilityStatement(0, "Posterior", text)
+    elif checks.get("widened"):
+        yield ReliabilityStatement(
+            0, "Posterior", f"no realisations verify it, and errors of the surrogate widen it ({cost})."
+        )
+    else:
+        yield ReliabilityStatement(3, "Posterior", f"{cost} of the mechanism.")
+    if "rhat" in checks:
+        numbers = f"R-hat is at most {checks['rhat']:.3f}, with at least {checks['ess']:.0f} effective draws."
+        fine = bool(checks.get("converged"))
+        yield ReliabilityStatement(
+            2 if fine else 0, "Chains", f"they {'converged' if fine else 'did not converge'}: {numbers}"
+        )
+    if others := checks.get("unsampled", []):
+        text = f"{len(others)} further maxima have about {100 * sum(others):.0f} % of the probability, but no draws."
+        yield ReliabilityStatement(0, "Posterior", text)
+    if unseen := checks.get("unseen"):
+        yield ReliabilityStatement(1, "Posterior", f"{unseen} further maxima of the surrogate are about as likely.")
+    for one in checks.get("far", []):
+        text = f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
+        yield ReliabilityStatement(1, "Prior", text)
