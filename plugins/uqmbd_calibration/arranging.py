@@ -1,4 +1,4 @@
-"""From a study and its records to cases: which inputs are unknown, in which record, and at which operating point."""
+"""From a study and its records to cases: the unknown inputs, their records, and their operating points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAME = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """What is unknown, and what says something of it."""
+    """Unknowns of a calibration, and the records that inform them."""
 
     unknowns: Unknowns
     points: tuple[OperatingPoint, ...]  # each with the times of its records
@@ -112,7 +112,7 @@ def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequen
 
 
 def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Sequence[str]) -> None:
-    """Refuse what breaks a group of dependent inputs, inputs of few values, and machines without a name."""
+    """Refuse records that split a group of dependent inputs, inputs of few values, and machines without a name."""
     inputs = study.mechanism.inputs
     unknown = [name for name in individual if name not in inputs.names]
     if unknown:
@@ -143,7 +143,7 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
 
 
 def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
-    """Refuse a bias of what no record holds."""
+    """Refuse a bias of an output that no record contains."""
     recorded = list(dict.fromkeys(name for record in records for name in record.outputs))
     for name in bias:
         if name not in recorded:
@@ -171,7 +171,7 @@ def _check_levels(levels: Sequence[Level], cases: Sequence[MachineRecords], inpu
 
 
 def _levels(records: Sequence[Record]) -> tuple[Level, ...]:
-    """Return the noise levels that are unknown: one for each output whose noise a record does not state."""
+    """Return the unknown noise levels: one for each output whose noise a record does not state."""
     found: dict[str, Level] = {}
     for record in records:
         for series in record.series:

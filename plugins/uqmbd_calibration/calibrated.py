@@ -24,7 +24,7 @@ KEPT = (
 
 @dataclass(frozen=True)
 class Calibrated(uqmbd.extend.Propagator):
-    """Run a method with what records say of the inputs, in the place of what was known before.
+    """Run a method with the posterior of a calibration in place of the distributions of the inputs.
 
     Inputs that were not calibrated keep their distributions.  Of those that a study does not have, the posterior of the
     others is taken whatever they are.  A study that runs the method with and without shows in one report what was
@@ -72,7 +72,7 @@ class Calibrated(uqmbd.extend.Propagator):
     machine: str = ""
 
     def __post_init__(self, *_: Any) -> None:
-        """Check what is given; whether the method answers requirements itself is its own matter."""
+        """Check the arguments; the method decides whether it answers requirements."""
         super().__post_init__()
         for name, kind, example in (
             ("method", uqmbd.extend.Propagator, "a method, as Collocation(order=3)"),
@@ -95,24 +95,24 @@ class Calibrated(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Return what is in the way of the method, or that the calibration is of other inputs."""
+        """Return the obstacle of the method, or that the calibration belongs to other inputs."""
         if not self._shared(study.mechanism.inputs.names):
             return self._strange(study.mechanism.inputs.names)
         return self.method.obstacle(study)
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Return what the method says, and which inputs stay as they are."""
+        """Return the remarks of the method, and the inputs that keep their distributions."""
         shared = self._shared(study.mechanism.inputs.names)
         kept = [name for name in study.mechanism.inputs.names if name not in shared]
         own = (f"{', '.join(map(repr, kept))} keep the distribution of the study",) if kept else ()
         return (*self.method.remarks(study), *own)
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
-        """Return what the method needs to know besides the outputs."""
+        """Return the further quantities that the method observes."""
         return self.method.watches(mechanism)
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
-        """Run the method, and put the calibration beside its results."""
+        """Run the method, and add the calibration to its results."""
         problem.require_random()
         shared = self._shared(problem.inputs.names)
         if not shared:

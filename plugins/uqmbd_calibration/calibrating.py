@@ -33,7 +33,7 @@ def calibrate(
     workers: int | Executor = 1,
     progress: uqmbd.extend.Progress | bool | None = None,
 ) -> Calibration:
-    """Find what records say of the inputs of a study.
+    """Compute the posterior of the inputs of a study from records.
 
     The random variables of the study are what is unknown, and their distributions are what was known before.
 
@@ -147,7 +147,7 @@ def calibrate(
 
 
 def _method(surrogate: object) -> uqmbd.extend.Propagator | Found | None:
-    """Return what makes the surrogate, or has made it."""
+    """Return the method of the surrogate."""
     if surrogate is None or isinstance(surrogate, uqmbd.extend.Propagator):
         return surrogate
     if isinstance(surrogate, Calibration) and isinstance(surrogate.made_by, Found):

@@ -1,4 +1,4 @@
-"""From records to draws of the posterior."""
+"""Posterior search: from records to draws of the posterior."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ __all__ = ["Found", "find"]
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What was found of some records."""
+    """Results for some records."""
 
     arrangement: Arrangement
     inferred: Inferred
@@ -111,7 +111,7 @@ def find(
         notes += [str(one.message) for one in told]
 
     def build(cases: tuple[MachineRecords, ...], *, doubted: bool = True) -> Posterior:
-        """Make the posterior by the surrogates over the prior; what these state of their errors adds to the noise."""
+        """Return the posterior by the surrogates over the prior; their stated errors add to the noise."""
         predictors = tuple(read_prior_surrogates(nodes[id(case.point)], case.point, case.blocks) for case in cases)
         if doubted:
             cases = tuple(
@@ -151,7 +151,7 @@ def find(
 
 
 REACH, LOOKED_AT = 1e5, 256
-"""Deviations beyond which the likelihood of a value is lost in rounding errors, and points of the prior looked at."""
+"""Deviations beyond which rounding hides the likelihood of a value, and points of the prior that are checked."""
 
 
 def _check_reach(prior: Posterior, seed: int) -> None:
@@ -187,7 +187,7 @@ def _check_reach(prior: Posterior, seed: int) -> None:
 
 
 def _described(node: xr.DataTree) -> str:
-    """Say which method made a surrogate, with the options that matter to the reader."""
+    """Return the method of a surrogate, with the options that matter to the reader."""
     said = [str(node.attrs["propagator"])]
     options = json.loads(node.attrs.get("options", "{}"))
     said += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]

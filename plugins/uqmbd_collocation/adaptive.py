@@ -42,7 +42,7 @@ class _Grid:
         return self.found[level]
 
     def surplus(self, level: Level) -> dict[Level, Array]:
-        """Return what a level adds to all smaller ones: the product of differences from one level to the next."""
+        """Return the surplus of a level over all smaller ones: the product of differences of successive levels."""
         total: dict[Level, Array] = {}
         for sign, lower in lower_levels(level):
             for term, value in self.projection(lower).items():
@@ -87,7 +87,7 @@ class _Grid:
 
 @dataclass(frozen=True)
 class _Scale:
-    """What changes are measured by: the standard deviation (O, T), and its largest over time (O,)."""
+    """Scale of changes: the standard deviation (O, T), and its largest over time (O,)."""
 
     std: Array
     largest: Array

@@ -1,4 +1,4 @@
-"""From realisations to a fit: at a fixed order, or refined."""
+"""Computation of a fit from realisations: at a fixed order, or refined."""
 
 from __future__ import annotations
 

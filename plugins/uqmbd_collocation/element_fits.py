@@ -84,7 +84,7 @@ class ElementFits(ABC):
         children: Mapping[str, Any],
         attrs: Mapping[str, Any],
     ) -> Expanded:
-        """Return the surrogate of the elements that are kept with all that their node needs; `fitted` says to what."""
+        """Return the surrogate of the retained elements with all data of its node; `fitted`: the fitted quantity."""
         if len(kept) == 1 and kept[0].refinement is not None:
             children = {**children, "refinement": history(kept[0].refinement.steps)}
         self.problem.progress.finish(self.problem.label)

@@ -1,4 +1,4 @@
-"""Multi-element collocation: a chaos of its own, from realisations of its own, in each box of the germ space."""
+"""Multi-element collocation: a separate chaos, from separate realisations, in each box of the germ space."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["collocate_elements"]
 
 @dataclass(frozen=True)
 class _BoxResult:
-    """What was computed in a box."""
+    """Results in a box."""
 
     probability: float
     runs: CollocationRuns
@@ -146,7 +146,7 @@ def _failed_share(elements: Sequence[_BoxResult]) -> float:
 
 
 def _nodes(work: _ElementSplitting, kept: tuple[int, ...]) -> xr.Dataset:
-    """Return the dataset `nodes`: where realisations were, in which element (-1: one that was replaced), what for."""
+    """Return the dataset `nodes`: places of realisations, their elements (-1: a replaced one), and their purpose."""
     place = {number: k for k, number in enumerate(kept)}
     purposes = []
     for one in work.done:

@@ -1,4 +1,4 @@
-"""What a way to expand outputs has found, and the node that is made of it."""
+"""Result of an expansion of outputs, and its node."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Expanded:
     leave_one_out: Array | None = None  # (O, T), of a regression
 
     def node(self, propagator: uqmbd.extend.Propagator, problem: uqmbd.extend.Problem, wall_time: float) -> xr.DataTree:
-        """Make the node of the method, which took so many seconds; where samples of it end early, it ends with them."""
+        """Return the node of the method with its time in seconds; it ends at the earliest end of its samples."""
         if (reached := self.chaos.reached()) is not self.chaos:
             last = float(np.asarray(reached.labels.times)[-1])
             return replace(self, chaos=reached, attrs={**self.attrs, "ends_at": last}).node(

@@ -41,27 +41,27 @@ __all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
 
 Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-"""Those that may be named."""
+"""Families that may be named."""
 
 Way = Literal[Family, "events+phase"]
 COMBINED: Final = "events+phase"
 """Landmarks of both kinds; it is tried where both families are."""
 
 SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequency")
-"""Of several that are as good as another the first is taken."""
+"""Order of preference of equally good families."""
 
 FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
 """In which order they are computed: the realisations of the first ones serve the others."""
 
 ENOUGH = 0.01
-"""The same: where all outputs are followed that well two frequencies are not looked for unless they are named."""
+"""The same limit: if all outputs reach it, two frequencies are tried only if they are named."""
 
 Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
 
 @dataclass
 class _FamilyContext:
-    """What the families have in common."""
+    """Data that the families share."""
 
     problem: uqmbd.extend.Problem
     space: uqmbd.extend.GermSpace
@@ -76,9 +76,9 @@ class _FamilyContext:
     told: dict[Way, list[Warning]] = field(default_factory=dict)
     left_out: dict[Way, str] = field(default_factory=dict)
     beside: int = 0
-    """Realisations that are none of those that are followed."""
+    """Realisations that are not followed."""
     counters: Counter[str] = field(default_factory=Counter)
-    """Of these."""
+    """Counters of these."""
 
     def expand(self, family: Way) -> Expanded:
         """Expand all outputs in the way of a family: here a further one joins."""
@@ -140,7 +140,7 @@ class _FamilyContext:
         return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
     def reason(self, error: Exception) -> str:
-        """Return what an error says, without the name of the method, and without advice for one family."""
+        """Return the reason of an error, without the name of the method and without advice for one family."""
         if isinstance(error, Impossible):
             return error.reason
         return str(error).removeprefix(f"{self.problem.label}: ")
@@ -152,7 +152,7 @@ class _FamilyContext:
 
     @property
     def all_counters(self) -> Counter[str]:
-        """Of all these."""
+        """Counters of all realisations."""
         return self.counters + self.phase.counters + (self.events.counters if self.events else Counter())
 
 
@@ -239,7 +239,7 @@ def expand_families(
 def _composed(
     work: _FamilyContext, chaoses: Mapping[str, Part], taken: Sequence[Runs], errors: Mapping[str, Array]
 ) -> Expanded:
-    """Put the outputs together, each from the families that it takes; errors (O,) of all families, and of "taken"."""
+    """Combine the outputs, each from its families; errors (O,) of all families, and of "taken"."""
     outputs = [o.name for o in work.problem.labels.outputs]
     times = np.asarray(work.problem.labels.times)
     words = [runs_in_words(runs, times) for runs in taken]
@@ -307,7 +307,7 @@ def _composed(
 
 
 def _fits(work: _FamilyContext, rows: Mapping[Way, Sequence[int]]) -> str:
-    """Say how outputs are fitted, from the numbers of those that take a family."""
+    """Return a description of the fits, from the numbers of outputs of each family."""
     outputs = [o.name for o in work.problem.labels.outputs]
     said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
     return "; ".join(said)

@@ -1,4 +1,4 @@
-"""From realisations at nodes to a polynomial chaos: projection where the rule allows it, else regression."""
+"""From realisations at nodes to a polynomial chaos: projection if the rule allows it, else regression."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class QuadratureProjection:
 
     @property
     def nodes(self) -> Array:
-        """Where realisations are needed, shape (K, d)."""
+        """Inputs of the realisations, shape (K, d)."""
         return self.rule.nodes
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:

@@ -1,4 +1,4 @@
-"""Adaptive order: higher and higher orders, until mean and standard deviation stand still."""
+"""Adaptive order: increasing orders, until mean and standard deviation converge."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["HIGHEST", "raise_order"]
 
 
 HIGHEST = 32
-"""Order at which a refinement ends: what has not converged by then never will."""
+"""Order at which a refinement ends: no convergence is expected beyond."""
 
 
 def raise_order(

@@ -1,4 +1,4 @@
-"""Where realisations are needed for an order, and how the chaos is found from them."""
+"""Nodes of the realisations for an order, and the fit of the chaos."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ GRIDS = ("gauss", "smolyak", "clenshaw-curtis")
 DEFAULT_ORDER = 3
 
 STREAM = 0x7E51F1
-"""Of the verification points, which must be no points of a design."""
+"""Random stream of the verification points, which must differ from points of a design."""
 FEW = 100
 """Samples below which a sparse regression gets as many as an ordinary one by default."""
 
@@ -102,7 +102,7 @@ class Plans:
             self.refuse(("samples",), f"rule={self.grid!r}, a grid; give nodes or level, or a rule such as 'sobol'")
 
     def _only_given(self) -> None:
-        """Refuse what a given expansion and rule leave nothing to choose for."""
+        """Refuse options that a given expansion and rule already determine."""
         self.refuse(("rule", "level", "samples", "elements"), "expansion=, which comes with a rule of its own")
         for name, usual in (("method", "projection"), ("index_set", "total"), ("adaptive", "no")):
             if (value := getattr(self, name)) != usual:

@@ -29,8 +29,8 @@ FEW = 40
 """Numbers of each output at each time in the results, besides coefficients: statistics and errors."""
 
 BOUND = 10.0
-"""An accuracy over the tolerance of a refinement for it: a bound of few verification realisations is larger than what
-ends the refinement."""
+"""Accuracy over the tolerance of its refinement. The bound from few verification realisations is larger than the change
+that ends the refinement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +221,7 @@ class Collocation(uqmbd.extend.Propagator):
                 warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
 
     def _take_expansion(self) -> None:
-        """Keep a given expansion with its rule, as plain numbers; `nodes` and `weights` are of it then."""
+        """Store a given expansion with its rule, as plain numbers; `nodes` and `weights` then belong to it."""
         if self.expansion is None:
             for name, what in (("nodes", "a whole number of 1 or more"), ("weights", "a number above 0")):
                 if isinstance(given := getattr(self, name), np.ndarray):
@@ -259,7 +259,7 @@ class Collocation(uqmbd.extend.Propagator):
         return (self.alignment,) if isinstance(self.alignment, str) else tuple(self.alignment)
 
     def _check_families(self) -> None:
-        """Refuse what does not go with a choice between families."""
+        """Refuse options that contradict a choice between families."""
         if self.alignment is None or self.alignment in ("events", "phase", "two-frequency"):
             return
         given = f"Collocation: alignment={self.alignment!r}"
@@ -291,7 +291,7 @@ class Collocation(uqmbd.extend.Propagator):
         return uqmbd.extend.watched_angles(mechanism) if "phase" in self.families else {}
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Say which clock there is, at the means of the inputs."""
+        """Return the clock at the means of the inputs, as text."""
         problem = study.problem(self)
         if "phase" not in self.families or problem.timeless or not len(study.mechanism.inputs):
             return ()
@@ -349,7 +349,7 @@ class Collocation(uqmbd.extend.Propagator):
         )
 
     def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
-        """Return the families that may be possible, and say which are left out."""
+        """Return the possible families, and messages on the omitted ones."""
         ways = self.families or FAMILIES[:1]
         if self.alignment != "auto":
             return ways, ""
@@ -358,7 +358,7 @@ class Collocation(uqmbd.extend.Propagator):
         return tuple(name for name in ways if not reasons[name]), f"; {said}" if said else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""
+        """Return the obstacle: nothing random, a distribution without moments, too many nodes, too few samples."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:

@@ -1,4 +1,4 @@
-"""What a collocation leaves in its results beside statistics and chaos."""
+"""Results of a collocation besides statistics and chaos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all refinements share: steps, scales, and the veto of the verification realisations."""
+"""Common parts of refinements: steps, scales, and the check by verification realisations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class RefinementStep:
         return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
 
     def log(self, label: str, limits: Limits) -> None:
-        """Log it for who listens to ``uqmbd.refinement``."""
+        """Log it to ``uqmbd.refinement``."""
         about = (label, self.realisations, self.terms, self.change_mean, self.change_std, self.missed_std)
         text = "%s: %d realisations, %d terms: mean changes by %.2g, deviation by %.2g, missed %.2g; tolerance %.2g"
         logging.getLogger("uqmbd.refinement").info(text, *about, limits.tolerance)
@@ -59,7 +59,7 @@ class RefinementStep:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A fit, how it came about, and whether the tolerance was met."""
+    """A fit, its history, and whether the tolerance was met."""
 
     fit: Fit
     steps: tuple[RefinementStep, ...] = field(default=())
@@ -67,7 +67,7 @@ class Refinement:
 
 
 def scale_of(runs: CollocationRuns, mean: Array, variance: Array) -> Array:
-    """Return what changes of each output are compared with, shape (O,), from mean and variance (O, T).
+    """Return the scale of changes of each output, shape (O,), from mean and variance (O, T).
 
     Sizes that the runs have of their own; else the largest standard deviation over time; where that is below what the
     integration can tell, the relative tolerance times the largest mean.

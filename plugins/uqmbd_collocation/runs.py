@@ -21,7 +21,7 @@ DIGITS = 11
 
 
 class RealisationSource(Protocol):
-    """Whatever computes realisations: a problem, or one whose outputs are other ones."""
+    """Source of realisations: a problem, or one with other outputs."""
 
     @property
     def label(self) -> str: ...
@@ -37,13 +37,13 @@ class RealisationSource(Protocol):
 
 
 class DerivedSource:
-    """A source of realisations that is made from a problem, as which it is called; outputs are the same unless said."""
+    """A source of realisations that is derived from a problem, with its name; outputs are the same unless stated."""
 
     problem: uqmbd.extend.Problem
 
     @property
     def label(self) -> str:
-        """Of the propagator."""
+        """Label of the propagator."""
         return self.problem.label
 
     @property
@@ -70,7 +70,7 @@ class CollocationRuns:
     _parts: list[uqmbd.extend.Realisations] = field(default_factory=list)
     _joined: Array | None = None
     scale: Array | None = None
-    """What errors of the outputs (O,) are compared with; default: their largest standard deviation."""
+    """Scale of the errors of the outputs (O,); default: their largest standard deviation."""
 
     @classmethod
     def filled(
@@ -94,7 +94,7 @@ class CollocationRuns:
         return np.array(list(first.values()), dtype=np.int64)
 
     def at(self, germs: Array) -> Index:
-        """Compute what is missing, and return where the realisations of `germs` (K, d) are."""
+        """Compute missing realisations, and return the places of `germs` (K, d)."""
         rows = self.missing(germs)
         if len(rows):
             self._add(germs[rows], self.problem.realise(self.space.to_inputs(germs[rows])))
@@ -141,7 +141,7 @@ class CollocationRuns:
 
     @property
     def status(self) -> Index:
-        """Status of each; what is not finite has failed."""
+        """Status of each realisation; outputs that are not finite count as failed."""
         status = np.concatenate([p.status for p in self._parts])
         infinite = ~np.isfinite(self.response).all(axis=(1, 2))
         return np.where((status == Status.OK) & infinite, Status.NOT_FINITE, status)
@@ -153,7 +153,7 @@ class CollocationRuns:
         return [m or ("an output is not finite" if s else "") for m, s in zip(found, self.status, strict=True)]
 
     def good(self, where: Index) -> Mask:
-        """Say which of some realisations, given by their places (K,), did not fail."""
+        """Return which of some realisations, given by their places (K,), succeeded."""
         return np.asarray(self.status[where] == Status.OK)
 
     def reason(self, where: Index) -> str:
@@ -169,7 +169,7 @@ class CollocationRuns:
 
 @dataclass
 class _Once:
-    """Progress of many small steps told as one piece of work, of a known most."""
+    """Progress of many small steps that is shown as one task of a known size."""
 
     inner: uqmbd.extend.Progress
     most: int
@@ -186,9 +186,9 @@ class _Once:
         self.inner.advance(label, count)
 
     def finish(self, label: str) -> None:
-        """Wait for the end of all steps, which whoever made this tells."""
+        """Do nothing: the creator reports the end of all steps."""
 
 
 def announced_once(problem: uqmbd.extend.Problem, most: int) -> uqmbd.extend.Problem:
-    """Return a problem whose progress begins once, however often realisations are asked for, with the most of them."""
+    """Return a problem whose progress begins once, with the largest number of realisations."""
     return problem.using(progress=_Once(problem.progress, most))

@@ -85,7 +85,7 @@ def fewest_nodes(space: uqmbd.extend.GermSpace, level: int, enough: int) -> int:
 
 
 def lower_levels(level: Level) -> Iterator[tuple[int, Level]]:
-    """Yield signs and levels whose projections sum up to what a level adds to all smaller ones.
+    """Yield signs and levels whose projections sum up to the surplus of a level over all smaller ones.
 
     It is the product of the differences from one level of a germ to the next.
     """
@@ -167,7 +167,7 @@ class SparseProjection:
         return cls(used, terms, nodes[np.sort(first)], label, name)
 
     def check(self, space: uqmbd.extend.GermSpace) -> None:
-        """Nothing is in the way: the levels resolve the terms."""
+        """Accept every space: the levels resolve the terms."""
 
     def fit(self, runs: CollocationRuns) -> Fit:
         """Project; if a node failed, fit the others by regression."""

@@ -96,7 +96,7 @@ class UserExpansion:
         return cls(polynomials, tuple(map(tuple, at.tolist())), tuple(by.tolist()))
 
     def __repr__(self) -> str:
-        """Options are recorded as text, which tells one rule from another of as many nodes."""
+        """Options are recorded as text, which distinguishes rules with equal numbers of nodes."""
         numbers = (self.polynomials.powers, self.polynomials.coefficients, self.nodes, self.weights)
         digest = hashlib.sha256(repr(numbers).encode()).hexdigest()[:12]
         return f"{len(self.polynomials.coefficients[0])} polynomials, {len(self.weights)} nodes ({digest})"
@@ -167,7 +167,7 @@ class UserProjection:
 
     @property
     def nodes(self) -> Array:
-        """Where realisations are needed, shape (K, d)."""
+        """Inputs of the realisations, shape (K, d)."""
         return self.complete.nodes
 
     @property

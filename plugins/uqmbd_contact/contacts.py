@@ -18,7 +18,7 @@ __all__ = ["ClearanceJoint", "PlaneContact", "RoadContact", "SphereContact"]
 
 
 class _Contact(uqmbd.extend.TypedComponent):
-    """What all contacts share: law, friction, and the virtual work of both."""
+    """Common part of all contacts: law, friction, and the virtual work of both."""
 
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame
@@ -50,7 +50,7 @@ class _Contact(uqmbd.extend.TypedComponent):
     meeting: ClassVar[Callable[..., Meeting]]
 
     def prepare(self) -> dict[str, Any]:
-        """Give what the law contains to each realisation."""
+        """Return the symbols of the law, as values of each realisation."""
         law = law_named(self.law)
         found = law_values(law.normal, *SYMBOLS, what="force")
         return {**super().prepare(), **found, **law_values(law.friction, *SYMBOLS, what="coefficient")}

@@ -1,4 +1,4 @@
-"""Where two bodies meet: gap, normal, tangents and relative velocity."""
+"""Contact of two bodies: gap, normal, tangents and relative velocity."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class OnSphere(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Take from the drawing on which side they are on a line."""
+        """Return the side of the bodies on a line, from the drawing."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:
@@ -107,7 +107,7 @@ class OnRoad(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Give what the profile contains to each realisation."""
+        """Return the symbols of the profile, as values of each realisation."""
         return law_values(self.road, distance, what="road", package="uqmbd_contact")
 
     def meeting(self, p: uqmbd.extend.Local) -> Meeting:

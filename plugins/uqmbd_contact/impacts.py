@@ -13,7 +13,7 @@ __all__ = ["PlaneImpact", "RoadImpact", "SphereImpact"]
 
 
 class _ImpactComponent(uqmbd.extend.TypedComponent):
-    """What all impacts share."""
+    """Common part of all impacts."""
 
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame

@@ -127,5 +127,5 @@ zero depth, pulls at last; for a damping ratio of 0.1 its restitution is 0.729, 
 
 
 def law_named(law: LawName | ContactLaw) -> ContactLaw:
-    """Return the law of a name; a law as it is."""
+    """Return the law of a name; a law is returned unchanged."""
     return LAWS[law] if isinstance(law, str) else law

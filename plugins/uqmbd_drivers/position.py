@@ -81,7 +81,7 @@ class DistanceDriver(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Take from the drawing on which side the points are on a line."""
+        """Return the side of the points on a line, from the drawing."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

@@ -36,7 +36,7 @@ class SpeedDriver(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Take the attitude to start from out of the drawing."""
+        """Return the initial attitude from the drawing."""
         return {"drawn": self.drawn_quaternion()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
@@ -86,7 +86,7 @@ class LinearSpeedDriver(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Take the displacement to start from out of the drawing."""
+        """Return the initial displacement from the drawing."""
         return {"start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

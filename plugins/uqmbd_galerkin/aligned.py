@@ -20,13 +20,13 @@ __all__ = ["galerkin_in_phase"]
 
 
 EXTENSIONS = 6
-"""How often phases are added until all samples of the statistics reach the last time."""
+"""Most extensions by further phases until all samples of the statistics reach the last time."""
 
 LATE = 1e-12
 """Part of the times by which the last landmark may miss the last of them."""
 
 LONGEST = 8.0
-"""How much longer than the output times nodes are followed, at most."""
+"""Longest time that nodes are followed, over that of the output times."""
 
 IN_TIME = 4
 """Segments of a start that is integrated in time."""

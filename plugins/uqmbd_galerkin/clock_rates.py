@@ -17,7 +17,7 @@ __all__ = ["PILOTS", "TURN", "ClockRates", "find_clock", "watched_rates"]
 TURN = 2 * np.pi
 
 FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
-"""Before the name of what may be a clock: its first and second derivative in time."""
+"""Prefixes of the name of a possible clock: its first and second derivative in time."""
 
 TOGETHER, APART = 1e-9, np.pi
 """Phases, rad, by which nodes differ, between which they are brought to the same one."""
@@ -33,7 +33,7 @@ STARTED = 1.0
 
 
 def watched_rates(mechanism: Any) -> Mapping[str, Any]:
-    """Return what may be a clock besides the outputs, and the rates of all that may be one, as expressions by name."""
+    """Return possible clocks in addition to the outputs, and the rates of all, as expressions by name."""
     found = dict(uqmbd.extend.watched_angles(mechanism))
     known = {name: output.expression for name, output in mechanism.outputs.items()} | found
     for name, expression in known.items():
@@ -73,7 +73,7 @@ class ClockRates:
         return np.asarray((-x * second / self.speed - y * rate / self.reach) / (x**2 + y**2))
 
     def ahead(self, times: Array, states: Array, step: float) -> tuple[Array | None, float]:
-        """Say what phases nodes have to pass until all are at the same one, rad, shape (K,), and how much that is.
+        """Return the phases that nodes pass until all are at the same one, rad, shape (K,), and that phase.
 
         It is a multiple of `step` in the mean, and no less for anyone.  Nothing where all are at the same phase, or so
         far apart that it is not known in which turn they are.

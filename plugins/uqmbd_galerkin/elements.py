@@ -202,17 +202,17 @@ def galerkin_elements(
 
 @dataclass
 class _Quiet:
-    """Progress of elements alone: what single realisations tell is left out."""
+    """Progress of elements alone: that of single realisations is omitted."""
 
     inner: uqmbd.extend.Progress
     depth: int = 0
 
     def start(self, label: str, total: int) -> None:
-        """Say nothing until the realisations are done."""
+        """Show nothing until the realisations are computed."""
         self.depth += 1
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Pass on what is no realisation."""
+        """Pass on progress of other tasks than realisations."""
         if not self.depth:
             self.inner.advance(label, count)
 

@@ -1,4 +1,4 @@
-"""Where a projected motion ends, and the messages about results that are not reliable."""
+"""End of a projected motion, and the messages about unreliable results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def warn(
     order: int,
     stop_at: float | None,
 ) -> None:
-    """Say where the result must not be trusted."""
+    """Warn about unreliable results."""
     times, label = problem.times, problem.label
     last = float(np.asarray(chaos.labels.times)[-1])
     remedy = "raise the order, use collocation with elements or Monte Carlo, or study a shorter time"
@@ -65,7 +65,7 @@ def _listed(horizon: dict[str, float]) -> str:
 
 
 def no_motion(label: str, error: uqmbd.AssemblyError) -> uqmbd.AssemblyError:
-    """Return an error of the assembly of some node with what it means for an expansion."""
+    """Return an assembly error of a node with its meaning for an expansion."""
     return uqmbd.AssemblyError(
         f"{label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate the distributions, or "
         "use Monte Carlo, which counts such samples."
@@ -73,7 +73,7 @@ def no_motion(label: str, error: uqmbd.AssemblyError) -> uqmbd.AssemblyError:
 
 
 def finished(coefficients: Array) -> int:
-    """How many times are computed."""
+    """Return the number of computed times."""
     good: Mask = np.asarray(np.isfinite(coefficients).all(axis=(0, 2)))
     return int(np.argmin(good)) if not good.all() else len(good)
 

@@ -144,7 +144,7 @@ class Galerkin(uqmbd.extend.Propagator):
             )
 
     def _require_alignable(self) -> None:
-        """Raise where options do not go with the alignment."""
+        """Raise if options contradict the alignment."""
         if self.alignment is None:
             if self.clock is not None:
                 raise uqmbd.StudyError(f"Galerkin: clock={self.clock!r} means nothing without alignment='phase'.")
@@ -176,14 +176,14 @@ class Galerkin(uqmbd.extend.Propagator):
         return Discretisation(label, **given)
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Say which clock there is, at the means of the inputs."""
+        """Return the clock at the means of the inputs, as text."""
         problem = study.problem(self)
         if self.alignment is None or problem.timeless or not len(study.mechanism.inputs):
             return ()
         return (uqmbd.extend.clock_at_means(problem, self.clock),)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count nodes and terms, and the memory of what is known at all nodes and times."""
+        """Count nodes and terms, and the memory of the states at all nodes and times."""
         space = uqmbd.extend.GermSpace.of(study.mechanism.inputs, self.transform)
         how, boxes = self._discretisation(self.node_name), self._limits.computed
         nodes, terms = how.node_count(space), len(how.basis(space))
@@ -216,11 +216,11 @@ class Galerkin(uqmbd.extend.Propagator):
         )
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
-        """Watch the rates of what may be a clock."""
+        """Observe the rates of possible clocks."""
         return watched_rates(mechanism) if self.alignment == "phase" else {}
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
+        """Return the obstacle: nothing random, a distribution without moments, an unsuitable rule, no pose."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         try:

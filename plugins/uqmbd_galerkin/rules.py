@@ -18,7 +18,7 @@ MOST_NODES = 20_000
 MOST_WORK = 2e10
 """Products that a remedy may be sought with: about a second."""
 STREAM = 0x6A1E12
-"""Of the verification points."""
+"""Random stream of the verification points."""
 ALIASED = 0.5
 """Error of a rule for products of the basis beyond which it does not resolve the terms."""
 

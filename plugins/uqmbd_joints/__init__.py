@@ -1,4 +1,4 @@
-"""Joints: what holds bodies together.  Each is its geometry, and nothing else."""
+"""Joints between bodies. Each is its geometry, and nothing else."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Cylindrical(PointsAndAxes, Parallel2):
         return {**super().prepare(), "frame_i": frame_i, "frame_j": frame_j}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the angle, as a hinge does, and the displacement."""
+        """Return the angle, as a hinge does, and the displacement."""
         return {"angle": self.joint_angle(), "displacement": self.joint_displacement("sliding_speed")}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

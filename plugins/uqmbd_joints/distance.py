@@ -36,7 +36,7 @@ class Distance(uqmbd.extend.TypedComponent):
     length: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def prepare(self) -> dict[str, Any]:
-        """Take from the drawing on which side the points are on a line."""
+        """Return the side of the points on a line, from the drawing."""
         return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

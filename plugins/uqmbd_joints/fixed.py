@@ -46,7 +46,7 @@ class Fixed(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Take the relative rotation from the drawing unless it is given."""
+        """Return the relative rotation of the drawing unless it is given."""
         return {"turn": self.drawn_quaternion() if self.rotation is None else self.rotation}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

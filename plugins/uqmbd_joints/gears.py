@@ -48,7 +48,7 @@ class Gear(uqmbd.Component):
         ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
-        """Take the attitudes to start from out of the drawing."""
+        """Return the initial attitudes from the drawing."""
         for x in "ij":
             if self.attached[f"body_{x}"] is self.attached["carrier"]:
                 raise uqmbd.StudyError(
@@ -58,7 +58,7 @@ class Gear(uqmbd.Component):
         return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the angles of both gears relative to the carrier, zero as drawn."""
+        """Return the angles of both gears relative to the carrier, zero as drawn."""
         return {f"angle_{x}": self.joint_angle("carrier", f"body_{x}", drawn=True, speed=f"speed_{x}") for x in "ij"}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
@@ -113,11 +113,11 @@ class RackAndPinion(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Take turn and place to start from out of the drawing."""
+        """Return the initial turn and displacement from the drawing."""
         return {"drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the angle of the pinion, zero as drawn, and the displacement of its centre from the rack's point."""
+        """Return the angle of the pinion, zero as drawn, and the displacement of its centre from the rack's point."""
         return {"angle": self.joint_angle(drawn=True), "displacement": self.joint_displacement("sliding_speed")}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

@@ -59,7 +59,7 @@ class Revolute(uqmbd.Component):
         return {"frame_i": frame_i, "frame_j": frame_j}
 
     def motion(self) -> dict[str, Any]:
-        """Tell the angle: zero where the joint frames coincide, any number of turns."""
+        """Return the angle: zero where the joint frames coincide, any number of turns."""
         return {"angle": self.joint_angle()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:

@@ -51,7 +51,7 @@ class Screw(Cylindrical):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
-        """Take turn and displacement to start from out of the drawing."""
+        """Return the initial turn and displacement from the drawing."""
         return {**super().prepare(), "drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:

@@ -45,7 +45,7 @@ class Universal(uqmbd.Component):
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
-        """Tell the angles of the cross in body i about `axis_i`, and of body j on the cross about `axis_j`.
+        """Return the angles of the cross in body i about `axis_i`, and of body j on the cross about `axis_j`.
 
         Both are zero as drawn.
         """

@@ -24,13 +24,13 @@ from uqmbd_springs import Gravity, RotorInertia
 __all__ = ["build"]
 
 NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-"""Of the bodies between the joints of one link."""
+"""Inertia of the bodies between the joints of one link."""
 
 NONE = 1e-15
 """Entries of an inertia tensor, relative to the largest, that are rounding: that of a rotation of its axes."""
 
 LOG = logging.getLogger("uqmbd.derivation")
-"""Of parts of a mechanism that are made: commands show it as progress."""
+"""Log of the built parts of a mechanism: commands show it as progress."""
 
 CORRECT = "The number is that of the file; correct it there."
 
@@ -45,7 +45,7 @@ class Built:
 
 
 def build(tree: Tree, *, fuse_all: bool, outputs: bool, inertia: str = "refuse") -> uqmbd.extend.ImportedMechanism:
-    """Make a mechanism of a model.
+    """Build the mechanism of a model.
 
     `tree`: what the file says; `fuse_all`: whether links that are fixed to others become one with them; `outputs`:
     whether to record positions of joints and margins to their limits; `inertia`: what to do with inertia tensors that
@@ -107,7 +107,7 @@ def _built(
 
 
 def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyError:
-    """Return the error of a link whose numbers are refused: where they are, and what to do."""
+    """Return the error of a link with refused numbers: the place, and the remedy."""
     line = f"line {link.line}: " if link.line else ""
     advice = CORRECT
     if link.line and excess(link.inertial.inertia) > 0:
@@ -119,7 +119,7 @@ def _refused(tree: Tree, link: Link, error: uqmbd.StudyError) -> uqmbd.StudyErro
 
 
 def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJoint], poses: Any) -> None:
-    """Add the body of a link, with bodies without mass between its joints, and what acts in the joints."""
+    """Add the body of a link, with massless bodies between its joints, and the forces in the joints."""
     mechanism, link = built.mechanism, tree.links[k]
     parent = built.bodies[link.parent]
     if not joints:
@@ -161,7 +161,7 @@ def _body(mechanism: Any, name: str, inertial: Inertial, pose: Any) -> Any:
 
 
 def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
-    """Add a joint and what acts in it, and note it by its name."""
+    """Add a joint and its forces, and store it by its name."""
     joint, mechanism = placed.joint, built.mechanism
     points = {"point_i": placed.point_i, "point_j": placed.point_j}
     axes = {"axis_i": placed.axis_i, "axis_j": placed.axis_j}
@@ -206,7 +206,7 @@ def _close(built: Built, loop: LoopClosure) -> None:
 
 
 def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -> None:
-    """Let the position of a joint follow that of another one."""
+    """Couple the position of a joint to that of another one."""
     by_name = {placed.joint.name: placed for placed in joints}
     first = by_name[coupling.joint]
     value: Any = sympy.Float(coupling.coefficients[0] + first.joint.reference[0])
@@ -242,7 +242,7 @@ def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
 
 
 def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.extend.Omission]:
-    """Return which links are no bodies of their own."""
+    """Return which links are no separate bodies."""
     grounded = tuple(part.name for part in fused if part.link == 0)
     others = tuple(part.name for part in fused if part.link)
     rows = []

@@ -133,7 +133,7 @@ class _TooDeep(Exception):
 
 
 def _begin(text: bytes, slips: list[str]) -> tuple[bytes, int]:
-    """Take away white space before the first element, and count its lines."""
+    """Remove white space before the first element, and count its lines."""
     mark = BYTE_ORDER_MARK if text.startswith(BYTE_ORDER_MARK) else b""
     rest = text[len(mark) :]
     bare = rest.lstrip(b" \t\r\n")
@@ -144,7 +144,7 @@ def _begin(text: bytes, slips: list[str]) -> tuple[bytes, int]:
 
 
 def _without_dashes(text: bytes, slips: list[str]) -> bytes:
-    """Take away the text of comments that contain two dashes, but not their lines."""
+    """Remove the text of comments that contain two dashes, but not their lines."""
 
     def without(found: re.Match[bytes]) -> bytes:
         inside = found.group(1)
@@ -183,11 +183,11 @@ class _Builder(ContentHandler):
         return self.before + int((self.locator.getLineNumber() if self.locator else 0) or 0)
 
     def setDocumentLocator(self, locator: Any) -> None:
-        """Keep what knows the line."""
+        """Store the locator of lines."""
         self.locator = locator
 
     def startElement(self, name: str, attrs: Any) -> None:
-        """Add an element, unless it is inside of one that is not looked at."""
+        """Add an element, unless it is inside an ignored one."""
         given = dict(attrs.items())
         declared = {key.partition(":")[2] for key in given if key.startswith("xmlns:")}
         self.known.append(self.known[-1] | declared if declared else self.known[-1])
@@ -207,7 +207,7 @@ class _Builder(ContentHandler):
         self.closed = int(name in self.opaque)
 
     def endElement(self, name: str) -> None:
-        """Go back to the element around it."""
+        """Return to the parent element."""
         self.known.pop()
         if self.closed > 1:
             self.closed -= 1
@@ -216,5 +216,5 @@ class _Builder(ContentHandler):
         self.open.pop()
 
     def skippedEntity(self, name: str) -> None:
-        """Refuse an entity that nobody declares."""
+        """Refuse an undeclared entity."""
         raise SAXException(f"entity {name!r} is not declared")

@@ -1,4 +1,4 @@
-"""From a model that MuJoCo has compiled to plain numbers."""
+"""Plain numbers of a model that MuJoCo has compiled."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIELDS = {
     "body": ("pos", "quat", "mass", "inertia", "ipos", "iquat", "gravcomp"),
     "jnt": ("pos", "axis", "range", "stiffness"),
 }
-"""What is read of bodies and joints and has to be finite."""
+"""Attributes of bodies and joints that are read and have to be finite."""
 
 
 def extract(loaded: ParsedFile, keyframe: str | int | None = None) -> Tree:
@@ -73,7 +73,7 @@ def _require_finite(loaded: ParsedFile, model: Any) -> None:
 
 
 def _switches(loaded: ParsedFile, model: Any) -> set[str]:
-    """Names of what the file switches off."""
+    """Return the names of features that the file disables."""
     flags = loaded.mujoco.mjtDisableBit.__members__
     off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}
     if "PASSIVE" in off:  # the name of both in earlier versions
@@ -190,7 +190,7 @@ def _loop(loaded: ParsedFile, model: Any, k: int, name: str, weld: bool) -> Loop
 
 
 def _remarks(loaded: ParsedFile, model: Any, joints: Sequence[TreeJoint], off: set[str]) -> list[uqmbd.extend.Omission]:
-    """Tell what a mechanism does not have, and what it has in another form."""
+    """Return remarks on features that the mechanism omits or changes."""
     rows = remarks(joints)
 
     def note(what: str, names: Sequence[str], why: str) -> None:

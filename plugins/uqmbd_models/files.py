@@ -1,4 +1,4 @@
-"""MJCF files, parsed by MuJoCo: what is not needed is set aside before it compiles the model, and counted.
+"""MJCF files, parsed by MuJoCo: unneeded elements are removed before it compiles the model, and counted.
 
 Shapes are needed where inertia is to be computed from them, and nowhere else: without the others no mesh is looked for.
 
@@ -26,7 +26,7 @@ __all__ = ["ParsedFile", "listening", "load"]
 
 
 def passive(mujoco: ModuleType, spec: Any) -> tuple[dict[str, tuple[float, float]], list[uqmbd.extend.Omission]]:
-    """Read what actuators add to joints, and tell the rest of what acts without control.
+    """Read the passive parts of actuators in joints, and list other passive parts.
 
     Inertia and damping are those of the actuator's side of the gear: a joint has the square of the gear ratio of it.
 
@@ -73,7 +73,7 @@ def _geared(gear: float) -> str:
 
 
 def _bias(mujoco: ModuleType, actuator: Any) -> str:
-    """Say what an actuator does by itself: the spring and damper of a servo; nothing if they are zero."""
+    """Return a description of the passive force of an actuator (spring and damper of a servo), or nothing."""
     constant, spring, damper = map(float, actuator.biasprm[:3])
     if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
         kind = str(actuator.biastype.name).removeprefix("mjBIAS_").lower()
@@ -103,7 +103,7 @@ SET_ASIDE = {
     "texts": "they concern nothing that moves",
     "plugins": "no code of others is run",
 }
-"""What is taken out of a model, and why; the names are those of lists of `mujoco.MjSpec`."""
+"""Elements that are removed from a model, with reasons; the names are those of lists of `mujoco.MjSpec`."""
 
 TITLES = {"pairs": "contact pairs", "excludes": "contact exclusions"}
 
@@ -130,7 +130,7 @@ class ParsedFile:
 
 
 def load(path: str) -> ParsedFile:
-    """Parse a file, and set aside what is not taken.
+    """Parse a file, and remove unneeded elements.
 
     `path`: the file. Raise StudyError if MuJoCo is not installed, or the file is not MJCF, or asks for more than
     MuJoCo can make.
@@ -162,7 +162,7 @@ def load(path: str) -> ParsedFile:
 
 @contextmanager
 def listening(mujoco: ModuleType) -> Iterator[list[str]]:
-    """Collect what MuJoCo warns of, which it would write to the terminal and to a file in the current folder."""
+    """Collect warnings of MuJoCo, which it would write to the terminal and to a file in the current folder."""
     told: list[str] = []
 
     def note(text: object) -> None:
@@ -195,7 +195,7 @@ def _mujoco() -> ModuleType:
 
 
 def _spec(mujoco: ModuleType, path: str) -> Any:
-    """Let MuJoCo parse; files with endings that it does not know as texts."""
+    """Parse by MuJoCo; files with unknown endings are passed as texts."""
     if Path(path).suffix.lower() == ".xml":
         return mujoco.MjSpec.from_file(path)
     return mujoco.MjSpec.from_string(Path(path).read_text(encoding="utf-8"))
@@ -216,7 +216,7 @@ def _name(spec: Any) -> None:
 
 
 def _set_aside(loaded: ParsedFile) -> None:
-    """Take out of a model what is not needed, and note it."""
+    """Remove unneeded elements of a model, and note them."""
     spec = loaded.spec
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False

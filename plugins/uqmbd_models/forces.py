@@ -1,4 +1,4 @@
-"""What acts in joints: springs, dampers, friction and rotors."""
+"""Forces in joints: springs, dampers, friction and rotors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Links without joints become one with that to which they are fixed; none of what moves changes by it."""
+"""Merging of links without joints with the links to which they are fixed; the motion is unchanged."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _placed(inertial: Inertial, position: Array, quaternion: Array) -> Inertial:
 
 
 def _together(parts: Sequence[Inertial]) -> Inertial:
-    """Add up what is written in one frame."""
+    """Return the sum of inertias that are written in one frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / mass if mass else parts[0].com
     inertia = np.zeros((3, 3))

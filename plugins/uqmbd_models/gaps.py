@@ -1,4 +1,4 @@
-"""Whether loops and couplings hold where the file lets the mechanism start."""
+"""Check of loops and couplings at the start of the file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NONE = 1e-6
 
 
 def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omission]:
-    """Tell the loops and couplings that do not hold at the start of the file, and by how much.
+    """Return the loops and couplings that are open at the start of the file, and their gaps.
 
     `tree`: a model; `poses`: of its links at the start.
     """
@@ -32,7 +32,7 @@ def list_gaps(tree: Tree, poses: dict[int, FramePose]) -> list[uqmbd.extend.Omis
 
 
 def _open_joints(tree: Tree, poses: dict[int, FramePose]) -> Iterator[tuple[str, float, str]]:
-    """Yield name, size and units of what is open."""
+    """Yield name, size and units of open joints."""
     for loop in tree.loops:
         i, j = poses[loop.link_i], poses[loop.link_j]
         yield loop.name, float(np.linalg.norm(i.point(loop.point_i) - j.point(loop.point_j))), "m"

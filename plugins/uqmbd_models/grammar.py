@@ -1,4 +1,4 @@
-"""What a URDF file may say: what is impossible is refused, what is unknown or without effect is listed."""
+"""Grammar of a URDF file: impossible contents are refused, unknown or ineffective ones are listed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["JOINT", "LINK", "OPAQUE", "number", "place", "refuse", "unknown_word
 LINK, JOINT = "link", "joint"
 
 OPAQUE = frozenset(("visual", "collision", "gazebo", "transmission", "material", "ros2_control", "sensor", "mujoco"))
-"""Elements whose content is not read: it cannot be wrong."""
+"""Elements whose content is not read."""
 
 ATTRIBUTES = {
     "robot": {"name", "version"},
@@ -45,13 +45,13 @@ ELEMENTS = {
 """Elements inside of them; none inside the others."""
 
 TURNED = 1e6
-"""Angles, rad, beyond which the digits of a number say little of a direction."""
+"""Angles, rad, beyond which the digits of a number hardly determine a direction."""
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def place(path: str, element: XmlElement, owner: XmlElement | None = None) -> str:
-    """Say where an element is: file, line, tag, and the link or joint that it belongs to."""
+    """Return the place of an element: file, line, tag, and its link or joint."""
     name = f" {element.get('name')!r}" if element.get("name") else ""
     of = f" of {owner.tag} {owner.get('name', '')!r}" if owner is not None else ""
     return f"{path}: line {element.line}: <{element.tag}>{name}{of}"
@@ -135,7 +135,7 @@ def unknown_words(document: Document) -> list[uqmbd.extend.Omission]:
 
 
 def _unknown(element: XmlElement, tag: str, where: str) -> Iterator[tuple[str, str]]:
-    """Yield unknown words of an element and those inside it, and what is there more than once."""
+    """Yield unknown words of an element and its children, and duplicates."""
     for key in element.attrib:
         if key not in ATTRIBUTES[tag] and prefix(key) not in ("xmlns", "xml") and key != "xmlns":
             yield ("foreign" if prefix(key) else "unknown"), f"{key} of <{tag}>{where}"

@@ -21,7 +21,7 @@ from uqmbd_models.tree import Array, Inertial, Link, Tree
 __all__ = ["INERTIA", "Settled", "excess", "nearest", "settle"]
 
 INERTIA = ("refuse", "as stated", "repair")
-"""What to do with a tensor that no body has."""
+"""Treatment of an impossible tensor."""
 
 OWN = 1e-12
 """An excess of this size, relative to the largest moment of the body, is rounding: that of the arithmetic here."""
@@ -42,7 +42,7 @@ class Settled:
 
 
 def excess(inertia: Array) -> float:
-    """How much the largest principal moment exceeds the sum of the others, kg m^2; more than 0: no body has it.
+    """Return the excess of the largest principal moment over the sum of the others, kg m^2; above 0: no body has it.
 
     A negative moment is such an excess, too.
 

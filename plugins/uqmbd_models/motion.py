@@ -1,4 +1,4 @@
-"""Where joints put their links: poses and velocities at the start."""
+"""Poses and velocities of links at the start, from those of their joints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class FramePose:
 
 @dataclass(frozen=True)
 class PlacedJoint:
-    """A joint between two frames: the parent, or what comes before it in the same link, and what it moves."""
+    """A joint between two frames: the parent, or the previous part of the same link, and the moving part."""
 
     name: str  # in the mechanism
     joint: TreeJoint

@@ -35,7 +35,7 @@ class Names:
         return found
 
     def take_all(self, names: Sequence[str], suffix: str) -> dict[int, str]:
-        """Return the names by their number; those that are free first, so that none of them is changed for another."""
+        """Return the names by their number; unused names first, so that none of them changes."""
         order = sorted(range(len(names)), key=lambda k: names[k] in self.taken)
         found = {k: self.take(names[k], suffix) for k in order}
         return {k: found[k] for k in range(len(names))}

@@ -1,4 +1,4 @@
-"""Sizes that an MJCF file asks for, looked at before MuJoCo makes what they say: it may take hours, or all memory."""
+"""Sizes in an MJCF file, checked before MuJoCo expands them: that may take hours, or all memory."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ ARRAYS = {
 """Attributes whose product counts entries of an array."""
 
 SIZE = "size"
-"""An element each of whose attributes is a size."""
+"""An element all of whose attributes are sizes."""
 
 BYTES = 16e9
-"""Of memory."""
+"""Bytes of memory."""
 
 EACH = 100_000
 """Entries that each body, joint or keyframe has."""
@@ -58,15 +58,15 @@ def require_sizes(path: str, root: XmlElement) -> None:
 
 @dataclass
 class _SizeCheck:
-    """What was found so far."""
+    """Results so far."""
 
     bodies: float = 0.0
     files: dict[str, tuple[XmlElement, float, float]] = field(default_factory=dict)
-    """Of each file that is included: its root, the most copies that were looked at, and bodies of each copy."""
+    """For each included file: its root, the most copies that were examined, and the bodies of each copy."""
 
 
 def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
-    """Look at all elements, each with the number of its copies."""
+    """Examine all elements, each with the number of its copies."""
     waiting = [(root, copies)]
     while waiting:
         element, times = waiting.pop()
@@ -93,7 +93,7 @@ def _look(path: str, root: XmlElement, seen: frozenset[str], copies: float, foun
 
 
 def _included(path: str, element: XmlElement, seen: frozenset[str], copies: float, found: _SizeCheck) -> None:
-    """Look at a file of the model; one that is not found is left to MuJoCo, which names it.
+    """Examine a file of the model; MuJoCo reports a missing one.
 
     What a file asks for grows with its copies: a file that was examined with as many copies is not examined again.
     Otherwise files that include each other twice would take twice as long with each level.
@@ -124,7 +124,7 @@ def _require(where: str, what: str, found: float, most: float) -> None:
 
 
 def _product(element: XmlElement, keys: tuple[str, ...]) -> float:
-    """Product of the numbers of attributes; of those that are none MuJoCo tells."""
+    """Return the product of the numbers of attributes; MuJoCo reports those that are no numbers."""
     found = 1.0
     for text in (part for key in keys for part in element.get(key).split()):
         unit = UNITS.get(text[-1:].upper(), 1.0)

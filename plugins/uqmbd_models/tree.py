@@ -1,4 +1,4 @@
-"""What a model file says, in plain numbers: links, joints, couplings and loops, as the builder needs them."""
+"""Content of a model file, in plain numbers: links, joints, couplings and loops, as the builder needs them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Link:
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """What lets a link move; several of one link follow each other."""
+    """Freedom of a link; several of one link follow each other."""
 
     name: str
     kind: str
@@ -88,7 +88,7 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Tree:
-    """A model: links (the ground is the first), joints, loops, and what was not taken."""
+    """A model: links (the ground is the first), joints, loops, and the omitted parts."""
 
     name: str
     source: str
@@ -102,7 +102,7 @@ class Tree:
 
 
 def remarks(joints: Sequence[TreeJoint]) -> list[uqmbd.extend.Omission]:
-    """List what a mechanism has of joints in another form."""
+    """Return the joints that a mechanism represents in another form."""
     limited = tuple(joint.name for joint in joints if joint.limits)
     dry = tuple(joint.name for joint in joints if joint.friction)
     rows = [

@@ -1,4 +1,4 @@
-"""From a URDF file to plain numbers: links, joints, mimics, and what is left out."""
+"""From a URDF file to plain numbers: links, joints, mimics, and omitted parts."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Robot:
         return [name for name in self.links if name not in self.parents]
 
     def where(self, element: XmlElement, owner: XmlElement | None = None) -> str:
-        """Say where an element is."""
+        """Return the place of an element."""
         return place(self.document.path, element, owner)
 
     def note(self, what: str, names: list[str], why: str) -> None:
@@ -144,7 +144,7 @@ def _end(robot: Robot, joint: XmlElement, tag: str) -> str:
 
 
 def _order(robot: Robot) -> list[str]:
-    """Order the links so that each comes after the one that carries it, branch by branch."""
+    """Return the links ordered so that each follows its parent, branch by branch."""
     children: dict[str, list[str]] = {name: [] for name in robot.links}
     for name, parent in robot.parents.items():  # in the order of their joints
         children[parent].append(name)
@@ -214,7 +214,7 @@ def _tree(
 
 
 def _joints(robot: Robot, element: XmlElement, link: int, pose: Array, names: Names) -> list[TreeJoint]:
-    """Return what lets a link move: nothing, a joint, or the three of a planar one."""
+    """Return the freedom of a link: none, a joint, or the three of a planar one."""
     name, kind = element.get("name"), element.get("type")
     if kind == "fixed":
         return []
@@ -335,7 +335,7 @@ def _require_no_circle(robot: Robot, leaders: dict[str, str]) -> None:
 
 
 def _note_links(robot: Robot, floating: bool) -> None:
-    """List links without mass, and what their <inertial> leaves out."""
+    """List massless links, and parts that their <inertial> omits."""
     bare: list[str] = []
     shaped: list[str] = []
     missing: dict[str, list[str]] = {"mass": [], "inertia": [], "moments": []}
@@ -369,7 +369,7 @@ def _note_links(robot: Robot, floating: bool) -> None:
 
 
 def _note_unread(robot: Robot) -> None:
-    """List what is in the file and in no mechanism: shapes, transmissions, limits of effort and speed."""
+    """List parts of the file that no mechanism has: shapes, transmissions, limits of effort and speed."""
     root = robot.document.root
     colliding = [f"of {name}" for name, link in robot.links.items() for _ in link.findall("collision")]
     robot.note("shapes that collide", colliding, CONTACTS)

@@ -20,7 +20,7 @@ class AllSamples(Protocol):
     """Statistics of all samples, and their responses again."""
 
     def statistics(self) -> dict[str, Array]:
-        """Return those that moments do not tell."""
+        """Return the statistics that do not follow from moments."""
 
     def responses(self, first: int, last: int) -> Array:
         """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""

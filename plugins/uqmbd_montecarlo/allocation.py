@@ -1,4 +1,4 @@
-"""How many realisations of a cheaper model pay beside samples, and what they bring on an equal budget."""
+"""Realisations of a control model for each sample, and the gain on an equal budget."""
 
 from __future__ import annotations
 

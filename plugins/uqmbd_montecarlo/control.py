@@ -1,4 +1,4 @@
-"""Control variates: mean and variance of samples, with a surrogate whose moments are known, or a cheaper model."""
+"""Control variates: mean and variance of samples, with a surrogate of known moments, or a low-cost model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FOLDS = 10
 """Parts of the samples; the factors of each part come from the others, so that they do not depend on it."""
 
 LEAST_SAMPLES = 5 * FOLDS
-"""With fewer samples the factors are too uncertain: a poor surrogate would do harm."""
+"""With fewer samples the factors are too uncertain: a poor surrogate would increase the error."""
 
 # What is gathered of each sample. The responses are not gathered themselves but by what the surrogate leaves of them:
 # where it is good, no digits are lost.
@@ -67,7 +67,7 @@ def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Arr
 
 
 def controls(surrogate: Array) -> Array:
-    """Return what is gathered of realisations of the surrogate alone, shape (S, 2, C), from those of `variables`."""
+    """Return the moments of realisations of the surrogate alone, shape (S, 2, C), from those of `variables`."""
     return np.stack([surrogate, surrogate**2 - 1.0], axis=1)
 
 
@@ -153,7 +153,7 @@ def _estimate(
 def _residual(
     fitted_to: JointMoments, targets: tuple[int, ...], controls: tuple[int, ...], weight: float
 ) -> tuple[Array, Array]:
-    """Make the matrix (N, 5, C) that takes `variables` to targets less their regression on the controls, weighted.
+    """Return the matrix (N, 5, C) that maps `variables` to targets less their regression on the controls, weighted.
 
     Also the factors (N, 2, C) of both controls that are taken off.
     """
@@ -172,7 +172,7 @@ def _residual(
 
 
 def _regression(products: Array, target: int, controls: tuple[int, ...]) -> list[Array]:
-    """Coefficients (C,) of the controls, one or two; a control that says nothing new has the coefficient 0."""
+    """Return coefficients (C,) of the controls, one or two; 0 for a redundant control."""
     if not controls:
         return []
     first, *second = controls

@@ -1,4 +1,4 @@
-"""What samples and a control variate beside them say together, gathered as the samples come."""
+"""Joint sums of samples and a control variate, gathered as the samples arrive."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Control(Protocol):
 
     @property
     def useful(self) -> Mask:
-        """Where it varies (C,), known once it has given all values."""
+        """Whether it varies (C,), known once it has given all values."""
 
     def standardised(self, first: int, count: int) -> Array:
         """Return its values at samples from index `first` on, less the centre, in units (count, C)."""
@@ -70,7 +70,7 @@ class ControlledSums:
 
     @property
     def _places(self) -> Array:
-        """What the estimates are measured from, in units of the outputs."""
+        """Reference values of the estimates, in units of the outputs."""
         shift = 0.0 if self._shift is None else self._shift
         return self._control.centre + self._control.unit * shift
 
@@ -78,7 +78,7 @@ class ControlledSums:
         return controlled_statistics([fold for fold in self._folds if fold is not None], further)
 
     def apply(self, statistics: xr.Dataset, further: JointMoments | None = None) -> xr.Dataset:
-        """Put controlled estimates of mean and deviation, and variance reductions, into the statistics of the samples.
+        """Write controlled estimates of mean and deviation, and variance reductions, into statistics of samples.
 
         Statistics do not change where the control or the output does not vary, nor the deviation where its estimate is
         not positive. `further` are moments of the control alone, where its expectation is unknown; see

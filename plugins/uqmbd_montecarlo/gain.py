@@ -1,4 +1,4 @@
-"""What a control variate brought and cost, as attributes of results."""
+"""Gain and cost of a control variate, as attributes of results."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["of_study", "of_surrogate"]
 
 
 HARM = 0.8
-"""Gain on an equal budget below which a warning says that there is none: times are measured to some per cent."""
+"""Gain on an equal budget below which a warning is issued: times are measured to some per cent."""
 
 
 def of_surrogate(statistics: xr.Dataset, surrogate: ControlSurrogate) -> dict[str, Any]:
-    """Make the attributes of controlled statistics whose control is a surrogate."""
+    """Return the attributes of controlled statistics whose control is a surrogate."""
     cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
     return {
         "control_realisations": surrogate.realisations,
@@ -38,7 +38,7 @@ def of_study(
     left: float,
     wall_time: float,
 ) -> dict[str, Any]:
-    """Return the attributes of statistics whose control is a low-cost study, and warn where it is of no use.
+    """Return the attributes of statistics whose control is a low-cost study, and warn if it does not help.
 
     `left` is the share of the variance that the control leaves, `wall_time` that of the samples with the control at
     them, s. For outputs without a time the samples are known already, and computing times have no meaning.
@@ -88,7 +88,7 @@ def _medians(statistics: xr.Dataset) -> list[float]:
 
 
 def _reductions(statistics: xr.Dataset) -> str:
-    """Say in words by what variances of estimates were divided."""
+    """Return a text on the factors by which variances of estimates were reduced."""
     parts = []
     for name, words in _NAMES:
         values = _varying(statistics, name)

@@ -20,7 +20,7 @@ from uqmbd.typing import Array
 __all__ = ["Gathered", "gather", "reduced"]
 
 SUMS = ("mean", "second", "third", "fourth")
-"""What moments consist of, besides their number."""
+"""Sums that moments consist of, besides their number."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Gathered:
 
     count: int  # samples that succeeded
     replicates: tuple[Moments, ...]
-    """Of the successful samples of each replicate, (output, time); None if a single replicate is stored entirely."""
+    """Moments of the successful samples of each replicate, (output, time); None if a single replicate is stored
+    entirely."""
     kept: uqmbd.extend.Realisations  # the first samples
     failures: int  # of all samples
     reason: str  # the most frequent reason of failure, or empty
@@ -108,7 +109,7 @@ def gather(
 def _reduced_here(
     problem: uqmbd.extend.Problem, values: Array, asked: tuple[Any, ...]
 ) -> Iterator[uqmbd.extend.Reduced]:
-    """Compute samples that are all kept."""
+    """Compute samples that are all stored."""
     first = 0
     for part in problem.stream(values):
         about = (part.status, part.messages, part.good, part.response, part.counters, part.wall_time)
@@ -125,7 +126,7 @@ class _Sums:
         self.violations: list[Violations | None] = [None] * count
 
     def add(self, result: dict[str, NDArray[Any]]) -> None:
-        """Add what `reduced` has made of a chunk."""
+        """Add the result of `reduced` for a chunk."""
         for k, r in enumerate(result["replicate"].tolist()):
             if self.moments:
                 one = Moments(int(result["count"][k]), *(result[name][k] for name in SUMS))

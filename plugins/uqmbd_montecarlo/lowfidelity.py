@@ -1,4 +1,4 @@
-"""A cheaper model as control variate: another study, which is computed at the samples, and more often besides."""
+"""A low-cost model as control variate: another study, which is computed at the samples and at further points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["LowFidelity", "PairedControl", "mismatch"]
 
 
 BLOCK = 2**18
-"""Most further realisations whose inputs are held at once."""
+"""Most further realisations whose inputs are in memory at once."""
 
 MOST = 10**9
 """Largest cost, and number of realisations."""
@@ -221,18 +221,18 @@ class PairedControl:
 
     @property
     def useful(self) -> Mask:
-        """Where it varies."""
+        """Whether it varies."""
         if self._spread is None:
             return np.zeros(len(self.unit), dtype=bool)
         return np.asarray(self._spread.products[0, 0] > 0)
 
     def close(self) -> None:
-        """Let what is still being computed at samples go."""
+        """Cancel the running computations at samples."""
         self._parts.close()  # type: ignore[attr-defined]
 
 
 def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: tuple[str, ...]) -> uqmbd.extend.Problem:
-    """Return the problem of the control whose outputs are of the kind of another problem's, and nothing besides."""
+    """Return the problem of the control with outputs of the same kind as another problem, and no others."""
     made = replace(made, model=replace(made.model, margins=None)).using(progress=problem.progress)
     if problem.kind == "outputs":
         return replace(made, model=replace(made.model, scalars=None))

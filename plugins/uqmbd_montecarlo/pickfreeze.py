@@ -28,7 +28,7 @@ _ROUNDING = 32.0 * np.finfo(float).eps
 
 @dataclass(frozen=True, eq=False)
 class SobolIndices:
-    """Estimates of Sobol' indices and their 95 % intervals, none of which is cut off at 0 and 1."""
+    """Estimates of Sobol' indices and their 95 % intervals, which are not truncated at 0 and 1."""
 
     first: Array  # (input, ...)
     total: Array  # (input, ...)

@@ -170,7 +170,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
             check_samples(self.control, self.samples)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count realisations, and the memory of the samples that are kept."""
+        """Count realisations, and the memory of the stored samples."""
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         inputs = len(study.mechanism.inputs)
         kept, total = min(self.samples, self.keep), self.samples
@@ -192,7 +192,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         return replace(found, realisations=total + control.realisations, memory=most, at_most=control.at_most)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing:
-        """Take as many samples as are needed."""
+        """Return the choice of the number of samples."""
 
         def allowed(samples: int) -> int:
             if self.sobol_indices:
@@ -209,7 +209,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
+        """Return the obstacle: nothing random in the mechanism, or an impossible option."""
         inputs = study.mechanism.inputs
         if reason := uqmbd.extend.nothing_random(inputs, study.mechanism.name):
             return reason

@@ -32,13 +32,13 @@ class SobolRun:
     counters: dict[str, float]
     wall_time: float
     replicates: int = 0
-    """Of a design whose points are not independent."""
+    """Replicates of a design whose points depend on each other."""
     without: Mapping[str, str] = field(default_factory=dict)
     """Outputs without indices, and why."""
 
     @property
     def words(self) -> str:
-        """What was done, in a sentence."""
+        """Description of the computation, in a sentence."""
         d = len(self.variables["input"])
         if not self.rows:
             return f"no Sobol' indices: {next(iter(self.without.values()))}"
@@ -133,7 +133,7 @@ def run_sobol(
 
 
 def _late(missing: Mapping[str, int], of: int) -> dict[str, str]:
-    """Say of outputs that do not happen in some of so many realisations why they have no indices."""
+    """Return reasons of missing indices for outputs that do not occur in some realisations."""
     return {
         name: f"it does not happen in {number} of {of} realisations; given that it happens inputs are not independent"
         for name, number in missing.items()

@@ -1,4 +1,4 @@
-"""The surrogate of a control variate: where it comes from, and its values at the samples."""
+"""The surrogate of a control variate: its origin, and its values at the samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How likely a mechanism does not meet its requirements, also where that is rare, and tolerances by which it does."""
+"""Probabilities that a mechanism violates its requirements, also rare ones, and tolerances that meet them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How likely violations are: explore, search design points, adapt a proposal, sample.
+"""Probabilities of violations: explore, search design points, adapt a proposal, sample.
 
 Where violations are: points all around, and splitting into levels by chains that keep the distribution.
 """

@@ -1,4 +1,4 @@
-"""What samples tell an engineer: importance of inputs, derivatives, and the dataset of requirements."""
+"""Results of samples for an engineer: importance of inputs, derivatives, and the dataset of requirements."""
 
 from __future__ import annotations
 

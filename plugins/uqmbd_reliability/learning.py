@@ -1,4 +1,4 @@
-"""From a surrogate to the real mechanism: real realisations near the limits, and a correction by those that it missed.
+"""From a surrogate to the mechanism: realisations near the limits, and a correction by violations that it missed.
 
 The search, the splitting and the sampling of `uqmbd_reliability.analysis` go over the surrogate, which costs nothing;
 their proposal gives a population of weighted points. Realisations are computed where the sign of a margin is uncertain.
@@ -43,7 +43,7 @@ FREE = 10_000
 """Evaluations of the surrogate by which the proposal is found."""
 
 PLAIN = 0.5
-"""Share of draws from the proposal as it is."""
+"""Share of draws from the unchanged proposal."""
 
 DOUBT = 1e-4
 """Probability of a wrong sign from which a point may be wrong, for the bound where none was seen."""
@@ -59,7 +59,7 @@ class _Population:
 
 
 def gaussian_processes() -> tuple[Any, ...]:
-    """Import what scikit-learn has for Gaussian processes: they, their kernels, and its exceptions."""
+    """Import the classes of scikit-learn for Gaussian processes: they, their kernels, and its exceptions."""
     modules = ("gaussian_process", "gaussian_process.kernels", "exceptions")
     needed = partial(uqmbd.extend.require_package, purpose="Reliability(surrogate=...)", install="uqmbd[learning]")
     return tuple(needed(f"sklearn.{module}") for module in modules)
@@ -104,7 +104,7 @@ def learn(
 
 @dataclass(frozen=True, eq=False)
 class _CorrectedSurrogate:
-    """A surrogate, and Gaussian processes of what it leaves of real margins; None where too few are known."""
+    """A surrogate, and Gaussian processes of its residuals in margins; None if too few are known."""
 
     predict: Callable[[Array], Array]
     processes: tuple[Any, ...]

@@ -1,4 +1,4 @@
-"""What a limit state was asked, and what it answered: every realisation counts."""
+"""Calls of a limit state and their results: every realisation counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["BudgetExhausted", "LimitStateLedger", "LimitState"]
 
 
 LimitState = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
-"""From points (K, d) of the standard normal space to margins (K, requirement), and which realisations failed (K,).
+"""Function of points (K, d) of the standard normal space that returns margins (K, requirement) and failures (K,).
 
 A margin below zero is a violation.  Margins of failed realisations do not matter."""
 

@@ -68,7 +68,7 @@ class Outside:
 
     @classmethod
     def around(cls, nearest: float, dimension: int) -> Outside:
-        """Return the one that is twice as probable as what is farther away than the nearest violation."""
+        """Return the distribution with twice the probability of the points beyond the nearest violation."""
         probability = float(np.clip(2.0 * chi2.sf(nearest**2, dimension), 1e-300, 1.0))
         return cls(dimension, float(np.sqrt(chi2.isf(probability, dimension))))
 

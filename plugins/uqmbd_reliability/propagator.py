@@ -30,7 +30,7 @@ __all__ = ["Reliability"]
 
 
 class MarginSource(Protocol):
-    """Margins of realisations, as they are given beside outputs, and alone."""
+    """Margins of realisations, with outputs and alone."""
 
     @property
     def values(self) -> Array: ...
@@ -125,7 +125,7 @@ def predictor(
 
 
 FINEST = 0.005
-"""Least coefficient of variation that may be asked for."""
+"""Least coefficient of variation that may be requested."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,7 +207,7 @@ class Reliability(uqmbd.extend.Propagator):
             )
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.extend.Estimate:
-        """Count realisations, and the running margins that are kept."""
+        """Count realisations, and the stored running margins."""
         wanted = len(study.mechanism.requirements)
         count = self.max_realisations if wanted else PILOT
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
@@ -236,7 +236,7 @@ class Reliability(uqmbd.extend.Propagator):
         )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: nothing random, or a requirement that there is not."""
+        """Return the obstacle: nothing random, or an unknown requirement."""
         if reason := uqmbd.extend.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
         if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_expensive(study)):
@@ -244,7 +244,7 @@ class Reliability(uqmbd.extend.Propagator):
         return self._unknown(list(study.mechanism.requirements))
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
-        """Say where there are no requirements."""
+        """Return a remark if there are no requirements."""
         return () if study.mechanism.requirements else (NOTHING,)
 
     def propagate(self, problem: uqmbd.extend.Problem) -> xr.DataTree:
@@ -372,7 +372,7 @@ class Reliability(uqmbd.extend.Propagator):
     def _told(
         self, problem: uqmbd.extend.Problem, runs: MarginRuns, found: Analysis, names: tuple[str, ...]
     ) -> dict[str, Any]:
-        """Say in words what was done, and warn where it is not what was asked for."""
+        """Return a description of the computation, and warn if it differs from the request."""
         counted = len(found.sampled.points)
         points = f"{len(found.design_points)} design points" if found.design_points else "no design point"
         how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} samples that count"

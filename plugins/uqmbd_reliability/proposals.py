@@ -20,12 +20,12 @@ FULL = 10
 
 STANDARD, ROUND, LEAST, BLUNT = 0.05, 0.08, 0.12, 0.18
 """Shares: of the standard normal distribution; at least of the round region; at least of the others together; and,
-within a region, of what is not adapted.
+within a region, of the fixed distribution.
 
 They bound the weights: by 1 / 0.05 everywhere, and near a region by some multiples of its own probability."""
 
 PRIOR = 6.0
-"""What is known beforehand counts like so many violations, and as many more as there are directions."""
+"""Weight of the prior, in violations; as many more as there are directions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A mixture, and what its parts are for: first the standard normal one, then sharp and blunt of each region."""
+    """A mixture, and the purpose of its parts: first the standard normal one, then sharp and blunt of each region."""
 
     mixture: WeightedMixture
     regions: tuple[Region, ...]
@@ -76,7 +76,7 @@ def around_points(points: Array, requirement: int, log_share: float) -> Region:
 
 
 def round_region(points: Array, requirement: int) -> Region:
-    """Return the region about the origin that violations (K, d) lie in: outside a sphere; beside it all is wide."""
+    """Return the region about the origin of violations (K, d): outside of a sphere; the blunt part is wide."""
     dimension = points.shape[1]
     nearest = float((points**2).sum(axis=1).min())
     wide = Normal.round(np.zeros(dimension), 1.0 + nearest / dimension)

@@ -93,7 +93,7 @@ def search(ledger: LimitStateLedger, begin: Array, requirement: Array, origin: A
 
 
 class _SearchPath:
-    """One search: what it asks for next, and what it makes of the answer."""
+    """One search: its next request, and its reaction to the result."""
 
     def __init__(self, begin: Array, requirement: int) -> None:
         self.requirement = requirement
@@ -111,7 +111,7 @@ class _SearchPath:
         return np.concatenate([self.tried[None], self.tried + STEP * np.eye(len(self.tried))])
 
     def hear(self, margins: Array) -> None:
-        """Take the margins of what was asked for, and choose the next step."""
+        """Take the margins of the request, and choose the next step."""
         margin, slope = float(margins[0]), self.slope
         if self.fresh and len(margins) > 1:
             slope = (margins[1:] - margin) / STEP

@@ -1,4 +1,4 @@
-"""Subset simulation by OpenTURNS: another look at a probability, which shares the space with the others only.
+"""Subset simulation by OpenTURNS: a second estimate of a probability, which shares only the space with the others.
 
 What it cannot do is why it is not the method by default: see `uqmbd_reliability.analysis`.
 """

@@ -74,7 +74,7 @@ class Gravity(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Take mass and centre of mass from the body."""
+        """Return mass and centre of mass of the body."""
         body: Any = self.attached["body"]
         return {"mass": body.mass, "com": tuple(body.com)}
 

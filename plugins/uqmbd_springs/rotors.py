@@ -1,4 +1,4 @@
-"""Inertia of what turns or slides with a joint, at the ratio of a gear: it counts for the relative motion alone."""
+"""Inertia of parts that turn or slide with a joint, at a gear ratio: it affects the relative motion alone."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class SpringDamper(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Take from the drawing on which side the ends are on a line."""
+        """Return the side of the ends on a line, from the drawing."""
         return (
             {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length, strict=True).is_zero))}
             if len(self.point_i) == 1

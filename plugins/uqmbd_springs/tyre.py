@@ -40,7 +40,7 @@ class RoadFollower(uqmbd.extend.TypedComponent):
     )
 
     def prepare(self) -> dict[str, Any]:
-        """Give what the profile contains to each realisation."""
+        """Return the symbols of the profile, as values of each realisation."""
         return law_values(self.road, distance, what="road", package="uqmbd_springs")
 
     def terms(self, p: uqmbd.extend.Local) -> Iterator[uqmbd.Constraint]:
@@ -100,7 +100,7 @@ class RadialTyre(uqmbd.extend.TypedComponent):
 
 
 def _place(p: uqmbd.extend.Local) -> sympy.Matrix:
-    """Where the point is in body i: forward first, up last; on a line it goes nowhere."""
+    """Return the point in body i: forward first, up last; on a line it does not move."""
     place = p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position)
     found: sympy.Matrix = p.let("place", [0, place[0]] if p.space.dimension == 1 else place)
     return found

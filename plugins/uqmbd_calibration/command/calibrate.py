@@ -13,7 +13,7 @@ __all__ = ["Calibrate"]
 
 
 class Calibrate:
-    """Find the inputs of a study from records, and predict with what they say."""
+    """Calibrate the inputs of a study from records, and predict with the posterior."""
 
     name = "calibrate"
     help = (

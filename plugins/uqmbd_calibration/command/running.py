@@ -1,4 +1,4 @@
-"""What `uqmbd calibrate` does.
+"""Implementation of `uqmbd calibrate`.
 
 Options of the form NAME=VALUE.
 """
@@ -24,7 +24,7 @@ __all__ = ["Options", "run"]
 
 
 def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
-    """Return what options say, by name; a name may hold equals signs, its value none.
+    """Return the texts of an option, by name; a name may contain equals signs, its value none.
 
     Raise StudyError if one has no equals sign or no name, or a name is given twice.
 
@@ -43,7 +43,7 @@ def texts_of(words: Sequence[str], option: str) -> dict[str, str]:
 
 
 def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
-    """Return the numbers that options say, by name.
+    """Return the numbers of an option, by name.
 
     Raise StudyError if one is no number, infinite, or as for `texts_of`.
 
@@ -62,12 +62,12 @@ def numbers_of(words: Sequence[str], option: str) -> dict[str, float]:
 
 
 WRITTEN = ("calibration.nc", "results.nc", "report.html", "figures")
-"""What the command writes into its folder."""
+"""Files that the command writes into its folder."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is asked for, as it was typed."""
+    """Options of the command, as typed."""
 
     noise: Sequence[str] = ()
     units: Sequence[str] = ()
@@ -80,7 +80,7 @@ class Options:
 
 
 def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> None:
-    """Calibrate a study, write the posterior, predictions and a report into a folder, and sum up what came out."""
+    """Calibrate a study, write the posterior, predictions and a report into a folder, and print a summary."""
     study = uqmbd.load_study(script)
     records = _records(paths, options)
     methods = chosen_methods(study, options.only)
@@ -127,7 +127,7 @@ def _predicted(
 
 
 def _records(paths: Sequence[Path], options: Options) -> list[Record]:
-    """Read records; what options say of an output holds for all records that have it."""
+    """Read records; options on an output apply to all records that contain it."""
     noise = numbers_of(options.noise, "--noise")
     units = texts_of(options.units, "--units")
     known = numbers_of(options.known, "--known")

@@ -1,4 +1,4 @@
-"""A bias of an output: what the model leaves out, as a random function with a prior of its own."""
+"""A bias of an output: the error of the model, as a random function with its own prior."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Bias"]
 
 @dataclass(frozen=True)
 class Bias:
-    """What an output of the model may be wrong by: a constant, or a smooth function of time, that is not known.
+    """Unknown error of an output of the model: a constant, or a smooth function of time.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Bias:
             number(self.length, "Bias", "length", positive=True)
 
     def modes(self, times: object) -> Array:
-        """Return functions of time (T, k) whose sums, with standard normal coefficients, are distributed as the bias.
+        """Return functions of time (T, k) whose sums with standard normal coefficients are distributed as the bias.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ REACH = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Where climbs ended."""
+    """Results of climbs to maxima."""
 
     vectors: Array  # (K, N)
     cost: Array  # (K,): minus the log-density

@@ -42,7 +42,7 @@ class CorrectedPredictions:
 
     @property
     def degree(self) -> int:
-        """Of the polynomial."""
+        """Degree of the polynomial."""
         return int(self.terms.sum(axis=1).max())
 
     def __call__(self, normals: Array) -> list[Array]:

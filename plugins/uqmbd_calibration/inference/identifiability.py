@@ -1,4 +1,4 @@
-"""What a record can say of the inputs, before it is looked at: its Fisher information beside the prior."""
+"""Expected information of a record on the inputs, relative to the prior: Fisher information."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POINTS = 8
 """Points of the prior over which is averaged."""
 
 LITTLE = 0.5
-"""Expected variance, over that of the prior, above which a direction is not identified: the data say less than it."""
+"""Expected variance, over that of the prior, above which a direction counts as unidentified."""
 
 SMALL = 0.15
 """Part of a direction, over its largest, that is not named."""

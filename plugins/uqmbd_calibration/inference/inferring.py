@@ -1,4 +1,4 @@
-"""From a surrogate over the prior to draws of the posterior that real realisations confirm."""
+"""From a surrogate over the prior to draws of the posterior that realisations of the mechanism confirm."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class PosteriorCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the surrogate is as good as the mechanism."""
+        """Whether realisations confirm the surrogate."""
         return self.share >= EVEN and self.shift <= SHIFT
 
 
 @dataclass(frozen=True, eq=False)
 class Inferred:
-    """What was found."""
+    """Results of an inference."""
 
     target: Posterior  # by the last surrogate
     peak: Array  # (N,): its maximum
@@ -130,7 +130,7 @@ def _checked(work: CalibrationState, found: Draws, seed: int) -> PosteriorCheck:
 
 
 def _widened(work: CalibrationState) -> Posterior:
-    """Return the posterior whose likelihood holds the errors of the surrogate.
+    """Return the posterior whose likelihood includes the errors of the surrogate.
 
     Those of realisations that are left out; where there are none, what the surrogate over the prior states.
     """

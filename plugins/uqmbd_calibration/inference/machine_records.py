@@ -1,4 +1,4 @@
-"""One machine at one operating point: its records, and where its inputs stand among the unknowns."""
+"""One machine at one operating point: its records, and the places of its inputs among the unknowns."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class MachineRecords:
 
     @property
     def free(self) -> Index:
-        """Which inputs are unknown."""
+        """Places of the unknown inputs."""
         return np.flatnonzero(self.columns >= 0)
 
     def normals(self, vectors: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The mechanism at an operating point: realisations at standard normal variables, each counted and kept.
+"""The mechanism at an operating point: realisations at standard normal variables, each counted and stored.
 
 How well a surrogate follows outputs over time.
 """
@@ -40,7 +40,7 @@ def followed(node: xr.DataTree, outputs: Iterable[str]) -> float:
 
 
 NARROW = 1e-9
-"""Width of the distribution that stands for a known value where a method wants one, over the value."""
+"""Width of the distribution of a known value, over the value, for methods that need a distribution."""
 
 
 FOLLOWED = 0.05
@@ -53,7 +53,7 @@ class SearchExhausted(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class _NamedPropagator(uqmbd.extend.Propagator):
-    """What `Study.problem` is asked for: a name, as calibration computes realisations itself."""
+    """Name for `Study.problem`; the calibration computes realisations without a method."""
 
     name: ClassVar[str] = "calibration"
 
@@ -63,7 +63,7 @@ class _NamedPropagator(uqmbd.extend.Propagator):
 
 
 class OperatingPoint:
-    """A mechanism, some of whose inputs are known.
+    """A mechanism with known values of some inputs.
 
     `study`: with the times of the records; `known`: values of inputs; `moving`, `still`: whether outputs over time,
     and outputs without a time, are wanted; `most`: realisations that may be computed; `executor`, `progress`: who
@@ -118,7 +118,7 @@ class OperatingPoint:
         return np.arange(first, first + len(normals))
 
     def passing(self, normals: Array, blocks: Sequence[Block]) -> list[Array]:
-        """Compute realisations that are counted but not kept; return values (K, n) of each block.
+        """Compute realisations that are counted but not stored; return values (K, n) of each block.
 
         Raise Exhausted as of `run`.
         """
@@ -143,7 +143,7 @@ class OperatingPoint:
         return found[0], found[1]
 
     def values(self, rows: Index, blocks: Sequence[Block]) -> list[Array]:
-        """Return what was computed in some realisations, (K, n) for each block; NaN where one failed."""
+        """Return the values of some realisations, (K, n) for each block; NaN if one failed."""
         over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 

@@ -15,10 +15,10 @@ __all__ = ["Linearised", "Posterior", "Predictor"]
 
 
 Predictor = Callable[[Array], list[Array]]
-"""From standard normal variables of the inputs (K, d) to predictions (K, n) of each block of a case."""
+"""Function of standard normal variables of the inputs (K, d) that predicts (K, n) of each block of a case."""
 
 STEP = 1e-3
-"""Of central differences, in standard deviations of the prior."""
+"""Step of central differences, in standard deviations of the prior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Posterior:
         return np.asarray(self.log_likelihood(vectors) - 0.5 * (vectors**2).sum(axis=1))
 
     def with_levels(self, vectors: Array, predictions: list[list[Array]] | None = None) -> Array:
-        """Return vectors whose noise levels are the most probable ones for their inputs."""
+        """Return vectors with the most probable noise levels for their inputs."""
         if not self.unknowns.levels:
             return vectors
         found = vectors.copy()

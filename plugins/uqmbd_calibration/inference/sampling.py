@@ -23,16 +23,16 @@ __all__ = ["Draws", "require_sampler", "sample"]
 
 
 BURN, BLOCK, BLOCKS = 100, 150, 12
-"""Steps that are left out, steps after which convergence is looked at, and how often at most."""
+"""Steps of the burn-in, steps between checks of convergence, and the largest number of checks."""
 
 WALKERS = 32
-"""Of each ensemble, at least."""
+"""Least walkers of an ensemble."""
 
 ENOUGH, ALIKE = 400.0, 1.01
 """Effective draws of each unknown, and the largest R-hat, of draws that have converged."""
 
 FREEDOM = 5.0
-"""Of the independent proposals: Student's t about the maximum, with the covariance there."""
+"""Degrees of freedom of the independent proposals: Student's t about the maximum, with the covariance there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Draws:
 
 
 def require_sampler() -> None:
-    """Raise `uqmbd.StudyError` where what the extra brings is missing."""
+    """Raise `uqmbd.StudyError` if the packages of the extra are missing."""
     missing = [name for name in ("emcee", "arviz") if importlib.util.find_spec(name) is None]
     if missing:
         raise uqmbd.StudyError(

@@ -1,4 +1,4 @@
-"""Where the posterior density has its maxima, on the surrogate over the prior.
+"""Maxima of the posterior density by the surrogate over the prior.
 
 Long records of motions that turn or swing have many maxima: phases match but for whole turns.  The beginning of a
 record has few.  So a climb follows windows that grow, from points that are spread over the prior, and each window adds
@@ -21,13 +21,13 @@ __all__ = ["Builder", "search", "spread_over_prior"]
 
 
 Builder = Callable[[tuple[MachineRecords, ...]], Posterior]
-"""From cases with some of their values to the posterior density by the surrogate over the prior."""
+"""Function of cases with some of their values that returns the posterior density by the surrogate over the prior."""
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 """Parts of the time that records last."""
 
 THINNED = 200
-"""Values of a block that a search looks at."""
+"""Values of a block that a search uses."""
 
 POOL, STARTS, KEPT = 2048, 24, 12
 """Points of the prior that are evaluated, climbs that begin in each window, and maxima that go on to the next."""
@@ -88,7 +88,7 @@ def _within(block: object, until: float) -> Index:
 
 
 def _rows(block: object, until: float, generator: np.random.Generator) -> Index:
-    """Return which values of a window are looked at: one, at random, of each of equal parts."""
+    """Return the selected values of a window: one, at random, of each of equal parts."""
     rows = _within(block, until)
     if len(rows) <= THINNED:
         return rows

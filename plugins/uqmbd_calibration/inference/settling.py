@@ -1,4 +1,4 @@
-"""Maxima of the posterior density on the mechanism: Gauss and Newton's method in a trust region.
+"""Maxima of the posterior density on the mechanism: Gauss-Newton method in a trust region.
 
 Each step computes one realisation and climbs on the surrogate, moved so that it is exact there, within the trust
 region.  A surrogate over a wide prior can have slopes that are wrong by more than their size.  Where a step does not
@@ -24,7 +24,7 @@ MODES, WORSE = 4, 30.0
 """Maxima that are computed on the mechanism, and by how much their log-density may be below the best one's."""
 
 AS_LIKELY = 3.0
-"""By how much the log-mass of a maximum that is reported, but not followed, may be below that of the best one."""
+"""Log-mass by which a reported, but not followed, maximum may be below the best one."""
 
 SETTLED, SETTLING = 0.3, 24
 """Step, in standard deviations of the posterior, at which a maximum is found; and how many steps there are at most."""
@@ -37,7 +37,7 @@ FREE = 4
 """Steps by the slopes of the surrogate, at most."""
 
 WIDEST = 2.0
-"""First half width of the trust region, in standard deviations of the prior."""
+"""Initial half-width of the trust region, in standard deviations of the prior."""
 
 DIFFERENCE = 0.1, 1e-4
 """Forward differences: in standard deviations of the posterior, and at least of the prior."""
@@ -109,7 +109,7 @@ def settle(work: CalibrationState, peaks: Peaks) -> tuple[tuple[Mode, ...], Arra
 
 
 def _followed(work: CalibrationState, start: _Computed, best: float) -> _Followed:
-    """Climb from a realisation to a maximum; another maximum whose cost is `best` ends what stays far above it."""
+    """Climb from a realisation to a maximum; stop a climb that stays far above the cost `best` of another maximum."""
     at, width, exact, tested, possible, settled = start, WIDEST, False, False, True, False
     inputs = len(work.unknowns.inputs)
     # realisations that are too few for a check all go to the maximum

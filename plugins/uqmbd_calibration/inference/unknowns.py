@@ -1,4 +1,4 @@
-"""What is to be found: a standard normal variable for each input, each coefficient of a bias, and each noise level."""
+"""Unknowns: a standard normal variable for each input, each coefficient of a bias, and each noise level."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEVEL_SPREAD = 3.0
 
 @dataclass(frozen=True)
 class UnknownInput:
-    """An input whose value is to be found, of all machines or of one."""
+    """An unknown input, of all machines or of one."""
 
     name: str  # ``stiffness``, or ``stiffness[rig 2]`` of one machine
     input: int  # which of the inputs of the study
@@ -35,7 +35,7 @@ class Level:
 
     @property
     def name(self) -> str:
-        """What it is called in results."""
+        """Name in the results."""
         return f"noise[{self.output}]"
 
 
@@ -54,7 +54,7 @@ class Unknowns:
 
     @property
     def first_level(self) -> int:
-        """Where levels begin."""
+        """Place of the first level."""
         return len(self.inputs) + self.coefficients
 
     def noise(self, vectors: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Cases with what is known of them so far: realisations, and the surrogates that these correct."""
+"""State of a calibration: cases, their realisations, and the surrogates that these correct."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ CHECKED = 24
 """Draws that are computed on the mechanism at once."""
 
 STACK, BURNED, STEPS = 64, 10, 25
-"""Walkers on the mechanism itself, steps that are left out, and steps after which convergence is looked at."""
+"""Walkers on the mechanism, steps of the burn-in, and steps between checks of convergence."""
 
 WIDER = 1.3
-"""How much wider than the posterior realisations are spread that correct the surrogate."""
+"""Width of the distribution of correcting realisations, over that of the posterior."""
 
 NEAR, FOLLOWED = 1.5, 6
 """Deviations of the posterior within which its maximum stays, and how often realisations follow it at most."""
@@ -38,7 +38,7 @@ NEAR, FOLLOWED = 1.5, 6
 
 @dataclass(eq=False)
 class CalibrationState:
-    """The cases with what is known of them so far."""
+    """Cases, their realisations and corrected surrogates."""
 
     unknowns: Unknowns
     cases: tuple[MachineRecords, ...]
@@ -51,7 +51,7 @@ class CalibrationState:
 
     @property
     def target(self) -> Posterior:
-        """The posterior by the surrogates as they are now."""
+        """The posterior by the present surrogates."""
         return Posterior(self.unknowns, self.cases, tuple(self.predictors))
 
     def affordable(self, count: int) -> bool:
@@ -70,7 +70,7 @@ class CalibrationState:
         return found
 
     def shift(self, vector: Array, real: list[list[Array]]) -> None:
-        """Let predictions be the base, moved to what was computed at a vector."""
+        """Set the predictions to the base, moved to the realisation at a vector."""
         for k, case in enumerate(self.cases):
             free, at = case.free, case.normals(vector[None])
             nothing = np.zeros(len(free)), np.eye(len(free))
@@ -79,7 +79,7 @@ class CalibrationState:
             )
 
     def tangent(self, k: int, vector: Array, scale: Array, values: list[Array]) -> None:
-        """Let predictions of a case be the base, with values and slopes of the mechanism at a vector.
+        """Set the predictions of a case to the base, with values and slopes of the mechanism at a vector.
 
         ``values`` (1 + f, n) of each block are realisations at the vector, and with each unknown input moved by one
         over its ``scale`` (f,).
@@ -91,7 +91,7 @@ class CalibrationState:
         )
 
     def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
-        """Compute realisations that are spread like the posterior, and a little wider; say whether any were left."""
+        """Compute realisations from a slightly wider posterior; return whether there were any."""
         while count >= CHECKED // 3 and not self.affordable(count + CHECKED):
             count -= 1
         if not self.affordable(count + CHECKED):

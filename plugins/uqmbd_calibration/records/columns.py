@@ -1,4 +1,4 @@
-"""What a file or a dataset holds of each output, before it is known to be a record."""
+"""Columns of outputs in a file or a dataset, before they are checked as a record."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["OutputColumn", "series_of"]
 
 
 class OutputColumn(NamedTuple):
-    """Values of one output as they are found."""
+    """Unchecked values of one output."""
 
     output: str
     times: Any
@@ -30,7 +30,7 @@ def series_of(
     outputs: Collection[str] | None,
     where: str,
 ) -> tuple[Series, ...]:
-    """Join what is found and what the caller says of it.
+    """Join columns with the arguments of the caller.
 
     Units of both must agree; noise of the caller takes the place of what is found.
     """

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["dataset_attributes", "dataset_columns", "dataset_of", "read_dataset"]
 
 REPETITION = "repetition"
-"""Dimension of an output without a time, whose coordinate, if it has one, is no time."""
+"""Dimension of an output without a time; its coordinate, if present, is no time."""
 
 
 def read_dataset(path: Path) -> xr.Dataset:
-    """Read a netCDF file into memory; times are numbers, whatever their units resemble."""
+    """Read a netCDF file into memory; times remain numbers for any units."""
     from uqmbd.extend import read_root
 
     try:
@@ -68,7 +68,7 @@ def dataset_columns(dataset: xr.Dataset, where: str) -> list[OutputColumn]:
 
 
 def dataset_attributes(dataset: xr.Dataset, where: str) -> dict[str, Any]:
-    """Return what a dataset says of the record as a whole: ``name``, ``machine``, ``known``."""
+    """Return the attributes of a dataset for the whole record: ``name``, ``machine``, ``known``."""
     found = {key: dataset.attrs[key] for key in ("name", "machine", "known") if key in dataset.attrs}
     known = found.get("known", {})
     if isinstance(known, str):
@@ -85,7 +85,7 @@ def dataset_attributes(dataset: xr.Dataset, where: str) -> dict[str, Any]:
 
 
 def dataset_of(name: str, machine: str, known: Mapping[str, float], series: Sequence[Series]) -> xr.Dataset:
-    """Make the dataset of a record; outputs that were measured at the same times share their dimension."""
+    """Return the dataset of a record; outputs with equal times share their dimension."""
     import xarray as xr
 
     taken = {one.output for one in series}

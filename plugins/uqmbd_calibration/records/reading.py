@@ -1,4 +1,4 @@
-"""Files of records: which kind they are, and what they hold.
+"""Files of records: their formats and contents.
 
 CSV files of records.
 """
@@ -24,7 +24,7 @@ _HEAD = re.compile(r"(?P<name>.*?)\s*(?:\[(?P<units>[^\[\]]*)\])?", re.S)
 
 
 def csv_columns(path: Path) -> list[OutputColumn]:
-    """Read the columns of a CSV file: the header names them, and may say their units, as in ``angle [rad]``.
+    """Read the columns of a CSV file: the header contains names and optional units, as in ``angle [rad]``.
 
     A column ``time`` or ``time [s]`` holds the times of all others; without one, they are outputs without a time.
     Columns are separated by tabs, semicolons or commas: the first of these that the header has.  Lines that begin with
@@ -65,7 +65,7 @@ def csv_columns(path: Path) -> list[OutputColumn]:
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines that say something, with their numbers."""
+    """Return the non-empty lines with their numbers."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -140,7 +140,7 @@ NETCDF = (".nc", ".nc4")
 
 
 def read_columns(path: str | os.PathLike[str]) -> tuple[Path, list[OutputColumn], dict[str, Any]]:
-    """Read the columns of a file, and what it says of the record as a whole.
+    """Read the columns of a file, and its attributes for the whole record.
 
     Raise StudyError if it cannot be read.
     """

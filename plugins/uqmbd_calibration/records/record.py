@@ -1,4 +1,4 @@
-"""A record: what was measured of a machine."""
+"""A record: measurements of a machine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Record"]
 
 @dataclass(frozen=True, init=False)
 class Record:
-    """What was measured of one machine in one go: outputs of a study, each at times of its own.
+    """Measurements of one machine in one run: outputs of a study, each at its own times.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Record:
         name: str | None = None,
         outputs: Collection[str] | None = None,
     ) -> Record:
-        """Make a record of a dataset of xarray.
+        """Return the record of a dataset of xarray.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Record:
         return _make_record(dataset_columns(dataset, where), about, name, where, **given)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the record to a netCDF file, whole or not at all; `read` gives it back as it is.
+        """Write the record to a netCDF file, completely or not at all; `read` restores it.
 
         Parameters
         ----------
@@ -294,7 +294,7 @@ def _make_record(
     machine: str | None,
     **given: Any,
 ) -> Record:
-    """Make a record of what is found and what is given; errors say where it was found."""
+    """Return the record of columns and arguments; errors state the place."""
     series = series_of(columns, given["units"], given["noise"], given["outputs"], where)
     try:
         return Record(

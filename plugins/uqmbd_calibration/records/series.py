@@ -1,4 +1,4 @@
-"""One output of a record: its values, at times of its own or at none."""
+"""One output of a record: its values, with times or without."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Series"]
 
 @dataclass(frozen=True, init=False, eq=False)
 class Series:
-    """What was measured of one output.
+    """Measurements of one output.
 
     Values that are not a number are gaps, and left out with their times.
 
@@ -91,7 +91,7 @@ class Series:
 
     @property
     def timeless(self) -> bool:
-        """Whether it is of an output without a time."""
+        """Whether the output has no time."""
         return self.times.size == 0
 
     def __eq__(self, other: object) -> bool:

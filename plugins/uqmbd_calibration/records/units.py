@@ -11,7 +11,7 @@ _RAISED = re.compile("[⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 
 
 def same_units(one: str, other: str) -> bool:
-    """Whether two texts spell the same units: ``m/s²``, ``m/s**2`` and ``m/s^2`` do, and so do ``N m`` and ``N·m``.
+    """Return whether two texts mean the same units: ``m/s²``, ``m/s**2`` and ``m/s^2`` do.
 
     >>> same_units("m/s²", "m/s^2"), same_units("N·m", "N  m"), same_units("mm", "m"), same_units("mN", "m N")
     (True, True, False, False)

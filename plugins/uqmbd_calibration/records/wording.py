@@ -1,4 +1,4 @@
-"""What a user gives, checked and said again in messages."""
+"""Checks of arguments, and their wording in messages."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def check_mapping(given: object, known: Collection[str] | None, what: str, examp
 
 
 def check_known_names(given: Iterable[str], known: Collection[str], where: str) -> None:
-    """Raise `uqmbd.StudyError` where a name is none of the outputs of a record."""
+    """Raise `uqmbd.StudyError` if a name is no output of a record."""
     for name in given:
         if name not in known:
             raise uqmbd.StudyError(
@@ -119,7 +119,7 @@ def _not_a_number(value: object, where: str, what: str, expected: str) -> NoRetu
 
 
 def numbers(values: object, where: str, what: str) -> Array:
-    """Return an array of one dimension; what is masked is a gap.  Raise `uqmbd.StudyError` if it is none."""
+    """Return an array of one dimension; masked entries are gaps. Raise `uqmbd.StudyError` if it is none."""
     found: Any = None
     with contextlib.suppress(TypeError, ValueError):
         found = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)

@@ -1,4 +1,4 @@
-"""What the report shows of calibrations."""
+"""Calibrations in the report."""
 
 from __future__ import annotations
 

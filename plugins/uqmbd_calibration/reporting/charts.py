@@ -1,4 +1,4 @@
-"""Charts of a calibration: records against predictions, residuals, pairs of inputs, and what was learned."""
+"""Charts of a calibration: records against predictions, residuals, pairs of inputs, priors and posteriors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REACH, REACH_BEFORE = 5.0, 3.0
 """Standard deviations about the mean that are drawn of each input, after and before."""
 
 POINTS_OF_DENSITY = 100
-"""Of the density of an input after, and before."""
+"""Points of the density of an input, after and before."""
 
 
 def inputs_of(tree: xr.DataTree) -> list[str]:
@@ -38,7 +38,7 @@ def inputs_of(tree: xr.DataTree) -> list[str]:
 
 
 def record_charts(tree: xr.DataTree, name: str) -> list[Chart]:
-    """Return what was measured of an output, with bands of predictions before and after, and the residuals.
+    """Return charts of the measurements of an output, with bands of predictions before and after, and the residuals.
 
     `tree`: of a calibration; `name`: of a variable of the observed data.
     """

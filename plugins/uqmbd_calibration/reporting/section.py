@@ -1,4 +1,4 @@
-"""The report's section on calibrations: what was measured, what follows of the inputs, and how far that is checked."""
+"""The report's section on calibrations: measurements, posterior of the inputs, and its verification."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["CalibrationSection"]
 
 
 class CalibrationSection:
-    """What records say of the inputs."""
+    """Posterior of the inputs, from records."""
 
     title = "Calibration"
 
@@ -148,7 +148,7 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
 
 
 def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
-    """Say what was not learned, and which records the model does not give."""
+    """Return sentences on unidentified inputs, and on records that contradict the model."""
     said = []
     left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
     if left:

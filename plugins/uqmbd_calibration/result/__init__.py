@@ -1,4 +1,4 @@
-"""What a calibration gives back: groups of ArviZ, tables, checks, and the posterior as random variables."""
+"""Results of a calibration: groups of ArviZ, tables, checks, and the posterior as random variables."""
 
 from __future__ import annotations
 

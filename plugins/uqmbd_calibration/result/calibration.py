@@ -27,7 +27,7 @@ KIND = "calibration"
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What records say of the inputs of a study; `calibrate` makes it.
+    """Posterior of the inputs of a study; `calibrate` makes it.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Calibration:
 
     tree: xr.DataTree
     made_by: Any = field(default=None, repr=False)
-    """What it was made of, with its surrogates; `calibrate` uses these again.  It is not stored."""
+    """Objects from which it was computed, with its surrogates; `calibrate` uses these again. It is not stored."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.tree, xr.DataTree) or self.tree.attrs.get("kind") != KIND:
@@ -85,7 +85,7 @@ class Calibration:
 
     @property
     def checks(self) -> dict[str, Any]:
-        """What was checked.
+        """Results of the checks.
 
         ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
         widen the posterior; ``surrogate``: those checks one after another. Each has the effective ``share`` of the
@@ -100,7 +100,7 @@ class Calibration:
 
     @property
     def unidentified(self) -> tuple[str, ...]:
-        """Combinations of inputs of which the records say less than the prior, as expected beforehand.
+        """Combinations of inputs on which the records are expected to contain less information than the prior.
 
         As ``0.71 k1 - 0.71 k2``, each over the standard deviation of its prior (of inputs that are not normal: of the
         standard normal variables that they are functions of).
@@ -197,7 +197,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Calibration:
-        """Read what `save` wrote.
+        """Read a file that `save` wrote.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class Calibration:
 
 
 def learned(one: xr.Dataset) -> str:
-    """Write what was learned of an input of a summary: nothing is stated that a record says which the model denies."""
+    """Return a sentence on the reduction of uncertainty of an input; none if the model contradicts the record."""
     if "doubted" in one and bool(one["doubted"]):
         return "doubted"
     return f"{100 * max(float(one['learned']), 0.0):.1f} %"

@@ -1,4 +1,4 @@
-"""What was checked of a calibration, as plain data, and the warnings that follow."""
+"""Checks of a calibration, as plain data, and the warnings that follow."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[floa
 
 
 def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
-    """Warn of what the user must know: a posterior that is not confirmed, or a model that is doubted."""
+    """Warn if the posterior is not confirmed, or records contradict the model."""
     said = []
     if checks["widened"]:
         last = checks["surrogate"][-1] if checks["surrogate"] else None

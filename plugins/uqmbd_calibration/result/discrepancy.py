@@ -1,4 +1,4 @@
-"""Whether a record is one that the model may have given: its residuals, as a whole and by parts of the time."""
+"""Test whether a record may come from the model: its residuals, as a whole and by parts of the time."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["DOUBT", "Residuals", "find_discrepancy", "residuals"]
 
 
 DOUBT = 1e-3
-"""Probability of a record that is at least as strange, below which the model or the noise is doubted."""
+"""p-value of a record below which the model or the noise is doubtful."""
 
 SEGMENTS, LEAST = 12, 8
-"""Parts of the time that are looked at, and values of each at least."""
+"""Parts of the time that are tested, and the least number of values in each."""
 
 FAR = 4.0
 """Standard deviations beyond which a value is called an outlier."""
 
 STRAY = 10.0
-"""The same where the noise is not known, or many are far away: deviations as the median of all has them."""
+"""The same for unknown noise or many outliers: deviations relative to the median of all."""
 
 FEW, SHOWN = 0.05, 10
 """Share of the values, or one of them, up to which outliers are named, and how many are."""
@@ -61,7 +61,7 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
 
 
 def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
-    """Return what residuals say against the model.
+    """Return the evidence of residuals against the model.
 
     `parameters`: how many unknowns were fitted to these values. Return ``record``, ``output``, ``values``;
     ``chi_square``, the probability of residuals that are at least as large, where the noise is known; ``correlation``
@@ -119,7 +119,7 @@ def find_discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
 
 
 def _segments(times: Array, z: Array, size: float, *, known: bool) -> list[dict[str, float]]:
-    """Return parts of the time, each with the probability of residuals whose mean or size is at least as strange."""
+    """Return parts of the time, each with the p-value of the mean or size of its residuals."""
     number = int(np.clip(len(z) // LEAST, 1, SEGMENTS))
     scale = 1.0 if known or size <= 0 else size
     found = []

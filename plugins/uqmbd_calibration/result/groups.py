@@ -21,17 +21,17 @@ __all__ = ["tree_of"]
 
 
 PREDICTED = 200
-"""Draws of which predictions are kept."""
+"""Draws whose predictions are stored."""
 
 PRIOR = 2**12
 """Draws of the prior."""
 
 MOST = 2_000_000
-"""Numbers of the log-likelihood that are kept."""
+"""Numbers of the log-likelihood that are stored."""
 
 
 def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any]) -> xr.DataTree:
-    """Make the tree of a calibration.
+    """Return the tree of a calibration.
 
     `found`: posterior and predictions; `seed`: of draws of the noise; `about`: further attributes of its root.
     """
@@ -109,7 +109,7 @@ def _series(
     units: str | None = None,
     long_name: str = "",
 ) -> xr.Dataset:
-    """Make a dataset of arrays (..., n), one for each block, at the times of that."""
+    """Return a dataset of arrays (..., n), one for each block, at its times."""
     variables: dict[str, Any] = {}
     coords: dict[str, Any] = {}
     for (name, block), values in zip(named, data, strict=True):
@@ -122,7 +122,7 @@ def _series(
 
 
 def _predicted(target: Posterior, vectors: Array, made: Callable[[Block, Array, Array], Array]) -> xr.Dataset:
-    """Make a dataset of something of predictions, at draws (chain, draw, N)."""
+    """Return a dataset of a function of predictions, at draws (chain, draw, N)."""
     chains, count, width = vectors.shape
     flat = vectors.reshape(-1, width)
     data = [
@@ -159,7 +159,7 @@ def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
 
 
 def _doubted(found: Found, model: Sequence[Mapping[str, Any]]) -> Array:
-    """Tell of each unknown input (D,) whether a record that it is found from is doubted, and outliers count in full."""
+    """Return for each unknown input (D,) whether a record that informs it contradicts the model."""
     doubted = np.zeros(len(found.arrangement.unknowns.inputs), dtype=bool)
     names = {one["record"] for one in model if one["doubted"] and not one["robust"]}
     for case in found.arrangement.cases:

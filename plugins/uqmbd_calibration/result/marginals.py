@@ -26,7 +26,7 @@ GRID = np.linspace(-8.0, 8.0, 1601)
 """Standard normal variable at which marginals are tabulated."""
 
 KNOTS = np.linspace(-3.0, 3.0, 13)
-"""Standard normal variable at which a curve goes through quantiles."""
+"""Standard normal variables at which a curve interpolates quantiles."""
 
 CURVED = 0.5
 """Curvature of a pair above which a Gaussian copula is not its posterior."""

@@ -1,4 +1,4 @@
-"""Aligned collocation: realisations are compared at landmarks, and what lies between is expanded.
+"""Aligned collocation: realisations are compared at landmarks, and the motion between them is expanded.
 
 Landmarks are events, or equal phases of a clock: their times, and the outputs between them in normalised time, are
 smooth in the inputs where outputs at equal times jump, or drift apart.
@@ -193,14 +193,14 @@ def align(
 
 
 def _remedy(limits: uqmbd.extend.ElementLimits, count: int) -> str:
-    """Say what makes elements smaller where sequences differ."""
+    """Return advice on smaller elements for different sequences."""
     if limits.elements is None:
         return "Raise max_elements" if count >= limits.most else "Give elements='adaptive', which splits by the error"
     return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
 def _share(runs: CollocationRuns, points: uqmbd.extend.VerificationPoints, which: Mask) -> float:
-    """Return the share, by the weights of points (V,), that some of the realisations stand for that did not fail."""
+    """Return the share, by the weights of points (V,), that realisations without failure represent."""
     where = runs.at(points.germs)
     good = np.flatnonzero(runs.good(where))
     place = np.cumsum(runs.status == Status.OK) - 1
@@ -223,7 +223,7 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.extend.GermSpace, most: int)
 
 
 def _scale(known: uqmbd.extend.Verification, times: Array) -> Array:
-    """Return what errors of the time and of the outputs (1 + O,) are compared with.
+    """Return the scales of errors of the time and of the outputs (1 + O,).
 
     An error of the time is that of the output which moves fastest for its standard deviation.
     """

@@ -1,4 +1,4 @@
-"""A problem whose outputs are the times of landmarks, and what lies between these.
+"""A problem whose outputs are the times of landmarks, and the motion between them.
 
 Every rule, fit and refinement works on it as on the problem itself.
 """

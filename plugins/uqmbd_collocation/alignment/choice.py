@@ -1,4 +1,4 @@
-"""Which family of alignment an output takes at which times: near the least error, with few changes."""
+"""Choice of the alignment of an output at each time: near the least error, with few changes."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ RESOLVED = 1e-8
 """Size of the last Chebyshev coefficients between two events, over the range of an output."""
 
 LONGEST = 8.0
-"""How much longer than the output times realisations are followed, where no event ends their motion."""
+"""Most times as long as the output times that realisations are followed, if no event ends their motion."""
 
 BISECTIONS = 54
 """Until the time of a phase has the precision of numbers."""
@@ -51,11 +51,11 @@ class _PhaseHistory:
         return np.append(self.phase[:, 0], self.phase[-1, -1])
 
     def grows(self, segments: int) -> bool:
-        """Say whether the phase grows in some first segments."""
+        """Return whether the phase increases in some first segments."""
         return bool((np.diff(self.phase[:segments], axis=1) > 0).all())
 
     def passes(self, marks: Merged) -> bool:
-        """Say whether marks lie in its segments, as they do in others."""
+        """Return whether marks are in the same segments as in others."""
         edges = self.edges
         return all(not len(own) or (edges[k] < own[0] and own[-1] < edges[k + 1]) for k, own in enumerate(marks.phases))
 
@@ -101,7 +101,7 @@ class CombinedTrajectories:
     def of(
         cls, problem: uqmbd.extend.Problem, events: EventTrajectories | None, clock: uqmbd.extend.Clock | None
     ) -> CombinedTrajectories:
-        """Make them of what events and phases have found, or say what is missing."""
+        """Return the combination of the trajectories of events and phases; raise if a part is missing."""
         if events is None or clock is None:
             raise Impossible(problem.label, "there are not both events and a clock", "Leave one of them out.")
         if not clock.turn:
@@ -116,7 +116,7 @@ class CombinedTrajectories:
 
     @property
     def longer(self) -> float:
-        """How many times as long as the output times last segments last that no event ends."""
+        """Length of last segments that no event ends, over that of the output times."""
         return self.events.longer
 
     def prepare(self, values: Array) -> None:
@@ -127,11 +127,11 @@ class CombinedTrajectories:
             raise Impossible(self.problem.label, why, "Take events or phases alone.")
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Say of which realisations (K, output, T) the outputs alone show that they have another sequence: of none."""
+        """Return realisations (K, output, T) whose outputs alone show another sequence: none."""
         return self.events.elsewhere(sequence, seen)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
-        """Return what the results say of the alignment besides."""
+        """Return further attributes of the alignment for the results."""
         return {
             "clock": self.clock.name,
             "clock_kind": "angle",
@@ -186,7 +186,7 @@ class CombinedTrajectories:
     def cut(
         self, values: Array, sequence: tuple[str, ...], marks: Merged
     ) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments; those whose landmarks come in another order are no part of this element."""
+        """Return realisations in segments; those with another order of landmarks do not belong to this element."""
         if marks.ending:
             self._reach(values, len(sequence), float(marks.phases[-1][-1]))
         count, outputs = len(marks.labels(sequence)), self.problem.labels.shape[0]
@@ -207,7 +207,7 @@ class CombinedTrajectories:
         )
 
     def _reach(self, values: Array, count: int, phase: float) -> bool:
-        """Follow realisations whose last segment, of a count, no event ends until they get to a phase, if they do."""
+        """Follow realisations, whose last segment of a count no event ends, until they reach a phase, if they do."""
         while True:
             motions = [
                 m for m in self._motions(values, self._longer) if m.history.final and len(m.history.labels) == count
@@ -218,7 +218,7 @@ class CombinedTrajectories:
             self._longer = min(1.5 * self._longer, LONGEST)
 
     def _motions(self, values: Array, longer: float = 1.0) -> list[_PhaseHistory]:
-        """Return realisations at inputs (K, d) with as many points as tell their motion."""
+        """Return realisations at inputs (K, d) with enough points to resolve their motion."""
         while True:
             found = self._histories(values, longer)
             if self._fine >= MOST_POINTS or all(map(_resolved, found)):
@@ -258,7 +258,7 @@ def _coefficients(values: Array) -> Array:
 
 
 def _resolved(history: uqmbd.extend.History) -> bool:
-    """Say whether the points between events tell a motion: its last coefficients are small."""
+    """Return whether the points between events resolve a motion: its last coefficients are small."""
     found = np.abs(_coefficients(history.response))
     tail = found[..., -max(2, found.shape[-1] // 8) :].max(axis=(0, 2), initial=0.0)
     size = np.ptp(history.response, axis=(0, 2))

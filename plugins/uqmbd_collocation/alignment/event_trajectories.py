@@ -26,7 +26,7 @@ MOST_SEGMENTS = 64
 """Segments of a realisation beyond which a motion is not followed: bounces that die down have no end."""
 
 LONGEST = 8.0
-"""How much longer than the output times the last segment of a motion is, at most."""
+"""Longest last segment of a motion, over the output times."""
 
 SLACK = 1e-9
 """Part of the output times by which a last segment may miss its end: rounding."""
@@ -68,15 +68,15 @@ class EventTrajectories:
             )
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
-        """Say of which realisations (K, output, T) the outputs alone show that they have another sequence: of none."""
+        """Return realisations (K, output, T) whose outputs alone show another sequence: none."""
         return np.zeros(len(seen), dtype=bool)
 
     def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
-        """Return what the results say of the alignment besides."""
+        """Return further attributes of the alignment for the results."""
         return {}
 
     def prepare(self, values: Array) -> None:
-        """Find what is needed besides at inputs (K, d): nothing."""
+        """Prepare realisations at inputs (K, d): nothing is needed."""
 
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
         """Return the events that end the segments of realisations at inputs (K, d).
@@ -108,7 +108,7 @@ class EventTrajectories:
         return MarkerRule(lambda values: self.cut(values, sequence), sequence, "events", farther)
 
     def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[MarkedRealisations, uqmbd.extend.Realisations]:
-        """Return realisations in segments; those whose sequence is another one are no part of this element."""
+        """Return realisations in segments; those with another sequence do not belong to this element."""
         histories = self.histories(values, len(sequence))
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
         count, outputs = len(sequence), self.problem.labels.shape[0]
@@ -127,7 +127,7 @@ class EventTrajectories:
         return MarkedRealisations(edges, response), told
 
     def histories(self, values: Array, count: int = 1) -> list[uqmbd.extend.History]:
-        """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`.
+        """Follow realisations at inputs (K, d), with the observed quantities behind the outputs; see `sequences`.
 
         Each has at least a number of segments, unless no event follows.
         """

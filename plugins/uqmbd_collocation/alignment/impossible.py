@@ -1,4 +1,4 @@
-"""A way to align that a mechanism does not allow: the reason, and what to do where it was asked for by name."""
+"""An alignment that a mechanism does not allow: the reason, and advice if it was requested by name."""
 
 from __future__ import annotations
 

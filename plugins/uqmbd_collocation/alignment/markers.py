@@ -32,7 +32,7 @@ PER_TURN = 4
 """Landmarks of a turn."""
 
 STANDING = 8
-"""Output times of a segment where the clock stands."""
+"""Output times of a segment in which the clock stands still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class MarkedRealisations:
 
 
 Cut = Callable[[Array], tuple[MarkedRealisations, uqmbd.extend.Realisations]]
-"""From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
+"""Function of inputs (K, d) that returns realisations from landmark to landmark, and their status."""
 
 
 @dataclass(frozen=True)

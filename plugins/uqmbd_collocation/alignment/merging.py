@@ -30,7 +30,7 @@ class Merged:
         return sum(map(len, self.phases))
 
     def labels(self, events: tuple[str, ...]) -> tuple[str, ...]:
-        """Return what ends each segment, from what ends those between events: empty where it is a phase."""
+        """Return the ends of the segments, from those of the segments between events: empty for a phase."""
         found = list[str]()
         for phases, event in zip(self.phases, events, strict=True):
             found += [*("",) * len(phases), event]

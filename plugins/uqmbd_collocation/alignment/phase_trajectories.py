@@ -30,16 +30,16 @@ __all__ = ["PhaseTrajectories"]
 
 
 AHEAD = 1.15
-"""How much longer than the output times realisations are followed at first."""
+"""Length over which realisations are followed first, over that of the output times."""
 
 LONGEST = 8.0
-"""How much longer at most."""
+"""Largest such length."""
 
 MARGIN = 0.02
 """Part of the output times by which realisations are followed farther than they seem to need."""
 
 NEAR = 1e-3
-"""Part of the output times: one that fails so near behind what is needed is given up."""
+"""Share of the output times: a realisation that fails within it behind the needed time is abandoned."""
 
 TRIES = 8
 """Integrations in which a realisation reaches the phase that is needed."""
@@ -79,7 +79,7 @@ class PhaseTrajectories:
     """First and last time, s, at which nodes pass the last common phase before their clock comes to rest."""
     starts: Starts | None = None
     better: str = ""
-    """Name of a clock that runs in all nodes, where another one is asked for."""
+    """Name of a clock that runs in all nodes, if another one was requested."""
     _known: dict[bytes, _PhaseTrajectory] = field(default_factory=dict)
     _late: set[bytes] = field(default_factory=set)
     _fine: int = 0
@@ -98,12 +98,12 @@ class PhaseTrajectories:
 
     @property
     def longest(self) -> float:
-        """How much longer than the output times realisations were followed, at most."""
+        """Longest time that realisations were followed, over that of the output times."""
         ends = [path.found.times[-1] for path in self._known.values() if path.status == Status.OK]
         return float((max(ends, default=self.end) - self.begin) / (self.end - self.begin))
 
     def attributes(self, sequences: Iterable[Sequence]) -> dict[str, Any]:
-        """Return what the results say of the alignment, from the sequences of the elements."""
+        """Return attributes of the alignment for the results, from the sequences of the elements."""
         used = [kind for kind, name in zip(self._clock.kinds, self._kinds, strict=True) if name in set(sequences)]
         return {
             "clock": self._clock.name,
@@ -115,7 +115,7 @@ class PhaseTrajectories:
         }
 
     def of_standing(self, share: float, sequences: list[Sequence]) -> str:
-        """Say that the clock stands in realisations of a share of the probability, from the sequences of elements."""
+        """Return a message on the share of the probability in which the clock stands, from sequences of elements."""
         standing = sequences.count(STANDS)
         text = (
             f"{self.problem.label}: the clock, {self._clock.words}, stands or turns back in realisations of about "
@@ -154,7 +154,7 @@ class PhaseTrajectories:
             raise without_clock(self.problem, why)
 
     def sequences(self, values: Array) -> list[Sequence]:
-        """Say how the clock runs in realisations at inputs (K, d); those that fail go with the others."""
+        """Return the motion of the clock in realisations at inputs (K, d); failed ones are grouped with the others."""
         found = np.full(len(values), len(self._kinds))
         groups, paths = self._groups(values)
         for seen, rows in groups:
@@ -165,7 +165,7 @@ class PhaseTrajectories:
         return [[*self._kinds, STANDS][k] for k in found]
 
     def elsewhere(self, sequence: Sequence, seen: Array) -> Mask:
-        """Say which realisations (K, watched, T), at the output times, surely do not have a sequence.
+        """Return which realisations (K, watched, T), at the output times, surely do not have a sequence.
 
         They are too few times for an oscillation, but tell whether an angle turns.
         """
@@ -316,7 +316,7 @@ class PhaseTrajectories:
 
     @property
     def _kinds(self) -> list[Sequence]:
-        """What the sequences of realisations are called in which the clock runs, kind by kind."""
+        """Names of the sequences of realisations with a running clock, by kind."""
         names = [kind.words for kind in self._clock.kinds]
         if len(names) > 1:
             names[1] += ", backwards"
@@ -337,7 +337,7 @@ class PhaseTrajectories:
         return kind.phases(seen, near)
 
     def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.extend.Dense, list[int]]], list[_PhaseTrajectory]]:
-        """Realisations (K) as far as they are known, put together where they have the same times."""
+        """Return the known motion of realisations (K), grouped by equal times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         missing = {key: k for k, key in enumerate(keys) if key not in self._known}
         if missing:
@@ -354,7 +354,7 @@ class PhaseTrajectories:
         return found_groups, paths
 
     def _continue(self, values: Array, paths: list[_PhaseTrajectory], needed: Array) -> bool:
-        """Follow realisations (K, d) that are known for too short, until times (K,), s; say if there are any.
+        """Continue realisations (K, d) whose known motion is too short to times (K,), s; return whether there are any.
 
         Those that fail farther on are followed one by one, as far as each of them needs.
         """
@@ -376,7 +376,7 @@ class PhaseTrajectories:
         return bool(short.any())
 
     def _follow(self, values: Array, until: float) -> None:
-        """Compute realisations; what fails behind the last output time is kept as far as it is known."""
+        """Compute realisations; the known part of one that fails behind the last output time is stored."""
         times = self.problem.times
         found, told = uqmbd.extend.dense(self.problem.watching(), values, until, max(2 * len(times), self._fine), times)
         self._fine = len(found.times)

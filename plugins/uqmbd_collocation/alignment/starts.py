@@ -1,4 +1,4 @@
-"""Phases at which oscillations start, told from those that differ by whole turns: continuous in the inputs."""
+"""Phases at which oscillations start, unwrapped so that they are continuous in the inputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Starts:
 
     @classmethod
     def of(cls, values: Array, phases: Array) -> Starts:
-        """Make start phases (K,), rad, which are known up to whole turns, continuous over inputs (K, d).
+        """Return start phases (K,), rad, unwrapped so that they are continuous over inputs (K, d).
 
         Neighbours along the minimum spanning tree of the inputs differ by less than half a turn.
         """

@@ -1,4 +1,4 @@
-"""Verification realisations of an aligned chaos, which show besides where the sequence of landmarks is another one."""
+"""Verification realisations of an aligned chaos, which also detect other sequences of landmarks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Watching"]
 
 
 class MarkerTrajectories(Protocol):
-    """Whatever knows sequences of landmarks."""
+    """Source of sequences of landmarks."""
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask: ...
 
@@ -29,13 +29,13 @@ class Watching(DerivedSource):
     _seen: list[Array] = field(default_factory=list)
 
     def realise(self, values: Array) -> uqmbd.extend.Realisations:
-        """Compute realisations, and keep what is watched of those that do not fail."""
+        """Compute realisations, and store observed quantities of those that succeed."""
         found = self.problem.watching().realise(values)
         self._seen.append(found.response[found.good])
         return replace(found, response=found.response[:, : self.problem.labels.shape[0]])
 
     def elsewhere(self, sequence: tuple[str, ...]) -> Mask:
-        """Say which realisations so far surely do not have a sequence, shape (K,)."""
+        """Return which realisations so far surely do not have a sequence, shape (K,)."""
         if not self._seen:
             return np.zeros(0, dtype=bool)
         return self.paths.elsewhere(sequence, np.concatenate(self._seen))

@@ -54,7 +54,7 @@ class _TwoFrequencyElements(ElementFits):
         return FittedElement(chaos, fit, runs, verified, refinement)
 
     def _scale(self, known: uqmbd.extend.Verification) -> Array:
-        """Return what errors of frequencies and outputs (1 + O,) are compared with.
+        """Return the scales of errors of frequencies and outputs (1 + O,).
 
         That of a frequency moves phases at the last time: the output that moves most for its standard deviation counts.
         """

@@ -45,7 +45,7 @@ ALIKE = 30.0
 """Residual over the largest of those that are known, beyond which other frequencies are tried."""
 
 LINES = 10
-"""Lines of a spectrum that tell the base."""
+"""Lines of a spectrum that determine the base."""
 
 MAIN = 0.03
 """Size of a line over that of the strongest beyond which it serves short windows."""
@@ -54,7 +54,7 @@ APART = 3.0
 """Distance of main lines, from each other and from zero, over the resolution of the first window."""
 
 PROBES = 3
-"""Realisations, beside the one in the middle, that choose the harmonics."""
+"""Realisations, in addition to the middle one, that select the harmonics."""
 
 ATTEMPTS = 8
 """Pairs of lines that are tried as the base of a realisation."""
@@ -82,7 +82,7 @@ class Identified:
 
     @property
     def bad(self) -> Mask:
-        """Which realisations (K,) are not quasi-periodic."""
+        """Realisations (K,) that are not quasi-periodic."""
         return np.asarray(~(self.residuals <= QUASI_PERIODIC))
 
 
@@ -145,7 +145,7 @@ def _bases(signals: Signals) -> list[Base]:
 
 
 def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Base) -> Identified:
-    """Fit all realisations, from one of them whose base is known."""
+    """Fit all realisations, starting from one with a known base."""
     kind, first = _alone(signals[begin], base)
     if first.residual.max(initial=0.0) > QUASI_PERIODIC:
         return Identified(kind, (first,))
@@ -164,7 +164,7 @@ def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Bas
 
 
 def _alone(signals: Signals, base: Base) -> tuple[FrequencyCombinations, HarmonicSeries]:
-    """Find main lines and harmonics of a realisation whose base is known, and fit it."""
+    """Find main lines and harmonics of a realisation with a known base, and fit it."""
     series = fit_series(signals, base.frequencies, base.lattice)
     size = np.sqrt(np.mean(series.sizes() ** 2, axis=1))
     order = np.argsort(-size)
@@ -206,7 +206,7 @@ def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
 
 
 def _one_sign(lattice: Index) -> Index:
-    """Return combinations whose first number that is not zero is positive."""
+    """Return combinations whose first nonzero number is positive."""
     first = np.take_along_axis(lattice, (lattice != 0).argmax(axis=1)[:, None], axis=1)
     found: Index = lattice * np.sign(first)
     return found

@@ -1,4 +1,4 @@
-"""Which lines of a spectrum are combinations of which base frequencies, and which combinations a series needs."""
+"""Lines of a spectrum as combinations of base frequencies, and the combinations that a series needs."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ __all__ = ["Base", "ball", "bases"]
 
 
 HIGHEST = {1: 24, 2: 8}
-"""Order |k1| + |k2| of a line that tells something of a base of one frequency, and of two."""
+"""Largest order |k1| + |k2| of an informative line for a base of one frequency, and of two."""
 
 NEAR = 0.2
 """Distance of a line from a combination, over the resolution 2 pi / length, at which it is taken for it."""
 
 OFF = 10.0
-"""What that distance counts, in orders; smaller ones by their square: of bases that are alike the nearer is taken."""
+"""Weight of that distance, in orders; smaller ones count by their square: of similar bases the nearer is chosen."""
 
 MISSED = 1000
-"""What a line that is no combination counts, in orders."""
+"""Weight of a line that is no combination, in orders."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ class SpectralLines:
 
 
 def strongest_lines(signals: Signals, count: int) -> SpectralLines:
-    """Find at most so many lines: maxima of the spectrum of what those before leave, all fitted anew with each.
+    """Return at most `count` lines: maxima of the spectrum of the residual of earlier lines, refitted each time.
 
     Lines that are nearer to each other, or to zero, than the resolution 2 pi / length are not told apart: none is added
     that comes so near to another.

@@ -30,7 +30,7 @@ __all__ = ["SeriesProblem", "HarmonicSums"]
 
 
 LONGEST = 8.0
-"""How much longer than the output times realisations are followed at most."""
+"""Longest time that realisations are followed, over that of the output times."""
 
 SEEN = 1.5
 """Periods of each frequency that realisations show, at least."""
@@ -40,13 +40,13 @@ PERIODS = 30.0
 realisations are integrated for longer."""
 
 FEW = 10.0
-"""Periods of the fastest main line after which what is not quasi-periodic is refused."""
+"""Periods of the fastest main line after which other motions are refused."""
 
 ACCURATE = 1e-4
 """Residual that is good enough in any case, over the scale of an output."""
 
 UNSEEN = 1e-13
-"""Share of the energy of a motion above what fewer values can show."""
+"""Share of the energy of a motion above the frequencies that fewer values can represent."""
 
 LEFT_OUT = 1e-5
 """Root mean square of all harmonics together that are left out of an output, over its scale."""
@@ -90,7 +90,7 @@ class SeriesProblem(DerivedSource):
 
     @property
     def length(self) -> float:
-        """From the first output time to the last, s."""
+        """Time from the first output time to the last, s."""
         return float(self.problem.times[-1] - self.problem.times[0])
 
     @property
@@ -172,7 +172,7 @@ class SeriesProblem(DerivedSource):
         return uqmbd.extend.Realisations(values, response, status, messages, {}, 0.0)
 
     def split(self, coefficients: Array) -> HarmonicSums:
-        """Return what coefficients (P, 1 + O, 2 + 2 H) of the columns mean."""
+        """Return the sums of harmonics of coefficients (P, 1 + O, 2 + 2 H) of the columns."""
         base, half = self.lattice.shape[1], len(self.lattice)
         outputs = coefficients[:, 1:]
         return HarmonicSums(
@@ -212,7 +212,7 @@ class SeriesProblem(DerivedSource):
         return np.asarray(np.where(scales > 0, scales, 1.0))
 
     def _enough(self, found: Identified) -> bool:
-        """Say whether longer realisations would tell nothing more."""
+        """Return whether longer realisations would add no information."""
         turns = self.longer * self.length / (2 * np.pi)
         if found.bad.any():
             # some of these are of a base of their own, which may have fewer frequencies
@@ -245,7 +245,7 @@ class SeriesProblem(DerivedSource):
         )
 
     def _refuse_slow(self, series: Sequence[HarmonicSeries]) -> None:
-        """Raise where a frequency is that of the time which was looked at, as of a motion that dies down."""
+        """Raise if a frequency corresponds to the whole time span, as in a decaying motion."""
         seen = self.longer * self.length
         slowest = np.array([float(np.abs(one.frequencies).min(initial=np.inf)) for one in series])
         slow = slowest * seen < 2 * np.pi * SEEN

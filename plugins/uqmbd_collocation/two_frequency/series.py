@@ -21,13 +21,13 @@ __all__ = ["HarmonicSeries", "Signals", "fit_series", "refine"]
 
 
 RIDGE = 1e-5
-"""Weight of the amplitudes beside that of the residuals: where two frequencies meet, only their sum is known."""
+"""Weight of the amplitudes, over that of the residuals: where two frequencies meet, only their sum is known."""
 
 GROWTH, HEAVIEST = 4.0, 256.0
 """Factor of that weight from order to order, and its largest value: lower orders come first."""
 
 STEPS = 12
-"""Of Gauss and Newton's method, at most."""
+"""Most steps of the Gauss-Newton method."""
 
 SETTLED = 1e-11
 """Change of a phase at the end, rad, at which it ends."""
@@ -39,7 +39,7 @@ FEWEST = 512
 """Values that a signal has at least."""
 
 HALVINGS = 6
-"""Of a step that makes the residual larger."""
+"""Halvings of a step that increases the residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Signals:
 
     @property
     def length(self) -> float:
-        """Of the time, s."""
+        """Length of the time, s."""
         return float(self.times[-1])
 
     def until(self, end: float) -> Signals:
@@ -60,7 +60,7 @@ class Signals:
         return Signals(self.times[:count], self.values[:count])
 
     def thinned(self, lost: float) -> Signals:
-        """Return every n-th value, where what these cannot show has less than a share of the energy."""
+        """Return every n-th value, if the energy of the frequencies that are lost stays below a share."""
         power = np.sum(np.abs(np.fft.rfft(self.values * self.window[:, None], axis=0)) ** 2, axis=1)
         above = np.cumsum(power[::-1])[::-1] / max(float(power.sum()), 1e-300)
         stride = 1
@@ -71,7 +71,7 @@ class Signals:
 
     @property
     def window(self) -> Array:
-        """Weights (N,) of Hann's window, whose sum is 1: lines that are left out disturb others little."""
+        """Weights (N,) of Hann's window, whose sum is 1: omitted lines hardly disturb others."""
         found: Array = np.sin(np.pi * (np.arange(len(self.times)) + 0.5) / len(self.times)) ** 2
         return np.asarray(found / found.sum())
 
@@ -165,7 +165,7 @@ def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _SolvedAmpli
 
 
 def _step(signals: Signals, frequencies: Array, lattice: Index, found: _SolvedAmplitudes) -> Array:
-    """Change of the frequencies (M,) by the linearised residuals, of which what amplitudes can follow is taken off."""
+    """Return the change of the frequencies (M,) by the linearised residuals, orthogonal to the amplitudes."""
     half, weights = len(lattice), signals.window[:, None]
     cosines, sines = found.design[:, 2 : 2 + half], found.design[:, 2 + half :]
     slopes = []

@@ -1,4 +1,4 @@
-"""How far tolerances have to be tightened, or may be loosened, to reach a probability at the least cost."""
+"""Allocation of tolerances that reach a probability at the least cost."""
 
 from __future__ import annotations
 

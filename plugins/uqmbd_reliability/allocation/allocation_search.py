@@ -95,7 +95,7 @@ ROUNDS = 5
 """Surrogates that are fitted, verified, and fitted again with the realisations of the verification."""
 
 CLOSE = 0.03
-"""Relative distance of the verified probability from the one asked for that is close enough."""
+"""Relative distance of the verified probability from the target that is close enough."""
 
 
 class _Named(uqmbd.extend.Propagator):
@@ -266,12 +266,12 @@ class _RealRealisations:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of realisations."""
         return sum(map(len, self.values))
 
     @property
     def failures(self) -> int:
-        """How many failed."""
+        """Number of failures."""
         return sum(int(np.isnan(m[:, 0]).sum()) for m in self.margins)
 
     def surrogate(self, where: str, space: uqmbd.extend.GermSpace) -> MarginSurrogate:

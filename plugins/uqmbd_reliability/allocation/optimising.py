@@ -1,4 +1,4 @@
-"""The cheapest factors whose probability of a violation, by samples of a surrogate, is the one asked for."""
+"""The least costly factors whose probability of a violation, by samples of a surrogate, equals the target."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ NEAR = 4.0
 """Widths beyond which a sample does not count for the derivative."""
 
 STEP = 1e-4
-"""Of the logarithm of a factor, for the derivative of a margin."""
+"""Step of the logarithm of a factor, for the derivative of a margin."""
 
 ITERATIONS = 60
 
 AFFINE = 64
-"""Samples at which germs are looked at for being affine maps of inputs."""
+"""Samples at which germs are tested for being affine maps of inputs."""
 
 COARSE, COARSE_HITS = 2**16, 600
 """Samples that the optimisation sees, and violations among them; the others make the count at its end finer."""
@@ -107,7 +107,7 @@ class Tightest:
 def cheapest(
     surrogate: MarginSurrogate, tightened: Tightened, germs: Array, target: float, narrowest: float
 ) -> Tightest:
-    """Return the cheapest factors between `narrowest` and 1 whose probability is at most `target`.
+    """Return the least costly factors between `narrowest` and 1 whose probability is at most `target`.
 
     Sequential quadratic programming (SciPy's SLSQP) in the logarithms of the factors, on the reliability index of the
     smooth probability; then all factors that may are multiplied by one number, so that the count is the target.

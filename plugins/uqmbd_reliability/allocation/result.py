@@ -1,4 +1,4 @@
-"""What an allocation found, as data and as a table."""
+"""Result of an allocation, as data and as a table."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Allocation:
 
     @property
     def factors(self) -> Array:
-        """How much of each tolerance is left, shape (n,)."""
+        """Remaining share of each tolerance, shape (n,)."""
         return np.asarray(self.after / self.before)
 
     def dataset(self) -> xr.Dataset:

@@ -18,7 +18,7 @@ MOST = 700
 """Terms."""
 
 ENOUGH = 1e-3
-"""Error, over the standard deviation, at which no higher order is looked at."""
+"""Error, over the standard deviation, below which no higher order is tried."""
 
 WORTH = 0.9
 """Share of the error that a higher order has to go below."""

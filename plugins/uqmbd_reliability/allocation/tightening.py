@@ -1,4 +1,4 @@
-"""Inputs whose tolerances may be tightened: which they are, how wide they are, and what each width costs."""
+"""Inputs whose tolerances may be tightened: their names, widths, and the cost of each width."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uqmbd.typing import Array, Index
 __all__ = ["Cost", "Tightened", "tightened"]
 
 Cost = Mapping[str, float | Callable[[float], float]]
-"""What a tolerance costs, by the name of the input: c for c / tolerance, or a function of the tolerance."""
+"""Cost of a tolerance, by the name of the input: c for c / tolerance, or a function of the tolerance."""
 
 NATURAL = 3.0
 """Standard deviations that count as the tolerance of an input that states none."""
@@ -43,7 +43,7 @@ class Tightened:
         return found
 
     def cost(self, factors: Array) -> float:
-        """Return what the tolerances cost."""
+        """Return the cost of the tolerances."""
         return float(sum(c(float(w)) for c, w in zip(self.costs, factors * self.widths, strict=True)))
 
     def slope(self, factors: Array) -> Array:
@@ -114,7 +114,7 @@ def _named(where: str, cost: Any, names: list[str]) -> list[str]:
 
 
 def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: float) -> Callable[[float], float]:
-    """Return what a half width costs."""
+    """Return the cost of a half-width."""
     given = width if cost is None else cost[name]
     if not callable(given):
         number = isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
