@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.progress": 390,
     "uqmbd.propagation": 6335,
     "uqmbd.randomness": 5240,
-    "uqmbd.report": 7400,
+    "uqmbd.report": 7440,
     "uqmbd.results": 8679,
     "uqmbd.testing": 2500,
     "uqmbd.units": 285,

@@ -53,11 +53,11 @@ def browser():
 
 @pytest.fixture
 def opened(browser):
-    """Open pages, and check at the end that none of them had an error or asked for anything."""
+    """Open pages with all parts unfolded, and check at the end that none had an error or asked for anything."""
     with contextlib.ExitStack() as closing:
         wrong = []
 
-        def open_page(path, width=1200, height=900, **context):
+        def open_page(path, width=1200, height=900, *, unfolded=True, **context):
             made = browser.new_context(viewport={"width": width, "height": height}, **context)
             closing.callback(made.close)
             page = made.new_page()
@@ -68,6 +68,8 @@ def opened(browser):
                 "request", lambda asked: asked.url.startswith(("file:", "data:", "blob:")) or wrong.append(asked.url)
             )
             page.goto(path.as_uri())
+            if unfolded:
+                page.evaluate("document.querySelectorAll('details').forEach((one) => (one.open = true))")
             return page
 
         yield open_page

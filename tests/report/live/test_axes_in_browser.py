@@ -102,7 +102,7 @@ def test_orders_are_whole_and_told_as_such(opened, tmp_path):
     node = falling(3)
     tree = results.study_tree([node], study="s", mechanism="m")
     page = opened(report.write_report(tree, tmp_path / "report.html"))
-    figure = page.locator('figure.charted[data-alt^="Part of the standard deviation"]')
+    figure = page.locator('figure.charted[data-alt^="Contribution of the polynomials"]')
     figure.scroll_into_view_if_needed()
     seen = figure.locator(".view:not(.away)")
     seen.locator("canvas").wait_for()

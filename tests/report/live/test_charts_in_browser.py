@@ -218,7 +218,7 @@ def test_keys_do_all_that_the_mouse_does(opened, page_file, study):
     page = opened(page_file)
     figure = chart(page)
     plot = figure.locator(".plot")
-    page.locator("#output-1 summary").focus()
+    page.locator("#output-1 > details > summary").focus()
     page.keyboard.press("Tab")
     assert plot.evaluate("(plot) => plot === document.activeElement")
     times = study["monte-carlo/statistics/time"].values

@@ -48,10 +48,23 @@ def joined_modules(*names: str) -> str:
 
     for name in names:
         add(name)
-    return "\n".join(texts.values())
+    return "\n".join(map(_bare, texts.values()))
 
 
-START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\n"
+def _bare(source: str) -> str:
+    """Return a script without its comments and the beginnings of its lines: a page carries what runs."""
+    kept, comment = [], False
+    for line in map(str.strip, source.splitlines()):
+        if line.count("`") % 2:
+            raise ValueError(f"A script has a text over several lines, whose spaces count: {line!r:.80}.")
+        comment = comment or line.startswith("/*")
+        if not comment and line and not line.startswith("//"):
+            kept.append(line)
+        comment = comment and not line.endswith("*/")
+    return "\n".join(kept) + "\n"
+
+
+START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\nstartFolds();\n"
 """What the scripts do when the page is there: the chart of the first screen says at which time the page begins."""
 
 
@@ -72,9 +85,8 @@ def page_scripts() -> PageScripts:
         (vendor / name).read_text(encoding="utf-8")
         for name in ("uPlot.iife.min.js", "uPlot.min.css", "LICENSE-uPlot.txt")
     )
-    return PageScripts(
-        style, f"/*\nuPlot\n{licence}\n*/\n{library}", joined_modules("charts.js", "player.js", "explorer.js") + START
-    )
+    own = joined_modules("charts.js", "player.js", "explorer.js", "folds.js")
+    return PageScripts(style, f"/*\nuPlot\n{licence}\n*/\n{library}", own + START)
 
 
 def cell_html(fragment: str, style: str) -> str:

@@ -24,8 +24,8 @@ __all__ = ["FULL", "OUTPUTS", "bands_chart", "bands_of", "most_uncertain", "only
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
 
-FEW_ROWS = 18
-"""Rows of a table that an eye takes in; of longer ones, those of one method are shown, and all of them folded."""
+FEW_ROWS = 6
+"""Most rows of a table that is shown in full; of a longer one, the rows of one method are shown and all are folded."""
 
 FULL = 6
 """Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
@@ -87,10 +87,12 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     drawn: list[Content] = [bands_chart(result, name)]
     if along := over_chart(result, name):
         drawn.append(along)
+    unfolded = len(drawn)
     if not any(method.varies(name) for method in shown):
         return {
             "name": name,
             "figures": drawn,
+            "shown": unfolded,
             "folded": not whole,
             "note": " ".join(filter(None, (f"This output {STILL}.", integration(first, name)))),
             "words": "",
@@ -139,6 +141,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "name": name,
         "folded": not whole,
         "figures": [*drawn, *deviation, *compared],
+        "shown": unfolded,
         "files": files,
         "note": "",
         "words": " ".join(filter(None, words)),
