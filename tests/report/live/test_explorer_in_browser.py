@@ -181,7 +181,7 @@ def test_a_slider_tells_value_place_and_units(opened, flat):
     field.press("Enter")
     settle(page)
     assert field.input_value() == "0.52"
-    field.fill("0.7")
+    field.fill("0.6")
     field.press("Enter")
     settle(page)
     assert "Outside the verification realisations" in page.locator(".inputs-box .state").inner_text()
@@ -194,6 +194,84 @@ def test_a_slider_tells_value_place_and_units(opened, flat):
     page.get_by_role("button", name=f"Reset {NAME} to its mean").click()
     settle(page)
     assert values(page)[0] == 0.5
+
+
+def enter(page, k, text):
+    """Type a value of input k, and return what is refused about it."""
+    row = page.locator(f".input-row:has(#input-{k})")
+    row.locator("input.value").fill(text)
+    row.locator("input.value").press("Enter")
+    settle(page)
+    return row.locator(".refusal").inner_text()
+
+
+@pytest.mark.parametrize("text", ["-5", "−5", "0.2", "0.7", "1e9"])
+def test_a_value_that_no_realisation_has_is_refused(opened, flat, text):
+    """The message names the values of the distribution: seven standard deviations about the mean of 0.5 m."""
+    page = opened(flat[1])
+    assert enter(page, 0, "0.52") == ""
+    said = enter(page, 0, text)
+    low, high = re.search(r"values from (\S+) to (\S+) m, except", said).groups()
+    assert f"is refused. The distribution of {NAME} has values" in said
+    assert [float(low), float(high)] == pytest.approx([0.5 - 7.03 * 0.02, 0.5 + 7.03 * 0.02], abs=2e-3)
+    assert values(page)[0] == 0.52
+    assert enter(page, 0, "0.51") == "" and values(page)[0] == 0.51
+
+
+def test_the_ends_of_a_bounded_input_are_its_values(opened, tmp_path):
+    """Its support, and nothing outside: a length above zero stays above zero; a text is no number."""
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
+    height = uqmbd.RandomVariable("height", chaospy.Uniform(1.0, 3.0), units="m")
+    mechanism.output("h", mechanism.body("ball", mass=1.0, position=height).position[0], units="m")
+    study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 5), [Collocation(order=2, label="c")])
+    page = opened(report.write_report(study.run(), tmp_path / "report.html"))
+    for text in ("-5", "0.999", "3.001"):
+        assert "The distribution of height has values from 1 to 3 m." in enter(page, 0, text)
+    for text in ("1", "3", "2.5"):
+        assert enter(page, 0, text) == "" and float(page.locator("input.value").input_value()) == float(text)
+    for text in ("", "nonsense"):
+        assert enter(page, 0, text) == "Enter a number."
+
+
+def test_values_beyond_the_verified_range_are_shaded_and_say_so(opened, flat):
+    """The ends are those of the verification realisations in the results."""
+    tree, path = flat
+    page = opened(path)
+    row = page.locator(".input-row:has(#input-0)")
+    known = [results.surrogate(tree[one]) for one in ("c", "c/scalars", "c/requirements")]
+    germs = [one.verification_germs[:, list(one.space.inputs).index(NAME)] for one in known]
+    low, high = (0.5 + 0.02 * f(g) for f, g in ((max, [x.min() for x in germs]), (min, [x.max() for x in germs])))
+    assert "Beyond the verified range" not in row.inner_text()
+    shades = row.locator(".density rect")
+    width = lambda k: float(shades.nth(k).get_attribute("width"))  # noqa: E731
+    slope = 6 * 0.02 * 3.0902 / 3  # from the 0.1 % to the 99.9 % quantile
+    assert [width(0), 1 - width(1)] == pytest.approx([0.5 + (x - 0.5) / slope for x in (low, high)], abs=1e-3)
+    assert enter(page, 0, f"{high + 0.002}") == ""
+    said = row.locator(".place").inner_text()
+    ends = re.search(r"Beyond the verified range, (\S+) to (\S+) m: the error is unknown", said).groups()
+    assert [float(x) for x in ends] == pytest.approx([low, high], abs=1e-3)
+    assert "Outside the verification realisations" in page.locator(".inputs-box .state").inner_text()
+    assert enter(page, 0, f"{high - 0.002}") == "" and "Beyond" not in row.locator(".place").inner_text()
+
+
+def test_paper_has_the_chosen_values_after_a_slider_was_moved(opened, flat):
+    """Not before: then paper has the results alone."""
+    page = opened(flat[1])
+    page.emulate_media(media="print")
+    assert not page.locator("#explore").is_visible()
+    page.emulate_media(media="screen")
+    enter(page, 0, "0.52")
+    chosen = readings(page)
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("#explore h2").is_visible() and readings(page) == chosen
+    assert page.locator(".input-row:has(#input-0) input.value").is_visible() and values(page)[0] == 0.52
+    assert page.locator(".explorer > .limits").is_visible()
+    assert not page.locator(
+        "#explore button:visible, #explore input[type=range]:visible, #explore canvas:visible"
+    ).count()
+    legend = page.locator("#output-1 figure.charted").first.locator(".paper text").all_text_contents()
+    assert any("at the chosen inputs" in text for text in legend)
 
 
 def test_charts_draw_the_chosen_inputs(opened, flat):

@@ -13,6 +13,12 @@ import { onTime, pageTime } from "./time_bus.js";
 /** Statistics of outputs beside a surrogate, unpacked. */
 const known = (data) => data && { mean: unpackArray(data.mean).values, std: unpackArray(data.std).values };
 
+/** The ends of germ k in which all surrogates state their errors; null where none does. */
+function verifiedOf(surrogates, k) {
+  const ranges = surrogates.map(({ germs }) => germs[k].verified).filter((range) => range !== null);
+  return ranges.length ? [Math.max(...ranges.map(([low]) => low)), Math.min(...ranges.map(([, high]) => high))] : null;
+}
+
 /** Make sliders and table of a panel. */
 export function makeExplorer(panel, data) {
   const kinds = [data.histories, data.scalars].filter((one) => one !== null);
@@ -26,7 +32,7 @@ export function makeExplorer(panel, data) {
 
   // the sliders
   const rows = surrogate.inputs.map((_, k) =>
-    inputRow(surrogate, k, means[k], (germ) => {
+    inputRow(surrogate, k, means[k], verifiedOf(surrogates, k), (germ) => {
       germs[k] = germ;
       moved();
     }),
@@ -151,6 +157,8 @@ export function makeExplorer(panel, data) {
     announceInputs({ germs, outputs });
   });
   function moved() {
+    // paper has the chosen values
+    panel.closest("section")?.classList.add("moved");
     evaluate();
   }
   onTime(panel, (to) => {

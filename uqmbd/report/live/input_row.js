@@ -47,10 +47,11 @@ export function formatLevel(level) {
  * Make the row of input k.
  *
  * @param mean - the germ at the mean
+ * @param verified - the ends of the germs of the realisations by which errors are stated; null: there are none
  * @param choose - is called with a germ that the reader chooses
- * @returns { row, show(germs, value) }
+ * @returns { row, show(germs, value), value(): its value in words }
  */
-export function inputRow(surrogate, k, mean, choose) {
+export function inputRow(surrogate, k, mean, verified, choose) {
   const input = surrogate.inputs[k];
   const germ = surrogate.germs[k];
   const turned = input.map !== null && input.map.kind !== "table" && input.map.scale < 0;
@@ -81,7 +82,9 @@ export function inputRow(surrogate, k, mean, choose) {
   const mark = (kind, x) => drawn("line", { class: kind, x1: x, x2: x, y1: 0, y2: 1 });
   const share = (x) => Math.min(Math.max(toStep(x) / Math.max(steps, 1), 0), 1);
   const needle = mark("needle", 0);
-  flipped.append(drawn("path", { d: densityPath(surrogate, k, turned) }), mark("mean", share(mean)), needle);
+  const shades = germ.values || !verified ? [] : [[0, Math.min(...verified.map(share))], [Math.max(...verified.map(share)), 1]];
+  const beyond = shades.filter(([from, to]) => to > from).map(([from, to]) => drawn("rect", { class: "unverified", x: from, y: 0, width: to - from, height: 1 }));
+  flipped.append(...beyond, drawn("path", { d: densityPath(surrogate, k, turned) }), mark("mean", share(mean)), needle);
   density.append(flipped);
   const about = [input.description];
   if (!input.map) about.push(input.reason);
@@ -98,26 +101,47 @@ export function inputRow(surrogate, k, mean, choose) {
     element("div", { class: "track" }, density, slider),
     place,
   );
+  const refusal = element("p", { class: "refusal", role: "alert" });
   const said = about.filter((text) => text !== "");
+  row.append(refusal);
   if (said.length) row.append(element("details", {}, element("summary", {}, given.length || !input.map ? "About this input (dependent)" : "About this input"), element("span", {}, said.join(" "))));
 
-  slider.addEventListener("input", () => choose(toGerm(Number(slider.value))));
+  const pick = (x) => {
+    refusal.textContent = "";
+    choose(x);
+  };
+  slider.addEventListener("input", () => pick(toGerm(Number(slider.value))));
   // an arrow key moves a hundredth of the way, not the smallest step there is
   slider.addEventListener("keydown", (event) => {
     const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
     if (by === undefined || germ.values) return;
     event.preventDefault();
-    choose(toGerm(Math.min(Math.max(toStep(all[k]) + (by * steps) / 100, 0), steps)));
+    pick(toGerm(Math.min(Math.max(toStep(all[k]) + (by * steps) / 100, 0), steps)));
   });
   if (input.map) {
     value.addEventListener("change", () => {
-      const wanted = Number(value.value.trim().replace("−", "-").replace(",", "."));
-      const found = surrogate.germOf(k, wanted, all);
-      const nearest = nearestGerm(germ, found);
-      const [first, last] = germ.support;
-      const possible = value.value.trim() !== "" && Number.isFinite(nearest) && !(first !== null && nearest < first) && !(last !== null && nearest > last);
-      choose(possible ? nearest : all[k]);
+      const text = value.value.trim().replace("−", "-").replace(",", ".");
+      const wanted = text === "" ? NaN : Number(text);
+      const nearest = nearestGerm(germ, surrogate.germOf(k, wanted, all));
+      const [first, last] = germ.reach;
+      if (nearest >= first && nearest <= last) return pick(nearest);
+      choose(all[k]);
+      refusal.textContent = Number.isFinite(wanted) ? refused(wanted) : "Enter a number.";
     });
+  }
+
+  /** Values of the input at two germs, in words. */
+  function between(ends) {
+    const scale = Math.abs(spread(all));
+    const found = ends.map((end) => surrogate.inputsAt(Float64Array.from(all, (x, n) => (n === k ? end : x)))[k]);
+    return found.sort((a, b) => a - b).map((x) => formatNumber(x, scale)).join(" to ") + units;
+  }
+
+  /** Why a value is not taken. */
+  function refused(wanted) {
+    const share = germ.support.includes(null) ? ", except for a share of 10⁻¹²" : "";
+    const condition = given.length ? `, given ${given.join(", ")}` : "";
+    return `${formatNumber(wanted)}${units} is refused. The distribution of ${input.name} has values from ${between(germ.reach)}${share}${condition}.`;
   }
 
   function show(germs, now) {
@@ -132,7 +156,10 @@ export function inputRow(surrogate, k, mean, choose) {
     const text = input.map ? formatNumber(now, scale) : "";
     if (input.map) value.value = plainNumber(now, scale);
     else value.textContent = "value unknown";
-    const told = `${formatLevel(lower)} of realisations are ${germ.values ? "this or lower" : "lower"}${given.length ? `, given ${given.join(", ")}` : ""}`;
+    const unverified = verified !== null && (x < verified[0] || x > verified[1]);
+    row.classList.toggle("beyond-verified", unverified);
+    const limits = unverified && input.map ? `. Beyond the verified range, ${between(verified)}: the error is unknown` : "";
+    const told = `${formatLevel(lower)} of realisations are ${germ.values ? "this or lower" : "lower"}${given.length ? `, given ${given.join(", ")}` : ""}${limits}`;
     place.textContent = told;
     slider.setAttribute("aria-valuetext", `${text}${text ? units : ""}; ${told}`);
   }

@@ -35,6 +35,9 @@ SAFE = 1.1
 TAIL = 1e-3
 """Probability of what lies beyond each end of a slider, where the distribution has no near end."""
 
+REMOTE = 1e-12
+"""Probability of what lies beyond each end of the values that a page accepts."""
+
 NEAR = 0.05
 """Part of a slider's length by which it is extended to the end of a distribution."""
 
@@ -58,9 +61,9 @@ def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
     """Describe the germs.
 
     `verified` (V, d): germ points of verification realisations. Return for each germ ``name``; ``support``, ends of
-    which are None where there is none; ``range``, that of its slider; ``start``, the median; ``verified``, the range
-    in which its error is known, or None; ``values`` and ``levels`` of a germ that takes few values; else ``table``,
-    the distribution function over the range.
+    which are None where there is none; ``reach``, ends of what a page accepts; ``range``, that of its slider;
+    ``start``, the median; ``verified``, the range in which its error is known, or None; ``values`` and ``levels`` of a
+    germ that takes few values; else ``table``, the distribution function over the range.
     """
     return [_germ(germ, None if verified is None else verified[:, k]) for k, germ in enumerate(space.germs)]
 
@@ -103,6 +106,7 @@ def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "name": germ.name,
         "support": [_finite(x) for x in germ.bounds],
+        "reach": _reach(germ),
         "range": [begin, end],
         "start": float(germ.from_uniform([0.5])[0]),
         "verified": None if verified is None else [float(verified.min()), float(verified.max())],
@@ -114,6 +118,12 @@ def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
         found |= {"range": list(germ.bounds), "levels": packed(germ.table[0]), "values": packed(germ.table[1])}
         return found
     return found | {"table": _table(lambda x: cumulated(germ, x), begin, end)}
+
+
+def _reach(germ: Germ) -> list[float]:
+    """Return the ends of the support, or where it has none, those of all but a share `REMOTE` of the realisations."""
+    ends = zip(germ.bounds, germ.from_uniform([REMOTE, 1 - REMOTE]).tolist(), strict=True)
+    return [float(bound if np.isfinite(bound) else remote) for bound, remote in ends]
 
 
 def _mean(marginal: Marginal, germ: Germ) -> float | None:
