@@ -18,10 +18,7 @@ import uqmbd
 from uqmbd_models.fusing import Fused
 from uqmbd_models.tree import Array, Inertial, Link, Tree
 
-__all__ = ["INERTIA", "Settled", "excess", "nearest", "settle"]
-
-INERTIA = ("refuse", "as stated", "repair")
-"""Treatment of an impossible tensor."""
+__all__ = ["Settled", "excess", "nearest", "settle"]
 
 OWN = 1e-12
 """An excess of this size, relative to the largest moment of the body, is rounding: that of the arithmetic here."""

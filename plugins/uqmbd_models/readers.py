@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from typing import Literal
+
 import uqmbd
 from uqmbd_models.building import build
 from uqmbd_models.extraction import extract
 from uqmbd_models.files import load
-from uqmbd_models.inertia import INERTIA
 from uqmbd_models.urdf import read_urdf
 
 __all__ = ["MJCF", "URDF"]
 
 
+@uqmbd.extend.typechecked
 class URDF:
     """Robots in the Unified Robot Description Format.
 
@@ -29,13 +32,18 @@ class URDF:
     name = "urdf"
 
     def read(
-        self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True, inertia: str = "refuse"
+        self,
+        path: str | os.PathLike[str],
+        floating: bool = False,
+        fuse: bool = True,
+        outputs: bool = True,
+        inertia: Literal["refuse", "as stated", "repair"] = "refuse",
     ) -> uqmbd.extend.ImportedMechanism:
         """Return the mechanism, see `uqmbd.from_urdf`.
 
         Parameters
         ----------
-        path : str
+        path : str or path
             The file.
         floating : bool
             See `uqmbd.from_urdf`.
@@ -49,12 +57,10 @@ class URDF:
         uqmbd.StudyError
             If the file cannot be read or used, with the line and the element.
         """
-        if inertia not in INERTIA:
-            known = ", ".join(map(repr, INERTIA))
-            raise uqmbd.StudyError(f"from_urdf: inertia is {inertia!r}; expected one of {known}.")
-        return build(read_urdf(path, floating), fuse_all=fuse, outputs=outputs, inertia=inertia)
+        return build(read_urdf(os.fspath(path), floating), fuse_all=fuse, outputs=outputs, inertia=inertia)
 
 
+@uqmbd.extend.typechecked
 class MJCF:
     """Models in the format of MuJoCo.
 
@@ -72,17 +78,17 @@ class MJCF:
     name = "mjcf"
 
     def read(
-        self, path: str, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
+        self, path: str | os.PathLike[str], keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
     ) -> uqmbd.extend.ImportedMechanism:
         """Return the mechanism, see `uqmbd.from_mjcf`.
 
         Parameters
         ----------
-        path : str
+        path : str or path
             The file.
         keyframe : str or int, optional
             See `uqmbd.from_mjcf`.
         fuse, outputs : bool
             See `uqmbd.from_mjcf`.
         """
-        return build(extract(load(path), keyframe=keyframe), fuse_all=fuse, outputs=outputs)
+        return build(extract(load(os.fspath(path)), keyframe=keyframe), fuse_all=fuse, outputs=outputs)

@@ -94,6 +94,12 @@ EXAMPLES: dict[str, str] = {
 >>> _ = uqmbd.extend.Toleranced(30.0, 29.9, 30.1, 1.33, False, "tolerance")
 >>> _ = uqmbd.extend.Sizing(option="samples", at=lambda size: size, least=2)
 """,
+    "arguments": """
+>>> import uqmbd
+>>> def share(part: float, of: float = 1.0) -> float:
+...     return part / of
+>>> _ = uqmbd.extend.typechecked(share)(0.5)
+""",
     "methods": _STONE
     + """
 >>> from uqmbd_montecarlo import LowFidelity, MonteCarlo
@@ -118,6 +124,7 @@ EXAMPLES: dict[str, str] = {
 >>> _ = Path("robot.urdf").write_text(f'<robot name="robot"><link name="base"/>{arm}{hinge}</robot>')
 >>> robot = uqmbd.from_urdf("robot.urdf")
 >>> _ = URDF().read("robot.urdf")
+>>> _ = URDF().read(Path("robot.urdf"), floating=False, fuse=True, outputs=True, inertia="as stated")
 >>> ball = '<body name="arm"><joint name="hinge" axis="0 0 1"/><geom type="sphere" size="0.1" mass="1"/></body>'
 >>> _ = Path("model.xml").write_text(f'<mujoco model="model"><worldbody>{ball}</worldbody></mujoco>')
 >>> _ = uqmbd.from_mjcf("model.xml")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
+import math
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -11,15 +13,17 @@ from typing import Annotated, Any, Literal
 import chaospy
 import numpy as np
 import pytest
+import sympy
 import xarray as xr
 from numpy.typing import ArrayLike
 
 import uqmbd
 from uqmbd import extend, report, results
-from uqmbd.arguments import fits, members, typechecked
+from uqmbd.arguments import NotNegativeOrInfinite, OrInfinite, OrNaN, ShareOrNaN, fits, members, typechecked
 from uqmbd.typing import Array, Index
 from uqmbd_calibration import Bias, Series
 from uqmbd_collocation import Collocation
+from uqmbd_models import MJCF, URDF
 
 from .hostile import HOSTILE
 from .public_calls import LEFT_OUT, targets, unreached
@@ -74,7 +78,12 @@ ROWS = {"empty list", "list", "range", "empty array"}
 KINDS: dict[str, tuple[Any, set[str]]] = {
     "int": (int, {"minus one", "zero", "10**400"}),
     "bounded int": (Annotated[int, uqmbd.extend.Bounds(0, 10)], {"zero"}),
-    "float": (float, NUMBERS | {"inf", "-inf"}),
+    "float": (float, NUMBERS),
+    "float or NaN": (OrNaN, NUMBERS | {"nan"}),
+    "float or infinite": (OrInfinite, NUMBERS | {"inf", "-inf"}),
+    "share or NaN": (ShareOrNaN, {"zero", "half", "nan"}),
+    "error": (NotNegativeOrInfinite, {"zero", "half", "1e307", "inf"}),
+    "expression": (sympy.Expr, NUMBERS | {"foreign symbol", "unknown symbol"}),
     "share": (Annotated[float, uqmbd.extend.Bounds(0, 1)], {"zero", "half"}),
     "text": (str, TEXTS),
     "truth": (bool, {"True"}),
@@ -137,6 +146,17 @@ def _problem():
     return study.problem(study.propagators[0])
 
 
+def _study():
+    mechanism = _mechanism()
+    mechanism.output("x", mechanism.bodies["b"].position[0])
+    return uqmbd.Study("s", mechanism, [0, 1], [Collocation(order=1)])
+
+
+def _all(boxes):
+    axes = extend.labels(["x"], ["speed"], [0.0])
+    return [results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], box.local, axes) for box in boxes]
+
+
 def _chaos():
     axes = extend.labels(["x"], ["speed"], [0.0])
     return results.PolynomialChaos([[[2.0]], [[0.5]]], [[0], [1]], _space(), axes)
@@ -144,15 +164,43 @@ def _chaos():
 
 AXES = extend.labels(["x"], [], [0.0])
 
+FINITE: dict[str, Callable[[Any], Any]] = {
+    "turn": lambda x: extend.OutputInfo("x", "rad", x),
+    "start": lambda x: extend.Clock("a", 0, 0.0, x),
+    "nominal": lambda x: extend.Toleranced(x, 0.0, 1.0, 1.33, False, ""),
+    "upper": lambda x: extend.Toleranced(0.0, -1.0, x, 1.33, False, ""),
+    "cpk": lambda x: extend.Toleranced(0.0, -1.0, 1.0, x, False, ""),
+    "lower": lambda x: results.Answer("m", "r", "", "", 0.5, x, 1.0, ""),
+    "wall_time": lambda x: results.propagator_node(
+        "m", extend.statistics_dataset(AXES, mean=[[0.0]], std=[[0.0]]), propagator="p", realisations=1, wall_time=x
+    ),
+    "seconds": lambda x: extend.Counters(seconds=x),
+    "begin": lambda x: extend.Segment(x, 1.0, "", len),
+    "time": lambda x: uqmbd.check(_arm(), x),
+    "end": lambda x: extend.Phases(np.arange(3.0), np.arange(6.0).reshape(2, 3)).running(x),
+    "mass": lambda x: extend.MassProperties(x, (0, 0), 1),
+    "value": lambda x: uqmbd.Parameter("m", minimum=0).allows(x),
+}
+"""Calls with one number, by its name: neither NaN nor an infinite number makes sense."""
+
 CASES: dict[str, tuple[Callable[[], Any], str]] = {
     "a number for nodes": (lambda: results.align(5), "nodes is 5; expected a mapping from texts to"),
     "a mapping for a tree": (lambda: results.validate({}), "tree is .*; expected an xarray.DataTree"),
     "a number for names": (lambda: extend.labels(5, [], [0.0]), "outputs is 5; expected a sequence"),
     "a negative seed": (lambda: _chaos().sample(3, -1), "seed is -1; expected a whole number, 0 or more"),
     "too many samples": (lambda: _chaos().sample(10**400, 1), "count is .*; at most 1e"),
-    "a text for inputs": (lambda: _chaos().evaluate("2"), "inputs.*non-numeric"),
-    "rows of two lengths": (lambda: _chaos().evaluate([[1.0], [1.0, 2.0]]), "inputs.*non-numeric"),
-    "ten to the 400th": (lambda: _chaos().evaluate(10**400), "inputs.*non-numeric"),
+    "a text for inputs": (
+        lambda: _chaos().evaluate("2"),
+        r"inputs.* is .*; expected real numbers in an array \(points, 1\), or by name: speed=0.5",
+    ),
+    "rows of two lengths": (
+        lambda: _chaos().evaluate([[1.0], [1.0, 2.0]]),
+        r"inputs.* is .*; expected real numbers in an array \(points, 1\), or by name: speed=0.5",
+    ),
+    "ten to the 400th": (
+        lambda: _chaos().evaluate(10**400),
+        r"inputs.* is .*; expected real numbers in an array \(points, 1\), or by name: speed=0.5",
+    ),
     "a masked array": (lambda: results.circular_mean(HOSTILE["masked"]), "masked values, the first at index"),
     "a path with a null": (lambda: results.load("a\0b"), "path is"),
     "a broken status": (
@@ -213,7 +261,63 @@ CASES: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: uqmbd.Study("s", _mechanism(), [0, 1]).converge(HOSTILE["huge"], order=[1]),
         "converge: an array of the shape .* is no propagator",
     ),
-    "an accuracy of NaN": (lambda: results.StatedAccuracy(float("nan"), "mean"), "value is nan; expected a number, 0"),
+    "an accuracy of NaN": (
+        lambda: results.StatedAccuracy(float("nan"), "mean"),
+        "value is nan; expected a finite number, 0",
+    ),
+    **{
+        f"{name} of {value}": (functools.partial(call, value), f"{name} is {value}; expected a finite number")
+        for value in (math.nan, math.inf, -math.inf)
+        for name, call in FINITE.items()
+    },
+    "a default of NaN": (lambda: uqmbd.Parameter("m", default=math.nan), "default is nan; expected finite numbers"),
+    "a default with NaN": (
+        lambda: uqmbd.Parameter("m", kind="point", default=(0, math.nan)),
+        "expected finite numbers",
+    ),
+    "a default of a text": (lambda: uqmbd.Parameter("m", default="5"), "default is '5'; expected finite numbers"),
+    "an infinite example": (lambda: uqmbd.Parameter("m", example=math.inf), "example is inf; expected finite numbers"),
+    "bounds of NaN": (lambda: extend.Bounds(math.nan), "Bounds: least is nan"),
+    "bounds in descending order": (lambda: extend.Bounds(2, 1), "expected two numbers in ascending order"),
+    "bounds of a text": (lambda: extend.Bounds("0"), "expected two numbers"),
+    "limits that enclose nothing": (lambda: extend.Toleranced(1.0, 1.0, 1.0, 1.33, False, ""), "lower limit below"),
+    "a probability of two": (
+        lambda: results.Answer("m", "r", "", "", 2.0, 0.0, 1.0, ""),
+        "Answer: probability is 2.0; expected a number between 0 and 1 or NaN",
+    ),
+    "a tolerance below zero": (lambda: extend.varying(_chaos(), -1.0), "rtol is -1.0; expected a number, 0 or more"),
+    "no surrogates": (lambda: results.AlignedChaos.joined([], []), "AlignedChaos.joined: 0 surrogates and 0 boxes"),
+    "numbers for surrogates": (
+        lambda: results.AlignedChaos.joined([1.0], []),
+        "chaoses is .1.0.; expected a sequence of",
+    ),
+    "a surrogate without parts": (lambda: results.ComposedChaos({}, ("x",)), "parts is empty; expected at least one"),
+    "parts without their times": (
+        lambda: results.ComposedChaos({"a": _chaos()}, ("x",), {}),
+        "used has no entry for the part 'a'; expected truth values of the shape",
+    ),
+    "ten to the 400th germs": (lambda: extend.index_set(10**400, 1), "dimension is .*; expected a whole number up to"),
+    "elements that are a number": (
+        lambda: extend.refine_elements(_space(), len, extend.ElementLimits(2), label="mine"),
+        "refine_elements: compute returned 1; expected a sequence",
+    ),
+    "a share that is a text": (
+        lambda: extend.refine_elements(_space(), _all, extend.ElementLimits(2), label="mine", lost=str),
+        "refine_elements: lost returned '0'; expected a number",
+    ),
+    "room that is a text": (
+        lambda: extend.refine_elements(_space(), _all, extend.ElementLimits(2), label="mine", affordable=str),
+        "refine_elements: affordable returned ''; expected a whole number",
+    ),
+    "times without probabilities": (
+        lambda: extend.requirements_dataset(["r"], violation_probability=[0], lower=[0], upper=[1], times=[0]),
+        "times is given without violated_by; expected both",
+    ),
+    "a plan that is a number": (lambda: _study().run(planned=5), "planned is 5; expected a function"),
+    "a check of a number": (lambda: extend.typechecked(5), "called is 5; expected a function or a class written in"),
+    "a check of a function of C": (lambda: extend.typechecked(len), "expected a function or a class written in Python"),
+    "a reader of a number": (lambda: URDF().read(5), "URDF.read: path is 5; expected a text or a path"),
+    "a reader with a number": (lambda: MJCF().read("a", fuse=2), "MJCF.read: fuse is 2; expected True or False"),
     "a negative count": (lambda: extend.Estimate(-1, 0), "Estimate: realisations is -1; expected a whole number, 0"),
     "four dimensions": (lambda: uqmbd.Parameter("m", default=0, dimensions=4), "dimensions is 4; expected a whole"),
     "a model of a number": (lambda: uqmbd.from_urdf(5), "from_urdf: path is 5; expected a text or a path"),

@@ -3,8 +3,25 @@
 One judgement of values by annotations, for arguments of functions and classes and for options of methods.
 """
 
-from uqmbd.arguments.annotations import Axis, Bounds, Count, OrNaN, Seed, Share, Size, bounded, each, members, several
-from uqmbd.arguments.expected import refusal, shown
+from uqmbd.arguments.annotations import (
+    Axis,
+    Bounds,
+    Count,
+    NotNegative,
+    NotNegativeOrInfinite,
+    OrInfinite,
+    OrNaN,
+    Positive,
+    Seed,
+    Share,
+    ShareOrNaN,
+    Size,
+    bounded,
+    each,
+    members,
+    several,
+)
+from uqmbd.arguments.expected import refusal, returned, shown
 from uqmbd.arguments.gate import typechecked
 from uqmbd.arguments.kinds import fits, is_one
 
@@ -12,9 +29,14 @@ __all__ = [
     "Axis",
     "Bounds",
     "Count",
+    "NotNegative",
+    "NotNegativeOrInfinite",
+    "OrInfinite",
     "OrNaN",
+    "Positive",
     "Seed",
     "Share",
+    "ShareOrNaN",
     "Size",
     "bounded",
     "each",
@@ -22,6 +44,7 @@ __all__ = [
     "is_one",
     "members",
     "refusal",
+    "returned",
     "several",
     "shown",
     "typechecked",

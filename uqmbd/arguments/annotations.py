@@ -22,15 +22,22 @@ __all__ = [
     "Axis",
     "Bounds",
     "Count",
+    "NotNegative",
+    "NotNegativeOrInfinite",
     "Numbers",
+    "OrInfinite",
     "OrNaN",
+    "Positive",
     "Seed",
     "Share",
+    "ShareOrNaN",
     "Size",
+    "between",
     "beyond",
     "bounded",
     "each",
     "is_array_type",
+    "marks",
     "members",
     "several",
 ]
@@ -68,9 +75,20 @@ class Bounds:
     most: float = math.inf
     above: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse bounds that no number is within."""
+        ends = all(isinstance(x, Real) and not isinstance(x, bool) and bool(x == x) for x in (self.least, self.most))
+        if not ends or not isinstance(self.above, bool) or not self.least <= self.most:
+            raise StudyError(
+                f"Bounds: least is {str(self.least)[:40]}, most is {str(self.most)[:40]} and above is "
+                f"{str(self.above)[:40]}; expected two numbers in ascending order, and True or False."
+            )
+
     @property
     def words(self) -> str:
         """What follows the kind of number in a message."""
+        if self.least == -math.inf:
+            return f" up to {self.most:g}" if self.most < LARGE else ""
         if self.most < LARGE:
             return f" between {self.least:g} and {self.most:g}"
         return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
@@ -90,8 +108,7 @@ class Bounds:
             raise StudyError(f"Bounds.hold: number is {str(number)[:40]}; expected a number.")
         # of any kind of number: NumPy knows neither fractions nor whole numbers of more than 64 bits
         exact: Any = number
-        within = bool(self.least <= exact <= self.most) and abs(exact) < math.inf
-        return within and not (self.above and exact == self.least)
+        return abs(exact) < math.inf and between(exact, self)
 
 
 Seed: TypeAlias = Annotated[int, Bounds(0)]
@@ -104,13 +121,29 @@ Axis: TypeAlias = Annotated[int, Bounds(-64, 63)]
 """Of an array; NumPy allows at most 64 axes."""
 
 OrNaN: TypeAlias = Annotated[float, "or NaN"]
-"""A number that may be unknown."""
+"""A number that may be unknown; a plain ``float`` is finite."""
+
+OrInfinite: TypeAlias = Annotated[float, "or infinite"]
+"""A number, or infinity of either sign, as the end of an interval."""
 
 Size: TypeAlias = Annotated[int, Bounds(0, 10**18)]
 """A number of things that may be none."""
 
 Share: TypeAlias = Annotated[float, Bounds(0, 1)]
 """A probability or a part of a whole."""
+
+
+ShareOrNaN: TypeAlias = Annotated[OrNaN, Bounds(0, 1)]
+"""A probability that may be unknown."""
+
+Positive: TypeAlias = Annotated[float, Bounds(0, above=True)]
+"""A tolerance or a length."""
+
+NotNegative: TypeAlias = Annotated[float, Bounds(0)]
+"""A duration."""
+
+NotNegativeOrInfinite: TypeAlias = Annotated[OrInfinite, Bounds(0)]
+"""An error, or a limit of errors; infinite: the error is unknown, or there is no limit."""
 
 
 class Numbers:
@@ -134,6 +167,15 @@ def members(annotation: Any) -> tuple[Any, ...]:
     return tuple(x for member in found for x in members(member))
 
 
+def marks(member: Any) -> tuple[Any, ...]:
+    """Return what an annotation adds to a type: bounds, and texts that allow NaN or infinity.
+
+    >>> marks(OrNaN), marks(float)
+    (('or NaN',), ())
+    """
+    return typing.get_args(member)[1:] if typing.get_origin(member) is Annotated else ()
+
+
 def bounded(member: Any) -> tuple[Any, Bounds | None]:
     """Return an alternative without its bounds, and these.
 
@@ -142,8 +184,8 @@ def bounded(member: Any) -> tuple[Any, Bounds | None]:
     """
     if typing.get_origin(member) is not Annotated:
         return member, None
-    base, *marks = typing.get_args(member)
-    return base, next((mark for mark in marks if isinstance(mark, Bounds)), None)
+    base = typing.get_args(member)[0]
+    return base, next((mark for mark in marks(member) if isinstance(mark, Bounds)), None)
 
 
 def each(value: Any) -> list[Any]:
@@ -155,6 +197,11 @@ def each(value: Any) -> list[Any]:
     if isinstance(value, np.ndarray):
         return list(np.atleast_1d(value)[: MANY + 1])
     return list(value) if isinstance(value, (tuple, list, range)) else [value]
+
+
+def between(number: Any, bounds: Bounds) -> bool:
+    """Return whether a number, which may be infinite, is between bounds."""
+    return bool(bounds.least <= number <= bounds.most) and not (bounds.above and number == bounds.least)
 
 
 def several(base: Any) -> bool:

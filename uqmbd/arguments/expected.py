@@ -8,14 +8,18 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Rational, Real
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from uqmbd.arguments.annotations import LARGE, Numbers, beyond, bounded, each, members, several
+from uqmbd.arguments.annotations import LARGE, MANY, Numbers, beyond, bounded, each, marks, members, several
+from uqmbd.arguments.kinds import fits
+from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 
-__all__ = ["refusal", "shown"]
+__all__ = ["refusal", "returned", "shown"]
+
+Returned = TypeVar("Returned")
 
 
 def refusal(name: str, value: Any, annotation: Any) -> str:
@@ -29,10 +33,33 @@ def refusal(name: str, value: Any, annotation: Any) -> str:
     words = [x for x in _literals(annotation) if isinstance(x, str)]
     near = did_you_mean(value, words) if isinstance(value, str) else ""
     expected = _describe_annotation(annotation, [repr(x) for x in words])
+    if not _finite(value):
+        expected = expected.replace("a number", "a finite number").replace("of numbers", "of finite numbers")
     if most := _passed(value, annotation):
         expected += f"; at most {most:g}"
     told = f"{near} Expected {expected}." if near else f"; expected {expected}."
     return f"{name} is {shown(value)}{told}"
+
+
+def returned(function: str, value: Returned, annotation: Any) -> Returned:
+    """Return what a function of a user or of a plugin returned; raise StudyError unless it is as declared.
+
+    >>> returned("mine: weight", 2, int)
+    2
+    >>> returned("mine: weight", "2", int)
+    Traceback (most recent call last):
+    uqmbd.errors.StudyError: mine: weight returned '2'; expected a whole number.
+    """
+    if not fits(value, annotation):
+        raise StudyError(refusal(function, value, annotation).replace(" is ", " returned ", 1))
+    return value
+
+
+def _finite(value: Any) -> bool:
+    """Return whether a number, and each number of a row or a mapping, is neither NaN nor infinite."""
+    entries = list(value.values()) if isinstance(value, Mapping) else each(value)
+    floats = [x for x in entries[:MANY] if isinstance(x, (float, np.floating))]
+    return all(abs(x) <= sys.float_info.max for x in floats)
 
 
 def _literals(annotation: Any) -> list[Any]:
@@ -55,10 +82,12 @@ def _passed(value: Any, annotation: Any) -> float:
 def _describe_annotation(annotation: Any, words: list[str]) -> str:
     """Say what an annotation allows."""
     kinds = []
-    for base, bounds in map(bounded, members(annotation)):
+    for member in members(annotation):
+        base, bounds = bounded(member)
         row = typing.get_origin(base) is tuple and bounds is not None
         if (kind := _NAMED.get(typing.get_args(base)[0] if row else base)) is not None:
             kinds.append(kind + (bounds.words if bounds else "") + (" for each input" if row else ""))
+            kinds += [x.removeprefix("or ") for x in marks(member) if isinstance(x, str)]
         elif not row and not several(base) and typing.get_origin(base) is not Literal and base is not types.NoneType:
             kinds.append(_named(base))
     if words:
@@ -86,6 +115,8 @@ def _named(base: Any) -> str:
         return f"a NumPy array of {of}"
     if kind is Callable:
         return "a function"
+    if kind.__module__.startswith("sympy.") and kind.__name__ in ("Expr", "Basic"):
+        return "a number or an expression"
     if kind is type:
         return f"a class{f' of {_named(arguments[0])}' if arguments else ''}"
     if not isinstance(kind, type):
@@ -145,4 +176,5 @@ def _shown_array(array: np.ndarray[Any, Any]) -> str:
         off = np.argwhere(array.imag != 0)
         at = tuple(int(k) for k in off[0]) if len(off) else (0,) * array.ndim
         return f"complex, {array[at]} at index {at}" if array.size else "a complex array without entries"
-    return f"an array of the shape {array.shape}"
+    of = {"U": "texts of ", "S": "bytes of ", "O": "objects of "}.get(array.dtype.kind, "")
+    return f"an array of {of}the shape {array.shape}"

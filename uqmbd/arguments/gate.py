@@ -25,42 +25,69 @@ __all__ = ["typechecked"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_HEAP = 1 << 9
+"""Flag of classes that Python code defines, ``Py_TPFLAGS_HEAPTYPE``."""
+
 
 def typechecked(called: F) -> F:
-    """Let a public function, or a class with its public methods, refuse arguments of other kinds than it declares.
+    """Check the arguments of a function, or of a class and its public methods, by their annotations.
 
-    What is judged: texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths, instances of
-    classes, functions, sequences and mappings with their entries, and arrays.  What is declared ``Any`` is left to the
-    function, as are shapes.  Rows in place of an array of NumPy become one.  Numbers are not NaN, but for those that
-    a class holds.
+    The check covers texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths and functions.
+    It also covers instances of classes, sequences and mappings with their entries, and arrays.  It leaves shapes, and
+    arguments declared as ``Any``, to the function.  A sequence in place of an array of NumPy becomes an array.  A ``float`` is a
+    finite number: ``Annotated[float, "or NaN"]`` also allows NaN, and ``Annotated[float, "or infinite"]`` infinity.
 
-    >>> @typechecked
+    Parameters
+    ----------
+    called : function or class
+        Written in Python.  A dataclass has this decorator above ``@dataclass``.
+
+    Returns
+    -------
+    function or class
+        With the same signature; a class is changed in place.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If `called` is neither.  A call raises it, with the argument, its value and what is expected.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> @uqmbd.extend.typechecked
     ... def share(part: float, of: float = 1.0) -> float:
     ...     return part / of
     >>> share("0.5")
     Traceback (most recent call last):
     uqmbd.errors.StudyError: share: part is '0.5'; expected a number.
     """
+    if isinstance(called, type):
+        written = bool(called.__flags__ & _HEAP)
+    else:
+        written = isinstance(called, types.FunctionType)
+    if not written:
+        raise StudyError(f"typechecked: called is {shown(called)}; expected a function or a class written in Python.")
     if not isinstance(called, type):
-        return typing.cast("F", _of_function(called, nan=False))
+        return typing.cast("F", _of_function(called))
     one: Any = called
     for name, member in list(vars(one).items()):
         if name != "__init__" and name.startswith("_"):
             continue
         if isinstance(member, types.FunctionType):
-            setattr(one, name, _of_function(member, nan=name == "__init__"))
+            setattr(one, name, _of_function(member, one))
         elif isinstance(member, (classmethod, staticmethod)):
-            setattr(one, name, type(member)(_of_function(member.__func__, nan=False)))
+            setattr(one, name, type(member)(_of_function(member.__func__, one)))
     return called
 
 
-def _of_function(function: Any, *, nan: bool) -> Any:
+def _of_function(function: Any, owner: type | None = None) -> Any:
     if hasattr(function, "__kinds__") or getattr(function, "__isabstractmethod__", False):
         return function
     signature = inspect.signature(function)
     what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     bound = next(iter(signature.parameters), "") in ("self", "cls")
-    kinds = functools.cache(lambda: _annotations(function, signature))
+    kinds = functools.cache(lambda: _annotations(function, signature, owner))
 
     @functools.wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
@@ -82,7 +109,7 @@ def _of_function(function: Any, *, nan: bool) -> Any:
             entries = value if parameter.kind is parameter.VAR_POSITIONAL else (value,)
             entries = value.values() if parameter.kind is parameter.VAR_KEYWORD else entries
             for entry in entries:
-                if not fits(entry, declared, nan=nan):
+                if not fits(entry, declared):
                     raise StudyError(f"{what}: {refusal(name, entry, declared)}")
         try:
             return function(*bind.args, **bind.kwargs)
@@ -105,11 +132,15 @@ class _Absent:
     """In place of a class of a package that is not loaded: no value is one."""
 
 
-def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str, Any, inspect.Parameter]]:
+def _annotations(
+    function: Any, signature: inspect.Signature, owner: type | None
+) -> list[tuple[str, Any, inspect.Parameter]]:
     """Return the arguments of a function whose annotations say something, with these."""
     found = []
     names: dict[str, Any] | None = None
     known = inspect.unwrap(function).__globals__  # a context manager, for one, is defined elsewhere
+    if owner is not None:
+        known = {**known, "Self": owner}
     for name, parameter in signature.parameters.items():
         declared = parameter.annotation
         if isinstance(declared, str):
@@ -118,7 +149,13 @@ def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str,
                 declared = eval(declared, known)  # noqa: S307 - text of this package
             except NameError:
                 names = _for_checkers(function) if names is None else names
-                declared = eval(declared, {**names, **known})  # noqa: S307 - the same
+                try:
+                    declared = eval(declared, {**names, **known})  # noqa: S307 - the same
+                except NameError as error:
+                    raise StudyError(
+                        f"{function.__qualname__}: typechecked cannot read the annotation {declared!r} of {name}: "
+                        f"{error}. Import the name in the module {function.__module__}."
+                    ) from None
         if declared is not parameter.empty and declared is not Any and not isinstance(declared, TypeVar):
             found.append((name, declared, parameter))
     return found
@@ -126,7 +163,10 @@ def _annotations(function: Any, signature: inspect.Signature) -> list[tuple[str,
 
 def _for_checkers(function: Any) -> dict[str, Any]:
     """Return what a module imports for checkers of types only, as far as others have loaded it."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(sys.modules[function.__module__])))
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(sys.modules[function.__module__])))
+    except (KeyError, OSError, TypeError):  # there is no file of code, as in a notebook
+        return {}
     found: dict[str, Any] = {}
     for block in tree.body:
         if not (isinstance(block, ast.If) and ast.unparse(block.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")):

@@ -8,6 +8,7 @@ and miss masks.  Their hooks would need every rule on numbers, sequences and arr
 
 from __future__ import annotations
 
+import math
 import os
 import types
 import typing
@@ -21,11 +22,12 @@ from uqmbd.arguments.annotations import (
     LONGEST,
     MANY,
     Numbers,
-    OrNaN,
+    between,
     beyond,
     bounded,
     each,
     is_array_type,
+    marks,
     members,
     several,
 )
@@ -33,7 +35,7 @@ from uqmbd.arguments.annotations import (
 __all__ = ["fits", "is_one"]
 
 
-def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
+def fits(value: Any, annotation: Any) -> bool:
     """Return whether a value is what an annotation declares.
 
     >>> fits(True, int), fits([1, 2], Sequence[float]), fits(None, str | None)
@@ -47,17 +49,17 @@ def fits(value: Any, annotation: Any, *, nan: bool = False) -> bool:
         return False  # the system ends the name of a file there
     if isinstance(value, np.number) and is_array_type(annotation):
         value = np.asarray(value)  # sums over all axes of an array are NumPy's numbers
-    return any(is_one(value, member, nan=nan) for member in members(annotation))
+    return any(is_one(value, member) for member in members(annotation))
 
 
-def is_one(value: Any, member: Any, *, nan: bool = False) -> bool:
+def is_one(value: Any, member: Any) -> bool:
     """Return whether a value may be of a type; any may where nothing is known of the type.
 
-    >>> is_one(float("nan"), float), is_one(float("nan"), float, nan=True), is_one("a", Sequence[str])
+    >>> from uqmbd.arguments import OrNaN
+    >>> is_one(float("nan"), float), is_one(float("nan"), OrNaN), is_one("a", Sequence[str])
     (False, True, False)
     """
     base, bounds = bounded(member)
-    nan = nan or member is OrNaN
     if bounds is not None and typing.get_origin(base) is tuple:
         kind, numbers = typing.get_args(base)[0], each(value)
         return 0 < len(numbers) <= MANY and all(is_one(x, kind) and bounds.hold(x) for x in numbers)
@@ -72,29 +74,39 @@ def is_one(value: Any, member: Any, *, nan: bool = False) -> bool:
     if base is bool:
         return isinstance(value, (bool, np.bool_))
     if base in (int, float):
-        return _is_number(value, base, nan=nan) and (bounds is None or bounds.hold(value))
+        return _is_number(value, base) and _is_within(value, member)
     if base is str:
         return isinstance(value, str)
     if base is Any:
         return True
     if base is complex:
         return isinstance(value, Number) and not isinstance(value, (bool, np.bool_))
-    return _is_object(value, base, nan=nan)
+    return _is_object(value, base)
 
 
-def _is_number(value: Any, base: type, *, nan: bool) -> bool:
+def _is_number(value: Any, base: type) -> bool:
     """Return whether a value is a number of 64 bits; of NumPy and xarray also one without axes."""
     if isinstance(value, (bool, np.bool_)) or np.ma.is_masked(value):
         return False
-    if base is float and not isinstance(value, np.generic) and getattr(value, "shape", None) == ():
-        return getattr(value.dtype, "kind", "") in "iuf" and (nan or bool(value == value))
-    number = isinstance(value, Integral if base is int else Real) and (nan or bool(value == value))
-    if base is float and isinstance(value, Rational) and beyond(value):
-        return False  # no number of 64 bits holds it
-    return number
+    if base is int:
+        return isinstance(value, Integral)
+    if not isinstance(value, np.generic) and getattr(value, "shape", None) == ():
+        return getattr(value.dtype, "kind", "") in "iuf"
+    # no number of 64 bits holds a larger fraction
+    return isinstance(value, Real) and not (isinstance(value, Rational) and beyond(value))
 
 
-def _is_object(value: Any, base: Any, *, nan: bool) -> bool:
+def _is_within(number: Any, member: Any) -> bool:
+    """Return whether a number is finite and within its bounds, or is NaN or infinite where the annotation allows it."""
+    bounds, allowed = bounded(member)[1], marks(member)
+    if isinstance(number, Integral) or math.isfinite(number):
+        return bounds is None or bounds.hold(number)
+    if math.isnan(number):
+        return "or NaN" in allowed
+    return "or infinite" in allowed and (bounds is None or between(number, bounds))
+
+
+def _is_object(value: Any, base: Any) -> bool:
     """Return whether a value is a path, an array, a function, a sequence, a mapping or an instance that fits."""
     origin, arguments = typing.get_origin(base), typing.get_args(base)
     kind = origin or base
@@ -112,26 +124,36 @@ def _is_object(value: Any, base: Any, *, nan: bool) -> bool:
     if issubclass(kind, os.PathLike):
         return isinstance(value, os.PathLike)
     if kind is tuple:
-        return _is_tuple(value, arguments, nan=nan)
+        return _is_tuple(value, arguments)
     if issubclass(kind, Mapping) and (origin is not None or kind in (Mapping, dict)):
         if not isinstance(value, Mapping):
             return False
-        return not arguments or all(fits(k, arguments[0]) and fits(x, arguments[1], nan=nan) for k, x in value.items())
+        return not arguments or all(fits(k, arguments[0]) and fits(x, arguments[1]) for k, x in value.items())
     if issubclass(kind, Iterable) and origin is not None:
-        return _is_sequence(value, kind, arguments, nan=nan)
-    number = kind.__module__.startswith("sympy") and not isinstance(value, bool) and isinstance(value, Number)
-    return number or isinstance(value, kind)
+        return _is_sequence(value, kind, arguments)
+    if kind.__module__.startswith("sympy"):
+        return _is_symbolic(value, kind)
+    return isinstance(value, kind)
 
 
-def _is_tuple(value: Any, arguments: tuple[Any, ...], *, nan: bool) -> bool:
+def _is_symbolic(value: Any, kind: type) -> bool:
+    """Return whether a value is an expression, or a finite real number in place of one."""
+    if isinstance(value, (bool, np.bool_)):
+        return False
+    if getattr(value, "is_Atom", False) and value.is_number and value.is_finite is not True:
+        return False  # SymPy's NaN and infinities
+    return isinstance(value, kind) or (_is_number(value, float) and _is_within(value, float))
+
+
+def _is_tuple(value: Any, arguments: tuple[Any, ...]) -> bool:
     if arguments[-1:] == (Ellipsis,):
-        return _is_sequence(value, Sequence, arguments[:1], nan=nan)
+        return _is_sequence(value, Sequence, arguments[:1])
     if not isinstance(value, (tuple, list)) or (arguments and len(value) != len(arguments)):
         return False
-    return all(fits(x, declared, nan=nan) for x, declared in zip(value, arguments, strict=False))
+    return all(fits(x, declared) for x, declared in zip(value, arguments, strict=False))
 
 
-def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: bool) -> bool:
+def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...]) -> bool:
     """Return whether a value is a row of what is declared; a text is no row of its letters."""
     # a matrix of SymPy has a length and places, and is no Collection
     sized = isinstance(value, Collection) or (hasattr(value, "__len__") and hasattr(value, "__getitem__"))
@@ -151,7 +173,7 @@ def _is_sequence(value: Any, kind: type, arguments: tuple[Any, ...], *, nan: boo
         return False
     if not sized or not arguments:
         return True  # an iterator is read once, by who uses it
-    return all(fits(x, arguments[0], nan=nan) for _, x in zip(range(MANY), value, strict=False))
+    return all(fits(x, arguments[0]) for _, x in zip(range(MANY), value, strict=False))
 
 
 def _are_numbers(value: Any) -> bool:

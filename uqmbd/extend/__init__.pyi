@@ -1,5 +1,7 @@
 """The names of `uqmbd.extend` and the modules that hold them: for type checkers, and for the lazy imports."""
 
+from .arguments import Bounds as Bounds
+from .arguments import typechecked as typechecked
 from .checks import Finding as Finding
 from .checks import Severity as Severity
 from .commands import Command as Command
@@ -35,7 +37,6 @@ from .integrators import SegmentedMotion as SegmentedMotion
 from .integrators import Trajectories as Trajectories
 from .integrators import mechanism_terms as mechanism_terms
 from .methods import AtMost as AtMost
-from .methods import Bounds as Bounds
 from .methods import Clock as Clock
 from .methods import Dense as Dense
 from .methods import ElementLimits as ElementLimits

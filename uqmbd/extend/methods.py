@@ -6,7 +6,6 @@ from uqmbd.packages import require_package as require_package
 from uqmbd.plugins import propagator as propagator
 from uqmbd.progress import AtMost as AtMost
 from uqmbd.progress import Progress as Progress
-from uqmbd.propagation import Bounds as Bounds
 from uqmbd.propagation import Clock as Clock
 from uqmbd.propagation import Dense as Dense
 from uqmbd.propagation import ElementLimits as ElementLimits

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import sympy
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import OrInfinite, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import shown
@@ -68,7 +68,7 @@ class ImportedJoint:
     position: sympy.Expr | None
     speed: sympy.Expr | None
     start: tuple[float, ...]
-    limits: tuple[float, float] | None
+    limits: tuple[OrInfinite, OrInfinite] | None
 
     @property
     def units(self) -> str:

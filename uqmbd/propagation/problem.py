@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.arguments import Count, Size, shown, typechecked
+from uqmbd.arguments import Count, NotNegative, Positive, Size, shown, typechecked
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.progress import Progress, stage
 from uqmbd.propagation.annotations import MethodClass
@@ -349,7 +349,7 @@ class Problem(ProblemData):
             raise StudyError(f"{self.label}: {error}") from None
 
     @typechecked
-    def histories(self, values: Array, points: Count, least: Size = 1, longer: float = 1.0) -> list[History]:
+    def histories(self, values: Array, points: Count, least: Size = 1, longer: Positive = 1.0) -> list[History]:
         """Follow realisations from event to event, for methods that expand event times; see `event_histories`.
 
         Parameters
@@ -389,7 +389,7 @@ class Problem(ProblemData):
         *,
         nodes: xr.Dataset | None = None,
         realisations: Size,
-        wall_time: float = 0.0,
+        wall_time: NotNegative = 0.0,
         counters: Mapping[str, Any] | None = None,
         children: Mapping[str, xr.Dataset] | None = None,
         attrs: Mapping[str, Any] | None = None,

@@ -73,13 +73,15 @@ def index_set(
     1771
     """
     count = whole_number(dimension, "index_set: dimension (the number of germs)", 0)
+    if count > MOST_TERMS:
+        raise StudyError(f"index_set: dimension is {shown(count)}; expected a whole number up to {MOST_TERMS}.")
     degree = whole_number(order, "index_set: order", 0)
     if kind not in KINDS:
         raise StudyError(f"index_set: kind is {kind!r}; expected one of {', '.join(KINDS)}.")
     scale = np.ones(count) if weights is None else np.array(weights, dtype=float)
     if scale.shape != (count,) or not np.all(np.isfinite(scale) & (scale > 0)):
         raise StudyError(f"index_set: weights is {weights!r}; expected {count} positive numbers, one for each germ.")
-    if kind == "hyperbolic" and not 0 < q <= 1:
+    if not 0 < q <= 1:
         raise StudyError(f"index_set: q is {q!r}; expected a number above 0 and at most 1.")
     power = q if kind == "hyperbolic" else 1.0
     if degree > MOST_TERMS:

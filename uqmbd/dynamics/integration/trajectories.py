@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uqmbd.arguments import Size, typechecked
+from uqmbd.arguments import Positive, Size, typechecked
 from uqmbd.compiled import RecordedSteps
 from uqmbd.typing import Array
 
@@ -120,7 +120,7 @@ class Trajectories:
     notes: tuple[str, ...] = ()
     off: Array | None = None
     path: RecordedSteps | None = field(default=None, repr=False)
-    rtol: float = 1e-6
+    rtol: Positive = 1e-6
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import NotNegative, Positive, shown, typechecked
 from uqmbd.dynamics.integration import position_jumps
 from uqmbd.dynamics.integrators.dispatch import integrator_class, require, require_for
 from uqmbd.dynamics.integrators.protocol import capabilities_of
@@ -74,7 +74,7 @@ class ProjectedEnsemble(ProjectedEquations):
     def integrate(
         self,
         times: Array,
-        rtol: float = 1e-6,
+        rtol: Positive = 1e-6,
         integrator: str = "auto",
         linear_solver: str = "auto",
         watch: Watch | None = None,
@@ -106,7 +106,7 @@ class ProjectedEnsemble(ProjectedEquations):
         uqmbd.StudyError
             If a name is unknown, the integrator cannot do what it takes, or the mechanism is too large.
         """
-        times, where = np.asarray(times, dtype=float), f"mechanism {self.model.name!r}"
+        times, where = _increasing("integrate", times), f"mechanism {self.model.name!r}"
         if linear_solver not in LINEAR_SOLVERS:
             raise StudyError(
                 f"there is no solver {linear_solver!r} for a projection; there are: {', '.join(LINEAR_SOLVERS)}."
@@ -152,10 +152,10 @@ class ProjectedEnsemble(ProjectedEquations):
         self,
         rates: PhaseRates,
         times: Array,
-        rtol: float = 1e-6,
+        rtol: Positive = 1e-6,
         state: Array | None = None,
         ahead: Array | None = None,
-        within: float = 0.0,
+        within: NotNegative = 0.0,
     ) -> PhaseMotion:
         """Begin to integrate the coefficients with the phase of a clock as the independent variable.
 
@@ -192,7 +192,25 @@ class ProjectedEnsemble(ProjectedEquations):
         uqmbd.IntegrationError
             Where the clock does not run forwards at a node at the start.
         """
-        return PhaseMotion(self, rates, np.asarray(times, dtype=float), rtol, state, ahead, within)
+        grid = _increasing("in_phase", times)
+        shapes = {"state": (self.terms, self.model.layout.width), "ahead": (len(self.psi),)}
+        for name, array in (("state", state), ("ahead", ahead)):
+            if array is not None and not (np.shape(array) == shapes[name] and np.isfinite(array).all()):
+                raise StudyError(
+                    f"ProjectedEnsemble.in_phase: {name} is {shown(array)}; expected finite numbers of the shape "
+                    f"{shapes[name]}."
+                )
+        return PhaseMotion(self, rates, grid, rtol, state, ahead, within)
+
+
+def _increasing(what: str, times: Array) -> Array:
+    """Return output times (T,), s; raise StudyError unless they are finite and strictly increasing."""
+    grid = np.asarray(times, dtype=float)
+    if grid.ndim != 1 or not grid.size or not np.isfinite(grid).all() or not (np.diff(grid) > 0).all():
+        raise StudyError(
+            f"ProjectedEnsemble.{what}: times is {shown(times)}; expected finite, strictly increasing times (T,)."
+        )
+    return grid
 
 
 def _solved(

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import as_symbolic, flatten
 from uqmbd.mechanism.geometry import Frame, Space
@@ -91,6 +92,7 @@ class Local:
             there = ", ".join([*names, "time", "space", "let", "rate_of", "state"])
             raise AttributeError(f"nothing named {name!r} here{near} There are {there}") from None
 
+    @typechecked
     def state(self, name: str, units: str = "") -> sympy.Symbol:
         """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well.
 
@@ -109,8 +111,6 @@ class Local:
         uqmbd.StudyError
             If the name is not a text, or the units have no meaning.
         """
-        if not isinstance(name, str):
-            raise StudyError(f"state: name is {name!r:.80}; expected a text.")
         if units or name not in self.units:
             self.units[name] = check_units(units, f"state({name!r})")
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))

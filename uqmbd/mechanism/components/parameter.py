@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
 
-from uqmbd.arguments import Bounds, typechecked
+import numpy as np
+
+from uqmbd.arguments import Bounds, OrInfinite, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
 
@@ -111,8 +114,8 @@ class Parameter(Generic[Given]):
     choices: tuple[Any, ...] = ()
     example: Any = None
     name: str = field(default="", compare=False)
-    minimum: float = field(default=-math.inf, kw_only=True)
-    maximum: float = field(default=math.inf, kw_only=True)
+    minimum: OrInfinite = field(default=-math.inf, kw_only=True)
+    maximum: OrInfinite = field(default=math.inf, kw_only=True)
     exclusive: bool = field(default=False, kw_only=True)
     one_sign: bool = field(default=False, kw_only=True)
     body: str = field(default="", kw_only=True)
@@ -126,6 +129,12 @@ class Parameter(Generic[Given]):
                 f"Parameter({self.units!r}, {self.description!r}): it makes sense from dimensions={self.dimensions} on "
                 "and has no default for spaces of fewer; give it one."
             )
+        for key in ("default", "example") if self.kind != "option" else ():
+            if not _usable(value := getattr(self, key)):
+                raise StudyError(
+                    f"Parameter({self.units!r}, {self.description!r}): {key} is {shown(value)}; expected finite "
+                    f"numbers for the kind {self.kind!r}."
+                )
         if not self.minimum < self.maximum:
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): its range is from minimum={self.minimum!r} to "
@@ -227,6 +236,15 @@ class Parameter(Generic[Given]):
         if self.kind in ("turning_axis", "moment"):
             return 3 if space.dimension == 3 else (1 if self.kind == "moment" else 0)
         return 0 if self.kind in ("option", "numbers") else 1
+
+
+def _usable(value: Any) -> bool:
+    """Return whether a default may stand for numbers: a text or truth value, NaN and infinity may not."""
+    if isinstance(value, (tuple, list, np.ndarray)):
+        return all(map(_usable, value))
+    if isinstance(value, (str, bytes, bool, complex, np.bool_)):
+        return False
+    return not isinstance(value, Real) or fits(value, float)
 
 
 def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from uqmbd.arguments import Count, Size, typechecked
+from uqmbd.arguments import Count, NotNegativeOrInfinite, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
@@ -77,7 +77,7 @@ class Dense:
 
     times: Array
     values: Array
-    error: float
+    error: NotNegativeOrInfinite
     asked: Array | None = None
     integrations: Count = 1
 
@@ -92,7 +92,8 @@ class Dense:
             If there is no such realisation.
         """
         self._require(rows)
-        return replace(self, values=self.values[rows], asked=None if self.asked is None else self.asked[rows])
+        chosen = np.asarray(rows, dtype=np.intp)
+        return replace(self, values=self.values[chosen], asked=None if self.asked is None else self.asked[chosen])
 
     def spline(self, k: Size) -> BSpline:
         """Return the outputs of one realisation as a function from times (N,) to (N, O).

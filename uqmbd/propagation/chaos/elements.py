@@ -14,7 +14,7 @@ from typing import Any, Generic, Literal, TypeVar, overload
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import Positive, returned, typechecked
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.logs import refinement
 from uqmbd.randomness import GermBox, GermSpace
@@ -201,7 +201,7 @@ def refine_elements(
     limits: ElementLimits,
     *,
     label: str,
-    rtol: float = 1e-6,
+    rtol: Positive = 1e-6,
     affordable: Callable[[], int] | None = None,
     lost: Callable[[int], float] | None = None,
 ) -> ElementRefinement[Any]:
@@ -271,7 +271,7 @@ def refine_elements(
     (3, [0.4, 0.7])
     """
     whole = GermBox.whole(space)
-    parts = [_TimedElement(whole, compute([whole])[0], 0)]
+    parts = [_TimedElement(whole, _computed(compute, [whole])[0], 0)]
     computed, reason = 1, ""
     rounds: list[tuple[int, int, float]] = []
     splits: list[tuple[int, int, float]] = []
@@ -286,7 +286,7 @@ def refine_elements(
         if not room:
             reason = f"max_elements is {limits.count}"
             break
-        room = min(room, affordable()) if affordable else room
+        room = min(room, returned("refine_elements: affordable", affordable(), int)) if affordable else room
         if room < 1:
             reason = "max_realisations does not allow more"
             break
@@ -300,7 +300,10 @@ def refine_elements(
             reason = "no element can be split further"
             break
         boxes = [half for k in chosen for half in halves[k]]
-        found = [_TimedElement(b, c, computed + n) for n, (b, c) in enumerate(zip(boxes, compute(boxes), strict=True))]
+        found = [
+            _TimedElement(b, c, computed + n)
+            for n, (b, c) in enumerate(zip(boxes, _computed(compute, boxes), strict=True))
+        ]
         computed += len(boxes)
         by_parent = {k: found[2 * n : 2 * n + 2] for n, k in enumerate(chosen)}
         parts = [p for k, part in enumerate(parts) for p in by_parent.get(k, [part])]
@@ -316,6 +319,14 @@ def refine_elements(
         warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=4)
     chaos = _joined(parts, label)
     return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
+
+
+def _computed(compute: Callable[[Sequence[GermBox]], Sequence[Expansion]], boxes: list[GermBox]) -> Sequence[Expansion]:
+    """Compute the chaoses of boxes; raise StudyError unless there is one for each box."""
+    found = returned("refine_elements: compute", compute(boxes), Sequence[Expansion])
+    if len(found) != len(boxes):
+        raise StudyError(f"refine_elements: compute returned {len(found)} chaoses for {len(boxes)} boxes.")
+    return found
 
 
 def _joined(parts: list[_TimedElement], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
@@ -359,7 +370,7 @@ def _contributions(
             seen = _columns(chaos.verification_rms() ** 2, count)
             # the top order of order 1 is the slope, which is no error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
-        share = lost_share(part.number) if lost_share else 0.0
+        share = returned("refine_elements: lost", lost_share(part.number), float) if lost_share else 0.0
         own = part.box.probability * np.maximum(squared / scale**2, share)
         # what is not known is as wrong as can be
         unknown = ~(np.isfinite(squared) & np.isfinite(spread))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.arguments import Size, shown, typechecked
+from uqmbd.arguments import NotNegative, NotNegativeOrInfinite, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos import Surrogate, reference_spread
 from uqmbd.results.schema import Labels
@@ -49,11 +49,11 @@ class Exceedance:
 
     output: str
     row: Size
-    limit: float
+    limit: NotNegative
     begin: float
     above: Size
     times: Size
-    largest: float
+    largest: NotNegativeOrInfinite
 
     def words(self, note: str = "") -> str:
         """Return the output, from when on its error is too large, and how large it gets; a note in front of these."""
@@ -64,7 +64,7 @@ class Exceedance:
 
 
 @typechecked
-def find_exceedances(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[Exceedance]:
+def find_exceedances(labels: Labels, errors: Array, limit: NotNegativeOrInfinite, loud: Mask) -> Sequence[Exceedance]:
     """Find the outputs whose error exceeds a limit at some time.
 
     Parameters
@@ -150,7 +150,7 @@ def errors_over_largest(chaos: Surrogate) -> Array:
 
 
 @typechecked
-def varying(chaos: Surrogate, rtol: float) -> Mask:
+def varying(chaos: Surrogate, rtol: NotNegative) -> Mask:
     """Say which outputs (O,) vary by more than the integration errs, in the chaos or at its verification realisations.
 
     Parameters

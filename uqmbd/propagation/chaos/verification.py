@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.arguments import Seed, Share, Size, shown, typechecked
+from uqmbd.arguments import NotNegative, Seed, Share, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermBox, GermSpace, TailMixture
@@ -158,7 +158,7 @@ class Verification:
     response: Array
     asked: Size
     reason: str = ""
-    lost: float = 0.0
+    lost: NotNegative = 0.0
 
     @classmethod
     def of(cls, space: GermSpace, points: VerificationPoints, found: Realisations) -> Verification:

@@ -444,6 +444,8 @@ class Study:
             )
         if finished is not None and not callable(finished):
             raise StudyError(f"study {self.name!r}: finished is {finished!r:.80}; expected a function of the results.")
+        if planned is not None and not callable(planned):
+            raise StudyError(f"study {self.name!r}: planned is {planned!r:.80}; expected a function of a text.")
         chosen = self.propagators if only is None else labelled(self.propagators, only, f"study {self.name!r}")
         progress = choose_receiver(progress)
         if folder is not None or resume is not False:

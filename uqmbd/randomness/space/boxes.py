@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import Size, typechecked
+from uqmbd.arguments import OrInfinite, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import cumulated, median, truncate_germ
 from uqmbd.randomness.space.germ_space import GermSpace
@@ -53,8 +53,8 @@ class GermBox:
     """
 
     space: GermSpace
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
+    lower: tuple[OrInfinite, ...]
+    upper: tuple[OrInfinite, ...]
 
     def __post_init__(self) -> None:
         """Convert and check the bounds."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.arguments import Bounds, fits, shown, typechecked
+from uqmbd.arguments import Positive, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import checked
 
@@ -50,10 +49,18 @@ class Toleranced:
     nominal: float
     lower: float
     upper: float
-    cpk: float
+    cpk: Positive
     inspected: bool
     source: str
     units: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that the limits enclose sizes."""
+        if not self.lower < self.upper:
+            raise StudyError(
+                f"Toleranced: lower is {self.lower:g} and upper is {self.upper:g}; expected a lower limit below the "
+                "upper one."
+            )
 
     @property
     def mean(self) -> float:
@@ -173,7 +180,7 @@ def stated_tolerance(distribution: Any) -> Toleranced | None:
 
 def require_number(where: str, name: str, value: Any) -> float:
     """Return a finite number as float; raise StudyError for anything else."""
-    if not fits(value, Annotated[float, Bounds(-math.inf)]):
+    if not fits(value, float):
         raise StudyError(f"{where}: {name} is {shown(value)}; expected a finite number.")
     return float(value)
 

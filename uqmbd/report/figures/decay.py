@@ -270,7 +270,7 @@ def errors_chart(results: Results, limit: float = EXACT) -> Chart:
 
 
 @typechecked
-def verification(results: Results, *, limit: Annotated[float, Bounds(0, 1e6)] = EXACT) -> Figure:
+def verification(results: Results, *, limit: Annotated[float, Bounds(1e-12, 1e6)] = EXACT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
     The error at realisations that did not enter the surrogate, relative to the standard deviation, for each output. A

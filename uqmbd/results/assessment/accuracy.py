@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import Bounds, typechecked
+from uqmbd.arguments import Bounds, NotNegativeOrInfinite, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.assessment.own_errors import own_error
 from uqmbd.results.requirements import answers
@@ -47,7 +47,7 @@ class StatedAccuracy:
     '1.2 % (mean of x at 0.5 s)'
     """
 
-    value: float
+    value: NotNegativeOrInfinite
     quantity: str
     kind: Literal["mean", "std", "probability", ""] = ""
 

@@ -148,6 +148,14 @@ class ComposedChaos(Surrogate):
 
     def __post_init__(self) -> None:
         """Check that each output is there once at each time."""
+        if not self.parts:
+            raise StudyError("ComposedChaos: parts is empty; expected at least one surrogate.")
+        for name, part in {} if self.used is None else self.parts.items():
+            if name not in self.used or np.size(self.used[name]) != np.prod(part.labels.shape):
+                raise StudyError(
+                    f"ComposedChaos: used has {'no entry' if name not in self.used else 'another shape'} for the part "
+                    f"{name!r}; expected truth values of the shape {part.labels.shape}."
+                )
         object.__setattr__(self, "parts", dict(self.parts))
         object.__setattr__(self, "outputs", tuple(self.outputs))
         infos = {o.name: o for part in reversed([*self.parts.values()]) for o in part.labels.outputs}

@@ -262,6 +262,11 @@ class SurrogateContainer:
         >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
         [-1.0, 1.0]
         """
+        if not chaoses or len(chaoses) != len(boxes) or any(type(x) is not type(chaoses[0]) for x in chaoses):
+            raise StudyError(
+                f"{cls.__name__}.joined: {len(chaoses)} surrogates and {len(boxes)} boxes are given; expected "
+                "surrogates of one kind, at least one, and a box for each."
+            )
         terms, places = terms_of_all(chaoses)
         owners = zip(chaoses, boxes, places, strict=True)
         elements = tuple(chaos.elements[0]._among(box, len(terms), rows) for chaos, box, rows in owners)

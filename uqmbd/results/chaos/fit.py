@@ -262,7 +262,7 @@ def regress_on_nodes(
         centre = root[:, 0] ** 2 @ flat
         coefficients = least_squares((flat - centre) * root, part * root).coefficients.copy()
         coefficients[0] += centre
-        return NodeRegression(coefficients.reshape(-1, *values.shape[1:]), index[kept])
+        return NodeRegression(coefficients.reshape(len(coefficients), *values.shape[1:]), index[kept])
     return None
 
 

@@ -180,7 +180,10 @@ class Surrogate(SurrogateContainer):
         """Evaluate a function of points (K, d) at inputs, with labels where they have some."""
         points = points_of(inputs, values, self.labels.inputs)
         if points is None:
-            return of(real_numbers("inputs", inputs))
+            name = next((x.name for x in self.labels.inputs), "input")
+            shape = f"(points, {len(self.labels.inputs)})"
+            expected = f"expected real numbers in an array {shape}, or by name: {name}=0.5"
+            return of(real_numbers("inputs", inputs, expected=expected))
         return labelled_array(of(points.values), points, self.labels, about)
 
     def sample(self, count: Annotated[int, Bounds(0, 10**9)], seed: Seed) -> tuple[Array, Array]:

@@ -11,8 +11,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.compiled import sum_harmonics
+from uqmbd.errors import StudyError
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
 from uqmbd.results.schema import Labels
@@ -228,6 +229,17 @@ class QuasiPeriodicChaos(Surrogate):
     space: GermSpace = field(init=False)
 
     _kind = Harmonic
+
+    def __post_init__(self) -> None:
+        """Check the multiples of the frequencies, and what all surrogates have."""
+        super().__post_init__()
+        for element in self.elements:
+            counts = np.shape(element.frequencies)[-1:], np.shape(element.waves)[-1:]
+            if np.ndim(self.lattice) != 2 or (self.lattice.shape[1:], self.lattice.shape[:1]) != counts:
+                raise StudyError(
+                    f"QuasiPeriodicChaos: lattice is {shown(self.lattice)}; expected an array (H, M) of the multiples "
+                    "of the frequencies in each harmonic of the elements."
+                )
 
     def __repr__(self) -> str:
         numbers = f"{len(self.lattice)} harmonics of {self.lattice.shape[1]} frequencies"

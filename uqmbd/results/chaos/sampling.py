@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.arguments import shown
 from uqmbd.errors import StudyError
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
@@ -152,6 +153,10 @@ def kernel_density(samples: Array, values: ArrayLike) -> Array:
     """Estimate a density at values (N,) from samples (K,) by Gaussian kernels, in one over their units."""
     # bandwidth: B. W. Silverman, Density Estimation for Statistics and Data Analysis, 1986, section 3.4.2
     points = np.asarray(values, dtype=float)
+    if np.isnan(points).any():
+        raise StudyError(
+            f"values is {shown(values)}, with {np.isnan(points).sum()} NaN; expected values of the output."
+        )
     low, high = np.quantile(samples, [0.25, 0.75])
     spread = min(float(samples.std(ddof=1)), float(high - low) / 1.34) or float(samples.std(ddof=1))
     width = 0.9 * spread * len(samples) ** -0.2

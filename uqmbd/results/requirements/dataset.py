@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import ANY
 from uqmbd.results.requirements.intervals import LEVEL
@@ -128,10 +128,13 @@ def requirements_dataset(
         "relation": (dims, fixed_width(relations.get(name, "") for name in names)),
         "bound": ("bound", fixed_width(("lower", "upper"))),
     }
+    if (violated_by is None) != (times is None):
+        alone, other = ("times", "violated_by") if violated_by is None else ("violated_by", "times")
+        raise StudyError(f"{alone} is given without {other}; expected both, or none.")
     if violated_by is not None:
-        if times is None:
-            raise StudyError("violated_by is given without times; expected both, or none.")
-        grid, over_time = np.asarray(times, dtype=float), np.asarray(violated_by, dtype=float)
+        grid, over_time = real_numbers("times", times), real_numbers("violated_by", violated_by)
+        if grid.ndim != 1 or not np.isfinite(grid).all():
+            raise StudyError(f"times is {shown(times)}; expected finite times (T,).")
         check_shape("violated_by", over_time, (*shape, len(grid)), (*dims, "time"))
         about = {"long_name": "probability of having been violated by a time", "units": "1"}
         data["violated_by"] = ((*dims, "time"), over_time, about)

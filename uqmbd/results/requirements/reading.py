@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import Share, typechecked
+from uqmbd.arguments import Share, ShareOrNaN, typechecked
 from uqmbd.names import ANY
 from uqmbd.results.schema import comparable, fixed_width
 from uqmbd.wording import format_interval, format_probability
@@ -47,9 +47,9 @@ class Answer:
     requirement: str
     description: str
     relation: str
-    probability: float
-    lower: float
-    upper: float
+    probability: ShareOrNaN
+    lower: Share
+    upper: Share
     how: str
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import NotNegative, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import unwritable
 
@@ -45,7 +45,7 @@ class OutputInfo:
 
     name: str
     units: str = ""
-    turn: float = 0.0
+    turn: NotNegative = 0.0
 
 
 @typechecked

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import OrNaN, Seed, Size, typechecked
+from uqmbd.arguments import NotNegative, Seed, Size, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import KIND, SCHEMA_VERSION, check_kind
@@ -38,7 +38,7 @@ def propagator_node(
     nodes: xr.Dataset | None = None,
     propagator: str,
     realisations: Size,
-    wall_time: OrNaN,
+    wall_time: NotNegative,
     failures: Size | None = None,
     seed: Seed | None = None,
     options: Mapping[str, Any] | None = None,

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from uqmbd.arguments import fits, typechecked
+from uqmbd.arguments import fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array, Mask
 
@@ -59,7 +59,10 @@ _MAY_BE_INFINITE = ("circular_std", "verification_factor")
 """Where directions cancel; where the uncertainty of an error is unknown."""
 
 
-def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
+REAL = "expected real numbers in an array or a sequence"
+
+
+def real_numbers(name: str, value: Any, *, copy: bool = True, expected: str = REAL) -> Array:
     """Return real numbers as an array; without `copy` that which is given, if it is one of them.
 
     Raise StudyError if they are complex, no numbers, or masked: a mask would be lost, and what is below it taken for
@@ -81,7 +84,7 @@ def real_numbers(name: str, value: Any, *, copy: bool = True) -> Array:
         at = tuple(int(k) for k in np.argwhere(array.imag != 0)[0]) if array.imag.any() else (0,) * array.ndim
         raise StudyError(f"{name!r} is complex, {array[at]} at index {at}; expected real numbers.")
     if not number:
-        raise StudyError(f"{name!r} is {type(value).__name__}, which contains non-numeric values.")
+        raise StudyError(f"{name!r} is {shown(value)}; {expected}.")
     return np.array(value, dtype=float, copy=copy or None)
 
 
