@@ -34,8 +34,10 @@ def typechecked(called: F) -> F:
 
     The check covers texts, numbers with their `Bounds`, truth values, words of a ``Literal``, paths and functions.
     It also covers instances of classes, sequences and mappings with their entries, and arrays.  It leaves shapes, and
-    arguments declared as ``Any``, to the function.  A sequence in place of an array of NumPy becomes an array.  A ``float`` is a
-    finite number: ``Annotated[float, "or NaN"]`` also allows NaN, and ``Annotated[float, "or infinite"]`` infinity.
+    arguments declared as ``Any``, to the function.  A sequence in place of an array of NumPy becomes an array.
+
+    A ``float`` is a finite number.  ``Annotated[float, "or NaN"]`` also allows NaN, and
+    ``Annotated[float, "or infinite"]`` infinity.
 
     Parameters
     ----------
