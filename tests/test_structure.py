@@ -37,7 +37,7 @@ STATEMENTS = {
     "uqmbd.propagation": 6335,
     "uqmbd.randomness": 5240,
     "uqmbd.report": 7440,
-    "uqmbd.results": 8695,
+    "uqmbd.results": 8706,
     "uqmbd.testing": 2500,
     "uqmbd.units": 285,
     "uqmbd_calibration": 3220,

@@ -65,6 +65,11 @@ class Bounds:
     above : bool
         Whether `least` itself is too little.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If a bound is NaN or no number, or the bounds are not in ascending order.
+
     Examples
     --------
     >>> Bounds(0).words, Bounds(0, above=True).words, Bounds(0, 1).words

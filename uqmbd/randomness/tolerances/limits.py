@@ -38,6 +38,11 @@ class Toleranced:
     units : str
         Units of all sizes, empty where they are not stated.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If the lower limit is not below the upper one.
+
     Examples
     --------
     >>> import uqmbd
