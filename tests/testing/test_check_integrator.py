@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import uqmbd
 from uqmbd import plugins
@@ -149,12 +150,102 @@ def _worse_alone(ensemble, times, found):
         (_start_off, "the states at the first time differ from ensemble.start by 1e-07"),
         (_off_the_pin, "constraints: pendulum: the state .* is off the constraints 'pin: pin"),
         (_other_bits, "reproducibility: pendulum: .*; expected the same bits"),
-        (_worse_alone, "accuracy|independence: pendulum: integrated alone, realisations change by 0.001"),
+        (_worse_alone, "accuracy|independence: oscillator: integrated alone .*, realisations change by 0.0"),
     ],
 )
 def test_what_is_returned(change, problem):
     with pytest.raises(AssertionError, match=problem):
         check_integrator(changed(change))
+
+
+LEAK = 5e-7
+"""Part of one realisation that enters another: less than the errors that *accuracy* allows."""
+
+
+def _from_before(ensemble, times, found):
+    """Begin each realisation with something of the one before."""
+    return replace(found, states=found.states + LEAK * np.concatenate([0 * found.states[:1], found.states[:-1]]))
+
+
+def _from_last(ensemble, times, found):
+    return replace(found, states=found.states + LEAK * (found.states[-1:] - found.states))
+
+
+def _from_mean(ensemble, times, found):
+    return replace(found, states=found.states + LEAK * (found.states.mean(0) - found.states))
+
+
+def _from_number(ensemble, times, found):
+    """Depend on how many realisations there are."""
+    return replace(found, states=found.states * (1 + LEAK * len(ensemble)))
+
+
+def _from_place(ensemble, times, found):
+    """Depend on the number of the realisation in its ensemble, as random numbers of one generator do."""
+    return replace(found, states=found.states * (1 + LEAK * np.arange(len(ensemble))[:, None, None] / 10))
+
+
+def _from_largest(ensemble, times, found):
+    return replace(found, states=found.states + LEAK * np.abs(found.states).max(0) * (len(ensemble) > 1))
+
+
+def _after_start(change):
+    """Change states behind the start only, which is compared with that of the ensemble."""
+
+    def changed_later(ensemble, times, found):
+        states = change(ensemble, times, found).states
+        return replace(found, states=np.concatenate([found.states[:, :1], states[:, 1:]], axis=1))
+
+    return changed_later
+
+
+LEAKS = {
+    _from_before: "independence: .* in the reverse order .*, realisations change by",
+    _from_last: "independence: .* in the reverse order .*, realisations change by",
+    _from_place: "independence: .* in the reverse order .*, realisations change by",
+    _from_mean: "accuracy|independence: .* alone .*, realisations change by",
+    _from_number: "accuracy|independence: .* twice each .*, realisations change by",
+    _from_largest: "accuracy|independence: .* alone .*, realisations change by",
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("leak", "words"), LEAKS.items(), ids=lambda x: getattr(x, "__name__", ""))
+def test_leaks_between_realisations(leak, words):
+    """What of another realisation enters is found, though it is less than the error that is allowed."""
+
+    def integrate(self, ensemble, times, rtol):
+        found = Dop853().integrate(ensemble, times, rtol)
+        part = 0.02 * rtol / LEAK if "reverse" in words else 1.0  # falls with the tolerance, as errors do
+        leaked = _after_start(leak)(ensemble, times, found).states
+        return replace(found, states=found.states + part * (leaked - found.states))
+
+    with pytest.raises(AssertionError, match=words):
+        check_integrator(made(integrate=integrate))
+
+
+@pytest.mark.thorough
+def test_leak_by_the_first_step():
+    """A step that one realisation leaves to the next."""
+
+    def integrate(self, ensemble, times, rtol):
+        start = ensemble.start
+        states, messages = np.full((len(ensemble), len(times), start.state.shape[1]), np.nan), list(start.messages)
+        first = None
+        for k in np.flatnonzero(start.ok):
+            one = ensemble.select(np.array([k]))
+            found = solve_ivp(
+                lambda t, y, one=one: one.rates(t, y[None])[0],
+                (times[0], times[-1]), start.state[k], "DOP853", times, rtol=rtol, atol=1e-3 * rtol, first_step=first,
+            )  # fmt: skip
+            first = 1e-3 * (1 + k)
+            for j, y in enumerate(found.y.T):
+                states[k, j] = one.on_constraints(times[j], y[None])[0]
+            messages[k] = "" if found.success else found.message
+        return uqmbd.extend.Trajectories(times, states, tuple(messages), uqmbd.extend.Counters(accelerations=1))
+
+    with pytest.raises(AssertionError, match="independence: .* in the reverse order .*, realisations change by"):
+        check_integrator(made(integrate=integrate))
 
 
 def _silent(ensemble, times, found):

@@ -21,6 +21,8 @@ import xarray as xr
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation import Propagator
 from uqmbd.results import load, save
+from uqmbd.testing.propagators.costs import check_costs
+from uqmbd.testing.propagators.distributions import check_quantiles, check_samples, check_stated_errors
 from uqmbd.testing.propagators.executors import Interrupter, Interruption, RecordingExecutor
 from uqmbd.testing.propagators.moments import check_moments, check_schema, difference
 from uqmbd.testing.propagators.subject import PropagatorUnderTest, quiet
@@ -197,6 +199,11 @@ def check_propagator(
     - *schema*: the node keeps to `uqmbd.results.validate`; outputs, inputs, units, times, options, seed are as given.
     - *moments*: mean and standard deviation of a thrown stone, an oscillator and a pendulum are right within errors
       that the method itself states and a tolerance; so are first-order Sobol' indices, where there are any.
+    - *quantiles*: they are those of the exact distribution, within the errors of their samples.
+    - *samples*: stored samples are draws of the joint distribution, and responses those of their inputs.
+    - *stated errors*: errors that the method states are not smaller than the true ones. A surrogate is compared with
+      the exact outputs at realisations that it has not seen.
+    - *costs*: stated and predicted realisations are those that are computed.
     - *storage*: the node is the same after a round trip through netCDF.
     - *label*: it names the node and its place in the result of a study; by default the registered name does.
     - *reproducibility*: the same object gives the same bits, and with other workers, too; another seed gives others.
@@ -250,6 +257,7 @@ def check_propagator(
             raise StudyError(f"check_propagator: there is no case {name!r}; there are: {', '.join(CASES)}.")
         _check_case(subject, name, tolerance)
     _check_schema(subject)
+    check_costs(subject)
     _check_label(subject)
     _check_reproducibility(subject, RecordingExecutor() if workers is None else workers, seeds=seeds)
     if failures:
@@ -270,6 +278,9 @@ def _check_case(subject: PropagatorUnderTest, name: str, tolerance: float) -> No
     node = subject.node(known.study, "moments")
     check_schema(node, subject.given, known.study, what)
     check_moments(node, known, tolerance, what)
+    check_stated_errors(node, known, what)
+    check_quantiles(node, known, tolerance, what)
+    check_samples(node, known, what)
 
 
 def _check_schema(subject: PropagatorUnderTest) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -24,15 +24,28 @@ RTOL = 1e-8
 
 GRAVITY = 9.81
 
+POPULATION = 22_500
+"""Points of the grid by which distributions are known: 150 by 150 of two inputs."""
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceSolution:
-    """Study with known moments of its outputs."""
+    """Study with known moments and outputs."""
 
     study: Study  # without propagators
     mean: Array  # (output, time) exact
     std: Array  # (output, time) exact
+    exact: Callable[[Array], Array]  # maps inputs (K, input), in the order of the study, to outputs (K, output, time)
     sobol_first: Array | None = None  # (input, output, time) first-order Sobol' indices; NaN where nothing varies
+
+    @cached_property
+    def population(self) -> Array:
+        """Outputs (N, output, time) at a regular grid of the inputs: equally probable values of the distribution."""
+        joint = self.study.mechanism.inputs
+        side = round(POPULATION ** (1 / len(joint)))
+        middle = (np.arange(side) + 0.5) / side
+        grid = np.stack(np.meshgrid(*[middle] * len(joint), indexing="ij"), axis=-1).reshape(-1, len(joint))
+        return self.exact(joint.from_uniform(grid))
 
 
 @cache
@@ -54,12 +67,12 @@ def stone() -> ReferenceSolution:
     total = parts.sum(axis=0)
     mean = np.array([3 * t - GRAVITY * t**2 / 2, 3 - GRAVITY * t])
     first = parts / np.where(total > 0, total, np.nan)
-    return ReferenceSolution(
-        Study("stone", mechanism, t, rtol=RTOL),
-        mean,
-        np.sqrt(total),
-        first,
-    )
+
+    def exact(values: Array) -> Array:
+        g, v = values.T[:, :, None]
+        return np.stack([v * t - g * t**2 / 2, v - g * t], axis=1)
+
+    return ReferenceSolution(Study("stone", mechanism, t, rtol=RTOL), mean, np.sqrt(total), exact, first)
 
 
 @cache
@@ -89,7 +102,7 @@ def oscillator() -> ReferenceSolution:
     square = (1 + expected_cosine(2 * t)) / 2
     std = np.sqrt(np.maximum(square - mean**2, 0) * (t > 0))
     study = Study("oscillator", mechanism, t, rtol=RTOL)
-    return ReferenceSolution(study, mean[None], std[None])
+    return ReferenceSolution(study, mean[None], std[None], lambda k: np.cos(np.sqrt(k[:, :, None]) * t))
 
 
 @cache
@@ -114,20 +127,24 @@ def pendulum() -> ReferenceSolution:
     mechanism.output("tip", rod.point((length / 2, 0))[0], units="m")
     t = np.linspace(0, 0.6, 5)
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    a, w = (x.ravel() for x in np.meshgrid(1 + 0.1 * nodes, 0.5 * nodes, indexing="ij"))
     weight = np.outer(weights, weights).ravel() / 4
-    slope = -1.5 * GRAVITY / a
 
-    def rates(_: float, y: Array) -> Array:
-        return np.concatenate([y[len(a) :], slope * np.cos(y[: len(a)])])
+    def exact(values: Array) -> Array:
+        a, w = values.T
 
-    found = solve_ivp(rates, (0, t[-1]), np.concatenate([0 * a, w]), "DOP853", t, rtol=1e-10, atol=1e-12)
-    angle = found.y[: len(a)]
-    values = np.array([angle, a[:, None] * np.cos(angle)])  # (output, node, time)
-    mean = np.einsum("k,okt->ot", weight, values)
-    variance = np.einsum("k,okt->ot", weight, (values - mean[:, None]) ** 2)
+        def rates(_: float, y: Array) -> Array:
+            return np.concatenate([y[len(a) :], -1.5 * GRAVITY / a * np.cos(y[: len(a)])])
+
+        found = solve_ivp(rates, (0, t[-1]), np.concatenate([0 * a, w]), "DOP853", t, rtol=1e-10, atol=1e-12)
+        angle = found.y[: len(a)]
+        return np.stack([angle, a[:, None] * np.cos(angle)], axis=1)
+
+    grid = np.stack(np.meshgrid(1 + 0.1 * nodes, 0.5 * nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    outputs = exact(grid)
+    mean = np.einsum("k,kot->ot", weight, outputs)
+    variance = np.einsum("k,kot->ot", weight, (outputs - mean) ** 2)
     study = Study("pendulum", mechanism, t, rtol=RTOL)
-    return ReferenceSolution(study, mean, np.sqrt(variance))
+    return ReferenceSolution(study, mean, np.sqrt(variance), exact)
 
 
 CASES: dict[str, Callable[[], ReferenceSolution]] = {"stone": stone, "oscillator": oscillator, "pendulum": pendulum}
