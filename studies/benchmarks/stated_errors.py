@@ -1,403 +1,740 @@
-"""Compare the stated error of aligned chaoses with the true error over the whole time, for eleven mechanisms.
+"""Compare every stated error with the true one, for forty mechanisms: the calibration of the stated errors.
 
-The stated error is the root mean square over the verification realisations, the true error that over 1,024 others.
-Both are over the standard deviation.  In both, half of the points are in the tails, with smaller weights.  With 1,024
-points that are distributed like the inputs, the root mean square itself is uncertain by more than a factor of two.  For
-the disc with weight and friction it is between 5.6e-4 and 2.0e-3, by four seeds.  With 8,192 such points it is 1.3e-3,
-with 1,024 in the tails 1.0e-3 to 1.1e-3.
+Each row is one kind of error of one mechanism, over repetitions with other seeds:
 
-At a time the errors agree if their ratio is between a half and two.  They also agree if both are below ``FLOOR``, where
-integration and interpolation errors dominate.  They should agree at nine of ten times, and the largest over time
-should agree.  Alignment does not help for two of the mechanisms.  One is a pendulum that swings in some realisations
-and turns in others; the other is a motion of two frequencies, of which a clock follows one.
+- ``integration``: root mean square and 99 % quantile of the error of the time integration;
+- ``mean``, ``standard deviation``: of 100 independent samples, and of 128 points of a Sobol' sequence;
+- ``quantile``: the bound of quantiles that are counted, against those of all stored samples;
+- ``first index``, ``total index``: Sobol' indices of 128 pairs of samples;
+- ``probability``: of a violation in 10 % of realisations, by samples and by the surrogate; in 2 % by reliability
+  analysis;
+- ``surrogate``: the verification error, against the error at 1,024 other realisations over the whole time;
+- ``alignment``: the error of ``alignment="auto"``, against its best member alone;
+- ``posterior``: 95 % intervals of a calibration with a record of inputs that are drawn from the prior.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/stated_errors.py [--verify N ...] [--only NAME ...]``.
+True values are those of reference solutions (`error_mechanisms`).  They are means over 131,072 points of a Sobol'
+sequence, over 4,096 where a mechanism has no closed form.  Outputs and times of one run are dependent, so shares of
+intervals count one mean share for each seed.
 
-With ``--integration`` the stated errors of the time integration are compared instead, for the same mechanisms and four
-more. The true errors are those of all samples against an integration at a thousandth of the tolerance. The root mean
-square is compared at each time, and the share of samples above the stated 99 % quantile is averaged over the times.
-Times at which the true error is below ``ROUNDING`` of the largest standard deviation do not count.
+A surrogate error is the root mean square over the standard deviation.  Half of its points are in the tails, with
+smaller weights.  With 1,024 points that are distributed like the inputs, the root mean square itself is uncertain by
+more than a factor of two.
+
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/stated_errors.py [--errors NAME ...] [--only MECHANISM ...]
+[--seeds N] [--workers N] [--table]``.  Rows go to ``docs/explanation/stated_errors.csv``; rows that are there are not
+computed again.  ``--table`` prints the table, and draws it in ``docs/pictures``.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
+import json
 import sys
+import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import chaospy
 import numpy as np
-import sympy
+import xarray as xr
+from scipy.stats import qmc
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-import slider_crank_rotating
+from error_mechanisms import CASES, Array, Case
 from measure import console, table_of
 
 import uqmbd
-from uqmbd.results import surrogate
+from uqmbd.report import Band, Chart, Curve, chart_figure
+from uqmbd.results import clopper_pearson, surrogate
+from uqmbd_calibration import Record, Series, calibrate
 from uqmbd_collocation import Collocation
-from uqmbd_contact import PlaneImpact
-from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
+from uqmbd_reliability import Reliability
 
-FLOOR = 1e-5
-"""Error over the standard deviation below which the integration contributes as much as the chaos."""
+__all__ = ["ERRORS", "Row", "rows_of"]
 
-SAMPLES = 1024
-"""Number of other realisations."""
+DOCS = HERE.parents[1] / "docs"
+STORED = DOCS / "explanation" / "stated_errors.csv"
+PICTURES = DOCS / "pictures"
 
-
-@dataclass(frozen=True)
-class Case:
-    """A mechanism, the times, s, the options of the chaos, and whether alignment helps.
-
-    Attributes
-    ----------
-    make : callable
-        Creates the mechanism.
-    end, count : float, int
-        Last time, s, and number of times.
-    options : dict
-        Options of `Collocation`.
-    helps : bool
-        Whether an aligned chaos stays accurate.
-    """
-
-    make: Callable[[], uqmbd.Mechanism]
-    end: float
-    count: int
-    options: Mapping[str, Any]
-    helps: bool = True
+SEEDS = 20
+FEWER = {"integration": 5, "quantile": 5, "surrogates": 5, "aligned": 3, "alignment": 1}
+"""Most repetitions of what is costly: many samples each, surrogates with few random parts, aligned surrogates."""
+LEAST = 0.92
+"""Least share of intervals that contain the true value."""
+AGREE = 0.5, 2.0
+"""Limits of a stated error over the true one."""
+NEAR = 0.9
+"""Least share of stated errors within these limits."""
+ABOVE = 0.02
+"""Largest share of realisations above the stated 99 % quantile."""
+FIFTH, LARGE, SMALL = 0.2, 1e-2, 1e-4
+"""Least stated over true surrogate error where that is above `LARGE`; those below `SMALL` do not count."""
+ROUNDING = 1e-10
+"""True error of the time integration, over the largest standard deviation, below which a time does not count."""
+POINTS, TIGHT, PAIRS = 17, 12, 14
+"""Binary logarithms of the numbers of points of true values: with a closed form, without one, and of indices."""
+KNOWN = 2e-3
+"""Error of true Sobol' indices."""
 
 
 @dataclass(frozen=True)
-class Agreement:
-    """Agreement of the stated and the true error.
+class Row:
+    """One kind of error of one mechanism.
 
     Attributes
     ----------
-    share : float
-        Share of times and outputs at which they agree.
-    largest : tuple of float
-        Largest stated and true error over time and outputs.
+    error, mechanism, kind : str
+        Kind of the error, the mechanism, and its kind.
+    seeds : int
+        Number of repetitions.
+    ratio, lowest, highest : float
+        Stated over true error: median, smallest and largest; NaN where there is no true error to compare with.
+    within : float
+        Share of these ratios from 0.5 to 2.
+    share, share_low, share_high : float
+        Share of intervals that contain the true value, and its 95 % interval.  Of ``integration``: share of samples
+        above the stated quantile.  Of ``surrogate``: share of large errors that are at most five times the stated one.
+        Of ``alignment``: share of times within the limit.
+    cost : float
+        Of ``integration`` and ``alignment``: accelerations over those of the samples, or of the costliest member.
+    holds : str
+        ``yes`` or ``no``; empty: there is nothing to compare.
+    seconds : float
+        Processor time of the row.
     """
 
-    share: float
-    largest: tuple[float, float]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the errors agree at nine of ten times, and the largest errors agree."""
-        stated, true = self.largest
-        return self.share >= 0.9 and 0.5 <= stated / true <= 2.0
-
-
-def random(name: str, distribution: Any, units: str = "") -> uqmbd.RandomVariable:
-    """Return an input."""
-    return uqmbd.RandomVariable(name, distribution, units=units)
-
-
-def oscillator(
-    stiffness: Any, damping: Any = 0.0, position: Any = 0.1, velocity: Any = 0.0, cubic: float = 0.0
-) -> uqmbd.Mechanism:
-    """Return a mass of 1 kg on a spring."""
-    made = uqmbd.Mechanism("oscillator", uqmbd.Line())
-    mass = made.body("mass", mass=1, position=position, velocity=velocity)
-    made.add(SpringDamper("spring", made.ground, mass, 0, 0, stiffness=stiffness, free_length=0, damping=damping))
-    if cubic:
-        made.add(PointForce("hardening", mass, 0, -cubic * mass.position[0] ** 3))
-    made.output("x", mass.position[0], units="m")
-    made.output("v", mass.velocity[0], units="m/s")
-    return made
+    error: str
+    mechanism: str
+    kind: str
+    seeds: int
+    ratio: float = np.nan
+    lowest: float = np.nan
+    highest: float = np.nan
+    within: float = np.nan
+    share: float = np.nan
+    share_low: float = np.nan
+    share_high: float = np.nan
+    cost: float = np.nan
+    holds: str = ""
+    seconds: float = 0.0
 
 
-def whole_turn() -> uqmbd.Mechanism:
-    """Return an oscillator with a random initial phase over a whole turn."""
-    phase = random("phase", chaospy.Uniform(0, 2 * np.pi), "rad")
-    return oscillator(random("k", chaospy.Uniform(90, 110), "N/m"), 0, 0.1 * sympy.cos(phase), -sympy.sin(phase))
+def judged(holds: bool) -> str:
+    """Return the word of a judgement."""
+    return "yes" if holds else "no"
 
 
-def two_frequencies() -> uqmbd.Mechanism:
-    """Return two oscillators of incommensurable frequencies, and the sum of their positions."""
-    made = uqmbd.Mechanism("two_frequencies", uqmbd.Line())
-    for name, mean in (("slow", 30.0), ("fast", 100.0)):
-        mass = made.body(name, mass=1, position=0.1)
-        stiffness = random(f"k_{name}", chaospy.Uniform(0.9 * mean, 1.1 * mean), "N/m")
-        made.add(SpringDamper(f"spring_{name}", made.ground, mass, 0, 0, stiffness=stiffness, free_length=0))
-        made.output(name, mass.position[0], units="m")
-    slow, fast = (body.position[0] for body in made.bodies.values())
-    made.output("sum", slow + fast, units="m")
-    return made
+def of_ratios(row: Row, ratios: Array) -> Row:
+    """Add the summary of stated over true errors (N,) to a row."""
+    ratios = np.asarray(ratios)[np.isfinite(ratios)]
+    if not len(ratios):
+        return row
+    within = float(((ratios >= AGREE[0]) & (ratios <= AGREE[1])).mean())
+    middle, low, high = float(np.median(ratios)), float(ratios.min()), float(ratios.max())
+    return replace(row, ratio=middle, lowest=low, highest=high, within=within)
 
 
-def disc(torque: Any, weight: float = 0.0, friction: Any = 0.0) -> uqmbd.Mechanism:
-    """Return a disc that a torque accelerates against an eccentric weight and friction."""
-    made = uqmbd.Mechanism("disc", uqmbd.Planar(gravity=(0, -9.81)))
-    body = made.body("disc", mass=1, inertia=0.5, position=(0, 0), angle=0.3)
-    made.add(Revolute("axle", made.ground, body, point_i=(0, 0), point_j=(0, 0)))
-    made.add(Torque("drive", body, torque=torque - weight * sympy.cos(body.angle)))
-    made.add(TorsionSpringDamper("friction", made.ground, body, stiffness=0, damping=friction))
-    made.output("height", body.point((0.2, 0))[1], units="m")
-    made.output("angle", body.angle, units="rad")
-    return made
+class Truth:
+    """Responses of a mechanism by its reference solution, or by an integration at a thousandth of the tolerance."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.mechanism = case.make()
+        self.inputs = self.mechanism.inputs
+        every = case.count - 1
+        self.coarse = case.times[np.unique(np.linspace(0, every, 6).round().astype(int))]
+
+    def study(
+        self, times: Array | None = None, rtol: float = 1e-6, mechanism: uqmbd.Mechanism | None = None
+    ) -> uqmbd.Study:
+        """Return the study, at few times by default."""
+        made = self.mechanism if mechanism is None else mechanism
+        if not made.outputs:
+            return uqmbd.Study("errors", made)
+        return uqmbd.Study("errors", made, self.coarse if times is None else times, rtol=rtol, start=self.case.start)
+
+    def responses(self, values: Array, times: Array) -> dict[str, Array]:
+        """Return the outputs (K, T), without a time (K, 1), for inputs (K, input)."""
+        if self.case.exact is not None:
+            by_name = {name: values[:, [k]] for k, name in enumerate(self.inputs.names)}
+            found = self.case.exact(by_name, times)
+            return {name: y if y.ndim == 2 else y[:, None] for name, y in found.items()}
+        run = self.study(times, 1e-9).problem(MonteCarlo()).realise(values)
+        response = np.where(run.good[:, None, None], run.response, np.nan)
+        return {name: response[:, k] for k, name in enumerate(self.mechanism.outputs)}
+
+    def drawn(self, power: int, width: int | None = None) -> Array:
+        """Return points of a Sobol' sequence in (0, 1)."""
+        points = qmc.Sobol(width or len(self.inputs), rng=np.random.default_rng(2026)).random_base2(power)
+        return np.clip(points, 1e-12, 1 - 1e-12)
+
+    @cached_property
+    def population(self) -> dict[str, Array]:
+        """Outputs at the few times for many inputs."""
+        power = TIGHT if self.case.exact is None else POINTS
+        return self.responses(self.inputs.from_uniform(self.drawn(power)), self.coarse)
+
+    @cached_property
+    def moments(self) -> dict[str, tuple[Array, Array]]:
+        """Mean and standard deviation (T,) of each output."""
+        return {name: (np.nanmean(y, axis=0), np.nanstd(y, axis=0)) for name, y in self.population.items()}
+
+    @cached_property
+    def indices(self) -> dict[str, tuple[Array, Array]]:
+        """First and total Sobol' indices (input, T), by estimators of Saltelli and Jansen."""
+        d = len(self.inputs)
+        both = self.drawn(PAIRS if self.case.exact is not None else 9, 2 * d)
+        one, two = both[:, :d], both[:, d:]
+        first, second = (self.responses(self.inputs.from_uniform(u), self.coarse) for u in (one, two))
+        parts: dict[str, list[tuple[Array, Array]]] = {name: [] for name in first}
+        for i in range(d):
+            mixed = one.copy()
+            mixed[:, i] = two[:, i]
+            third = self.responses(self.inputs.from_uniform(mixed), self.coarse)
+            for name, y in third.items():
+                a, b = first[name], second[name]
+                mean, variance = (a.mean(axis=0) + b.mean(axis=0)) / 2, (a.var(axis=0) + b.var(axis=0)) / 2
+                variance = np.where(variance > 0, variance, np.nan)
+                # Saltelli's estimator is exact where the input has no effect, Jansen's where it has all of it
+                small = ((b - mean) * (y - a)).mean(axis=0) / variance
+                large = 1 - ((b - y) ** 2).mean(axis=0) / 2 / variance
+                total = ((a - y) ** 2).mean(axis=0) / 2 / variance
+                parts[name].append((np.where(total < 0.5, small, large), total))
+        return {name: (np.array([p[0] for p in own]), np.array([p[1] for p in own])) for name, own in parts.items()}
 
 
-def pendulum(length: Any, speed: Any) -> uqmbd.Mechanism:
-    """Return a point mass on a rod that starts in the lower position."""
-    made = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
-    rod = made.body(
-        "rod",
-        mass=1,
-        inertia=0,
-        position=(0, -length),
-        angle=-sympy.pi / 2,
-        velocity=(speed * length, 0),
-        angular_velocity=speed,
-    )
-    pivot = made.add(Revolute("pivot", made.ground, rod, point_i=(0, 0), point_j=(-length, 0)))
-    made.output("height", rod.position[1], units="m")
-    made.output("force", pivot.reaction_force[1], units="N")
-    return made
+def stated(node: xr.DataTree, variable: str) -> Iterator[tuple[str, Array]]:
+    """Yield each output and its values (..., T); those without a time have one."""
+    for path in ("statistics", "scalars/statistics"):
+        if path.split("/")[0] in node.children and variable in node[path]:
+            data = node[path].dataset[variable]
+            timed = "time" in data.dims
+            for name in map(str, data["output"].values):
+                values = data.sel(output=name)
+                yield name, values.transpose(..., "time").values if timed else values.values[..., None]
 
 
-def chain() -> uqmbd.Mechanism:
-    """Make three bodies on a line with dampers, whose fast modes decay."""
-    made = uqmbd.Mechanism("chain", uqmbd.Line())
-    before: Any = made.ground
-    for number, (stiffness, damping) in enumerate([(100.0, 10.0), (2e3, 90.0), (5e3, 150.0)]):
-        body = made.body(f"body_{number}", mass=1 + number, position=0.1 * (number + 1))
-        drawn = random(f"k_{number}", chaospy.Uniform(0.8 * stiffness, 1.2 * stiffness), K)
-        made.add(SpringDamper(f"spring_{number}", before, body, 0, 0, stiffness=drawn, damping=damping, free_length=0))
-        before = body
-    made.output("x", before.position[0], units="m")
-    made.output("v", before.velocity[0], units="m/s")
-    made.output("a", before.acceleration[0], units="m/s^2")
-    return made
+def coverage(row: Row, hits: Sequence[float], errors: Sequence[Array], said: Sequence[Array]) -> Row:
+    """Add the share of seeds (N,) whose intervals hold, and the ratio of root mean squares of the seeds."""
+    if not len(hits):
+        return row
+    share, count = float(np.mean(hits)), len(hits)
+    low, high = (float(end) for end in clopper_pearson(round(share * count), count))
+    with np.errstate(all="ignore"):
+        true, told = (np.sqrt(np.nanmean(np.square(x), axis=0)) for x in (np.array(errors), np.array(said)))
+        row = of_ratios(row, np.where(true > 0, told / true, np.nan).ravel())
+    return replace(row, share=share, share_low=low, share_high=high, holds=judged(high >= LEAST))
 
 
-def kink() -> uqmbd.Mechanism:
-    """Make an oscillator whose spring is stiffer on one side."""
-    made = uqmbd.Mechanism("kink", uqmbd.Line())
-    mass = made.body("mass", mass=1, position=random("start", chaospy.Uniform(0.08, 0.12), "m"))
-    stiffness = random("k", chaospy.Uniform(90, 110), K)
-    way = mass.position[0]
-    made.add(PointForce("spring", mass, 0, -stiffness * way - 150 * sympy.Max(way, 0)))
-    made.output("x", way, units="m")
-    made.output("v", mass.velocity[0], units="m/s")
-    return made
+def clear(truth: Truth, name: str) -> Array:
+    """Return at which of the few times (T,) an output varies."""
+    std = truth.moments[name][1]
+    return std > 1e-6 * np.nanmax(std) if np.nanmax(std) > 0 else np.zeros(std.shape, dtype=bool)
 
 
-def friction() -> uqmbd.Mechanism:
-    """Make an oscillator with smoothed dry friction."""
-    made = oscillator(random("k", chaospy.Uniform(90, 110), K), velocity=1.0)
-    mass = made.bodies["mass"]
-    limit = random("limit", chaospy.Uniform(0.1, 0.3), "N")
-    made.add(PointForce("friction", mass, 0, -limit * sympy.tanh(50 * mass.velocity[0])))
-    return made
+# kinds of errors
 
 
-def ball() -> uqmbd.Mechanism:
-    """Make a ball that a spring pulls to a floor, on which it bounces."""
-    made = uqmbd.Mechanism("ball", uqmbd.Line(gravity=-9.81))
-    body = made.body("ball", mass=1, position=random("drop", chaospy.Uniform(0.9, 1.1), "m"))
-    made.add(PlaneImpact("floor", made.ground, body, 0, 0, 1, restitution=0.7))
-    stiffness = random("k", chaospy.Uniform(150, 250), K)
-    made.add(SpringDamper("spring", made.ground, body, 0, 0, stiffness=stiffness, free_length=0))
-    made.output("height", body.position[0], units="m")
-    return made
+def sampling(row: Row, truth: Truth, seeds: int) -> list[Row]:
+    """Compare standard errors of means and standard deviations."""
+    study, found = truth.study(), []
+    for design, samples, words in (("random", 100, ""), ("sobol", 128, ", Sobol' points")):
+        hits: dict[str, list[float]] = {"mean": [], "std": []}
+        off: dict[str, list[Array]] = {"mean": [], "std": []}
+        said: dict[str, list[Array]] = {"mean": [], "std": []}
+        for seed in range(seeds):
+            node = study.propagate(MonteCarlo(samples=samples, sampling=design, seed=seed))
+            for k, statistic in enumerate(("mean", "std")):
+                errors = dict(stated(node, f"std_error_{statistic}"))
+                parts = [
+                    (value - truth.moments[name][k], errors[name], clear(truth, name), truth.moments[name][1])
+                    for name, value in stated(node, statistic)
+                    if name in truth.moments
+                ]
+                wrong, error, own, std = (np.concatenate(one) for one in zip(*parts, strict=True))
+                wrong, error = wrong[own] / std[own], error[own] / std[own]
+                hits[statistic].append(float((np.abs(wrong) <= 1.96 * error).mean()))
+                off[statistic].append(wrong)
+                said[statistic].append(error)
+        for statistic, title in (("mean", "mean"), ("std", "standard deviation")):
+            own_row = replace(row, error=title + words)
+            found.append(coverage(own_row, hits[statistic], off[statistic], said[statistic]))
+    return found
 
 
-K = "N/m"
-CASES: dict[str, Case] = {
-    "oscillator": Case(lambda: oscillator(random("k", chaospy.Uniform(90, 110), K)), 60, 601, {"order": 4}),
-    "oscillator, normal": Case(lambda: oscillator(random("k", chaospy.Normal(100, 4), K)), 60, 601, {"order": 3}),
-    "start phase over a turn": Case(whole_turn, 20, 401, {"order": 6}),
-    "damped oscillator": Case(
-        lambda: oscillator(
-            random("k", chaospy.Uniform(90, 110), K), random("c", chaospy.Uniform(0.01, 0.03), "N s/m")
-        ),
-        40, 801, {"order": 3},
-    ),
-    "hardening spring": Case(
-        lambda: oscillator(100.0, position=random("begin", chaospy.Normal(0.3, 0.03), "m"), cubic=800.0),
-        30, 601, {"order": 4},
-    ),
-    "disc, normal torque": Case(
-        lambda: disc(random("torque", chaospy.Normal(1.0, 0.05), "N m")), 14.2, 285, {"order": 4}
-    ),
-    "disc, weight and friction": Case(
-        lambda: disc(
-            random("torque", chaospy.LogNormal(0.3, 0.1), "N m"), 0.5, random("c", chaospy.Uniform(0.1, 0.12), "N m s")
-        ),
-        12, 241, {"order": 4},
-    ),
-    "rotating slider-crank": Case(lambda: slider_crank_rotating.mechanism, 18.0, 901, {"order": 3}),
-    "pendulum": Case(
-        lambda: pendulum(
-            random("length", chaospy.Normal(1.0, 0.02), "m"), random("speed", chaospy.Uniform(2.0, 3.0), "rad/s")
-        ),
-        60, 1201, {"order": 3},
-    ),
-    "pendulum that may turn": Case(
-        lambda: pendulum(1.0, random("speed", chaospy.Uniform(5.0, 8.0), "rad/s")),
-        6, 121, {"order": 3, "max_elements": 6}, helps=False,
-    ),
-    "two frequencies": Case(two_frequencies, 20, 401, {"order": 3}, helps=False),
+def quantiles(row: Row, truth: Truth, seeds: int) -> list[Row]:
+    """Compare the bounds of counted quantiles with the quantiles of all samples."""
+    study, hits, ratios = truth.study(), [], []
+    for seed in range(seeds):
+        counted = study.propagate(MonteCarlo(samples=500, keep=50, seed=seed))
+        stored = study.propagate(MonteCarlo(samples=500, seed=seed))
+        value, bound, right = (
+            np.concatenate([y.ravel() for _, y in stated(node, name)])
+            for node, name in ((counted, "quantile"), (counted, "quantile_error"), (stored, "quantile"))
+        )
+        known = np.isfinite(right)
+        off = np.abs(value - right)[known]
+        scale = np.abs(right[known]).max()
+        hits.append(float((off <= bound[known] + 1e-12 * scale).mean()))
+        ratios.append(
+            np.sqrt(np.mean(bound[known] ** 2) / max(np.mean(off**2), 1e-300)) if off.max() > 1e-9 * scale else np.nan
+        )
+    return [replace(of_ratios(coverage(row, hits, [], []), np.array(ratios)), holds=judged(min(hits) == 1.0))]
+
+
+def indices(row: Row, truth: Truth, seeds: int) -> list[Row]:
+    """Compare the intervals of Sobol' indices."""
+    study, found = truth.study(), []
+    methods = [MonteCarlo(samples=256, sobol_indices=True, seed=seed) for seed in range(seeds)]
+    if len(truth.inputs) < 2 or methods[0].obstacle(study):
+        return []
+    nodes = [study.propagate(method) for method in methods]
+    for k, (name, title) in enumerate((("sobol_first", "first index"), ("sobol_total", "total index"))):
+        hits, off, said = [], [], []
+        for node in nodes:
+            values, parts = dict(stated(node, name)), []
+            for output, (low, high) in stated(node, f"{name}_interval"):
+                if output not in truth.indices:
+                    continue
+                own = (
+                    clear(truth, output)
+                    & np.isfinite(truth.indices[output][k]).all(axis=0)
+                    & np.isfinite(low).all(axis=0)
+                )
+                parts.append([x[:, own].ravel() for x in (values[output], low, high, truth.indices[output][k])])
+            value, low, high, right = (np.concatenate(one) for one in zip(*parts, strict=True))
+            if len(value):
+                hits.append(float(((low - KNOWN <= right) & (right <= high + KNOWN)).mean()))
+                off.append(np.where(np.abs(value - right) > KNOWN, value - right, np.nan))
+                said.append((high - low) / (2 * 1.96))
+        found.append(coverage(replace(row, error=title), hits, off, said))
+    return found
+
+
+def required(truth: Truth, share: float) -> tuple[uqmbd.Mechanism, str, float]:
+    """Return the mechanism with a requirement that a `share` of realisations violates, its name, and the true share."""
+    made = truth.case.make()
+    name = next(iter([*made.outputs, *made.scalars]))
+    last = truth.population[name][:, -1]
+    level = float(f"{np.quantile(last, 1 - share):.5g}")
+    expression = uqmbd.final(made.outputs[name].expression) if name in made.outputs else made.scalars[name].expression
+    title = f"last {share:.0%}".replace(" ", "_").replace("%", "_percent")
+    if title not in made.requirements:
+        made.require(title, expression <= level)
+    return made, title, float((last > level).mean())
+
+
+def probabilities(row: Row, truth: Truth, seeds: int) -> list[Row]:
+    """Compare the intervals of probabilities."""
+    options = truth.case.options
+    methods: list[tuple[str, float, Callable[[int], uqmbd.extend.Propagator]]] = [
+        ("probability", 0.1, lambda seed: MonteCarlo(samples=100, seed=seed))
+    ]
+    if options:
+        methods.append(("probability, surrogate", 0.1, lambda seed: Collocation(seed=seed, **options)))
+    if truth.case.exact is not None and len(truth.inputs) < 20:
+        methods.append(
+            ("probability, reliability", 0.02, lambda seed: Reliability(seed=seed, requirement="last_2_percent"))
+        )
+    found = []
+    for title, wanted, method in methods:
+        made, name, share = required(truth, wanted)
+        study = truth.study(mechanism=made)
+        hits, off, said = [], [], []
+        for seed in range(seeds if "surrogate" not in title else min(seeds, FEWER["surrogates"])):
+            try:
+                data = study.propagate(method(seed))["requirements"].to_dataset().sel(requirement=name)
+            except uqmbd.UqmbdError as error:
+                print(f"{title}, {row.mechanism}: {error}", file=sys.stderr)
+                break
+            low, high = data["interval"].values
+            hits.append(float(low <= share <= high))
+            off.append(np.array([float(data["violation_probability"]) - share]))
+            said.append(np.array([(high - low) / (2 * 1.96)]))
+        found.append(coverage(replace(row, error=title, seeds=len(hits)), hits, off, said))
+    return found
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Surrogate errors over the standard deviation, shape (output, time), accelerations, and families of alignment."""
+
+    stated: Array
+    true: Array
+    cost: float
+    families: tuple[str, ...]
+
+
+def verified(truth: Truth, seed: int = 0, points: int = 1024, **options: Any) -> Verified:
+    """Compute a surrogate and its errors at other realisations."""
+    study = truth.study(truth.case.times, 1e-8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        node = study.propagate(Collocation(seed=seed, **{**truth.case.options, **options}))
+    chaos = surrogate(node)
+    drawn = uqmbd.extend.VerificationPoints.drawn(chaos.space, points, 20_000, 0)
+    known = truth.__dict__.setdefault("_others", {})
+    if points not in known:
+        known[points] = truth.responses(chaos.space.to_inputs(drawn.germs), truth.case.times)
+    right = np.stack([known[points][name] for name in truth.mechanism.outputs], axis=1)
+    wrong = chaos.evaluate_germs(drawn.germs) - right
+    # a few in a thousand are farther out than any sample of the statistics, where phases are unknown
+    kept = np.isfinite(wrong).all(axis=(1, 2))
+    if kept.mean() < 0.98:
+        raise uqmbd.UqmbdError(f"the surrogate has no value at {1 - kept.mean():.1%} of the points")
+    weights = drawn.weights[kept] / drawn.weights[kept].sum()
+    spread = np.maximum(chaos.std, 0.01 * chaos.std.max(axis=1, keepdims=True))
+    true = np.sqrt(np.tensordot(weights, wrong[kept] ** 2, axes=1)) / spread
+    stated_error = node["statistics"]["verification_error"].transpose("output", "time").values
+    cost = json.loads(node.attrs["solver_counters"])["accelerations"]
+    families = node["families"]["family"].values.tolist() if "families" in node.children else ["plain"]
+    return Verified(stated_error, true, float(cost), tuple(families))
+
+
+def surrogates(row: Row, truth: Truth, seeds: int, **options: Any) -> list[Row]:
+    """Compare verification errors; with an alignment where the case has one."""
+    if not truth.case.options:
+        return []
+    if truth.case.helps is not None:
+        options = {"alignment": "phase", **options}
+    count = seeds if truth.case.helps is None else min(seeds, FEWER["aligned"])
+    every = [verified(truth, seed, **options) for seed in range(count)]
+    told, true = (np.stack([getattr(one, name) for one in every]) for name in ("stated", "true"))
+    counted = true > SMALL
+    if not counted.any():
+        return [replace(row, seeds=count)]
+    row = of_ratios(replace(row, seeds=count), told[counted] / true[counted])
+    large = true > LARGE
+    least = float((told[large] / true[large]).min()) if large.any() else np.nan
+    share = float((told[large] / true[large] >= FIFTH).mean()) if large.any() else np.nan
+    holds = row.within >= NEAR and not least < FIFTH
+    return [replace(row, share=share, holds=judged(holds))]
+
+
+MEMBERS: Mapping[str, Any] = {
+    "plain": None, "events": "events", "phase": "phase", "two-frequency": "two-frequency",
+    "events+phase": ("events", "phase"),
 }  # fmt: skip
 
 
-INTEGRATION: dict[str, Case] = {
-    **{name: replace(case, end=min(case.end, 20.0), count=min(case.count, 201)) for name, case in CASES.items()},
-    "damped chain": Case(chain, 4.0, 201, {}),
-    "spring with a kink": Case(kink, 10.0, 201, {}),
-    "dry friction": Case(friction, 5.0, 201, {}),
-    "bouncing ball": Case(ball, 1.2, 121, {}),
-}
+def alignment(row: Row, truth: Truth, seeds: int) -> list[Row]:
+    """Compare the errors of ``alignment="auto"`` with those of its best member, and its cost with the costliest."""
+    if not truth.case.options or truth.case.options.get("method"):
+        return []
+    ratios, shares, costs, count = [], [], [], seeds
+    scale = np.nanstd(truth_over_time(truth), axis=0).max(axis=1, keepdims=True)
+    for seed in range(count):
+        chosen = verified(truth, seed, 256, alignment="auto")
+        members = {name: verified(truth, seed, 256, alignment=MEMBERS[name]) for name in chosen.families}
+        best = np.min([one.true for one in members.values()], axis=0)
+        limit = 1.5 * best + 1e-3 * scale / np.maximum(np.nanstd(truth_over_time(truth), axis=0), 0.01 * scale)
+        ratios.append((chosen.true / limit).ravel())
+        shares.append(float((chosen.true <= limit).mean()))
+        costs.append(chosen.cost / max(one.cost for one in members.values()))
+    found = np.concatenate(ratios)
+    cost = float(max(costs))
+    return [
+        replace(
+            row,
+            seeds=count,
+            ratio=float(np.median(found)),
+            lowest=float(found.min()),
+            highest=float(found.max()),
+            share=float(np.mean(shares)),
+            cost=cost,
+            holds=judged(bool(found.max() <= 1.0) and cost <= 1.1),
+        )  # fmt: skip
+    ]
 
-ROUNDING = 1e-10
-"""True error of the time integration, over the largest standard deviation, below which a time does not count."""
+
+def truth_over_time(truth: Truth) -> Array:
+    """Return 1,024 responses (K, output, time) over the whole time."""
+    known = truth.__dict__.setdefault("_over_time", {})
+    if not known:
+        found = truth.responses(truth.inputs.from_uniform(truth.drawn(10)), truth.case.times)
+        known["all"] = np.stack([found[name] for name in truth.mechanism.outputs], axis=1)
+    return known["all"]
 
 
-@dataclass(frozen=True)
-class Integration:
-    """How the stated and the true error of the time integration compare.
+def integration(row: Row, truth: Truth, seeds: int, samples: int = 500, rtol: float = 1e-6) -> list[Row]:
+    """Compute samples, compare all of them with the reference, and compare the errors."""
+    case = truth.case
+    if case.count < 3:
+        return []
+    times = np.linspace(0, min(case.end, 20.0), min(case.count, 201))
+    if case.kind == "controller":
+        times = case.times
+    study, check = truth.study(times, rtol), truth.study(times, 1e-2 * rtol)
+    ratios, above, costs = [], [], []
+    for seed in range(seeds):
+        node = study.propagate(method := MonteCarlo(samples=samples, seed=seed + 1))
+        values = node["samples"]["inputs"].transpose("sample", "input").values
+        first = study.problem(method).realise(values)
+        exact = truth.responses(values, times)
+        right = np.stack([exact[name] for name in truth.mechanism.outputs], axis=1)
+        good = first.good & np.isfinite(right).all(axis=(1, 2))
+        true = np.abs(first.response[good] - right[good])
+        names = ("integration_error_rms", "integration_error")
+        rms, quantile = (node["statistics"][name].transpose("output", "time").values for name in names)
+        true_rms = np.sqrt((true**2).mean(axis=0))
+        counted = true_rms > ROUNDING * first.response[good].std(axis=0).max(axis=1, keepdims=True)
+        ratios += [
+            float(np.sqrt((rms[k][own] ** 2).mean() / (true_rms[k][own] ** 2).mean()))
+            for k, own in enumerate(counted)
+            if own.any()
+        ]
+        if counted.any():
+            above.append(float((true > quantile).mean(axis=0)[counted].mean()))
+        repeated = node["statistics"]["integration_error"].attrs.get("realisations", 0)
+        if seed == 0:
+            other = check.problem(method).realise(values[:50])
+            costs.append(repeated / 50 * other.counters["accelerations"] / first.counters["accelerations"])
+    row = of_ratios(replace(row, cost=float(costs[0])), np.array(ratios))
+    if not ratios:
+        return [row]
+    share, count = float(np.mean(above)), samples * seeds
+    low, high = (float(end) for end in clopper_pearson(round(share * count), count))
+    holds = row.within >= NEAR and share <= ABOVE
+    return [replace(row, share=share, share_low=low, share_high=high, holds=judged(holds))]
 
-    Attributes
+
+def posterior(row: Row, truth: Truth, seeds: int, noise: float = 0.05, measured: int = 20) -> list[Row]:
+    """Draw inputs from the prior, calibrate with records of them, and compare the 95 % intervals."""
+    case = truth.case
+    if not case.calibrated or case.exact is None:
+        return []
+    names = truth.inputs.names
+    end = min(case.end, 20.0)
+    times = case.times[case.times <= end * (1 + 1e-9)]
+    times = times[np.unique(np.linspace(0, len(times) - 1, measured + 1).round().astype(int))[1:]]
+    hits, off, said = [], [], []
+    outputs = {**truth.mechanism.outputs, **truth.mechanism.scalars}
+    prior = truth.inputs.from_uniform(truth.drawn(10)).std(axis=0)
+    for seed in range(seeds):
+        draw = np.random.default_rng(seed)
+        values = truth.inputs.from_uniform(draw.uniform(size=(1, len(names))))
+        exact = truth.responses(values, times)
+        series = []
+        for name in list(exact)[: 1 if truth.mechanism.outputs else 2]:
+            std = noise * float(np.nanmax(truth.moments[name][1]))
+            y = exact[name][0] + std * draw.normal(size=exact[name].shape[1])
+            at = times if name in truth.mechanism.outputs else []
+            series.append(Series(name, at, y, outputs[name].units, std))
+        found = calibrate(truth.study(case.times), Record("run", series), seed=seed, draws=2000)
+        data = found.tree["posterior"].dataset
+        draws = np.stack([data[name].values.ravel() for name in names], axis=1)
+        low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+        hits.append(float(((low <= values[0]) & (values[0] <= high)).mean()))
+        off.append((draws.mean(axis=0) - values[0]) / prior)
+        said.append(draws.std(axis=0) / prior)
+    return [coverage(row, hits, off, said)]
+
+
+ERRORS: Mapping[str, Callable[..., list[Row]]] = {
+    "integration": integration, "sampling": sampling, "quantile": quantiles, "indices": indices,
+    "probability": probabilities, "surrogate": surrogates, "alignment": alignment, "posterior": posterior,
+}  # fmt: skip
+"""Functions of the rows, by what ``--errors`` names."""
+
+
+def rows_of(error: str, mechanism: str, seeds: int = SEEDS, **options: Any) -> list[Row]:
+    """Return the rows of one kind of errors of one mechanism.
+
+    Parameters
     ----------
-    share : float
-        Part of the times and outputs at which the stated root mean square is 0.5 to 2 times the true one.
-    within : float
-        Part of the times and outputs at which it is within its stated factor.
-    ratios : tuple of float
-        Smallest and largest ratio, over outputs, of the root mean squares over all times.
-    above : float
-        Part of the samples, over times and outputs, whose error exceeds the stated quantile.
-    cost : float
-        Accelerations of the integrations that measure the error, over those of the samples.
+    error, mechanism : str
+        Keys of `ERRORS` and `CASES`.
+    seeds : int
+        Number of repetitions.
+    **options
+        Options of the function in `ERRORS`.
+
+    Returns
+    -------
+    list of Row
     """
-
-    share: float
-    within: float
-    ratios: tuple[float, float]
-    above: float
-    cost: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether the root mean square over time is known to a factor of two, and 98 % of samples are below."""
-        return min(self.ratios) >= 0.5 and max(self.ratios) <= 2.0 and self.above <= 0.02
-
-
-def integrated(case: Case, samples: int = 500, seed: int = 0, rtol: float = 1e-6) -> Integration:
-    """Compute samples, integrate all of them again, and compare the errors."""
-    made, method = case.make(), MonteCarlo(samples=samples, seed=seed + 1)
-    times = np.linspace(0, case.end, case.count)
-    study = uqmbd.Study(made.name, made, times=times, rtol=rtol, propagators=[method])
-    tight = uqmbd.Study(made.name, made, times=times, rtol=1e-3 * rtol, propagators=[method])
-    check = uqmbd.Study(made.name, made, times=times, rtol=1e-2 * rtol, propagators=[method])
+    case, begin, count = CASES[mechanism], time.process_time(), min(seeds, FEWER.get(error, seeds))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        node = study.propagate(method)
-        values = node["samples"]["inputs"].transpose("sample", "input").values
-        first, again, other = (one.problem(method).realise(values) for one in (study, tight, check))
-    names = ("integration_error_rms", "integration_error_factor", "integration_error")
-    rms, factor, quantile = (node["statistics"][name].transpose("output", "time").values for name in names)
-    good = first.good & again.good
-    true = np.abs(first.response[good] - again.response[good])
-    true_rms = np.sqrt((true**2).mean(axis=0))
-    counted = true_rms > ROUNDING * first.response[good].std(axis=0).max(axis=1, keepdims=True)
-    ratio = (rms / np.where(counted, true_rms, 1.0))[counted]
-    whole = [
-        np.sqrt((rms[k][own] ** 2).mean() / (true_rms[k][own] ** 2).mean())
-        for k, own in enumerate(counted)
-        if own.any()
-    ]
-    repeated = node["statistics"]["integration_error"].attrs["realisations"]
-    per = other.counters["accelerations"] / first.counters["accelerations"]
-    return Integration(
-        float(((ratio >= 0.5) & (ratio <= 2.0)).mean()),
-        float((np.abs(np.log(ratio)) <= np.log(factor[counted]) + 1e-9).mean()),
-        (float(min(whole)), float(max(whole))),
-        float((true > quantile).mean(axis=0)[counted].mean()),
-        float(repeated / len(values) * per),
-    )
+        found = ERRORS[error](Row(error, mechanism, case.kind, count), Truth(case), count, **options)
+    spent = time.process_time() - begin
+    return [replace(row, seconds=round(spent / len(found), 2)) for row in found]
 
 
-def integration_table(names: Sequence[str], seeds: int) -> None:
-    """Print the table of the errors of the time integration."""
+# the table
+
+
+def stored(path: Path) -> list[Row]:
+    """Read rows."""
+    if not path.exists():
+        return []
+    types = {one.name: {"str": str, "int": int, "float": float}[str(one.type)] for one in fields(Row)}
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            Row(**{name: types[name](value if value or types[name] is str else "nan") for name, value in row.items()})
+            for row in csv.DictReader(file)
+        ]
+
+
+def store(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows in the order of errors and mechanisms; numbers have four digits."""
+    order = {name: k for k, name in enumerate(TITLES)}, {name: k for k, name in enumerate(CASES)}
+    rows = sorted(rows, key=lambda row: (order[0].get(row.error, 99), order[1].get(row.mechanism, 99)))
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([one.name for one in fields(Row)])
+        for row in rows:
+            values = [getattr(row, one.name) for one in fields(Row)]
+            writer.writerow(["" if v != v else f"{v:.4g}" if isinstance(v, float) else v for v in values])
+
+
+TITLES: Mapping[str, str] = {
+    "integration": "integration", "mean": "sampling", "standard deviation": "sampling",
+    "mean, Sobol' points": "sampling", "standard deviation, Sobol' points": "sampling", "quantile": "quantile",
+    "first index": "indices", "total index": "indices", "probability": "probability",
+    "probability, surrogate": "probability", "probability, reliability": "probability", "surrogate": "surrogate",
+    "alignment": "alignment", "posterior": "posterior",
+}  # fmt: skip
+"""Kinds of rows, and the functions of `ERRORS` that compute them."""
+
+
+def summary(rows: Sequence[Row]) -> list[Row]:
+    """Return one row for each kind of error: medians and extremes over mechanisms, and the share of all seeds."""
+    found = []
+    for error in TITLES:
+        own = [row for row in rows if row.error == error and row.holds]
+        if not own:
+            continue
+        weights = np.array([row.seeds for row in own], dtype=float)
+
+        def mean(name: str, own: Sequence[Row] = own, weights: Array = weights) -> float:
+            values = np.array([getattr(row, name) for row in own])
+            known = np.isfinite(values)
+            return float(np.average(values[known], weights=weights[known])) if known.any() else np.nan
+
+        ratios = np.array([row.ratio for row in own if np.isfinite(row.ratio)])
+        share, count = mean("share"), int(weights.sum())
+        low, high = clopper_pearson(round(share * count), count)
+        yes = sum(row.holds == "yes" for row in own)
+        found.append(
+            Row(
+                error,
+                f"{yes} of {len(own)}",
+                "",
+                count,
+                float(np.median(ratios)),
+                float(ratios.min()),
+                float(ratios.max()),
+                mean("within"),
+                share,
+                float(low),
+                float(high),
+                mean("cost"),
+                judged(yes == len(own)),
+                sum(row.seconds for row in rows if row.error == error),
+            )  # fmt: skip
+        )
+    return found
+
+
+def show(rows: Sequence[Row]) -> None:
+    """Print the table of a kind of error or of all."""
     columns = (
+        "error",
         "mechanism",
-        "seed",
-        "rms, stated over true",
-        "times within 0.5 to 2",
-        "within factor",
-        "above 99 %",
+        "seeds",
+        "stated over true",
+        "range",
+        "within 0.5 to 2",
+        "share",
+        "interval",
         "cost",
         "holds",
+        "s",
     )
-    table = table_of("Stated and true error of the time integration", *columns)
-    for name in names:
-        for seed in range(seeds):
-            found = integrated(INTEGRATION[name], seed=seed)
-            ratios = " to ".join(f"{ratio:.2f}" for ratio in found.ratios)
-            shares = (f"{share:.1%}" for share in (found.share, found.within, found.above, found.cost))
-            table.add_row(name, str(seed), ratios, *shares, "yes" if found.holds else "no")
+    table = table_of("Stated and true errors", *columns)
+    for row in rows:
+        shares = ["" if v != v else f"{v:.1%}" for v in (row.within, row.share)]
+        interval = "" if row.share_low != row.share_low else f"{row.share_low:.1%} to {row.share_high:.1%}"
+        cost = "" if row.cost != row.cost else f"{row.cost:.2f}"
+        numbers = f"{row.ratio:.2f}", f"{row.lowest:.2g} to {row.highest:.2g}"
+        table.add_row(
+            row.error, row.mechanism, str(row.seeds), *numbers, *shares, interval, cost, row.holds, f"{row.seconds:.0f}"
+        )
     console.print(table)
 
 
-def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
-    """Compute the aligned chaos and other realisations, and compare the errors."""
-    made = case.make()
-    times = np.linspace(0, case.end, case.count)
-    study = uqmbd.Study(made.name, made, times=times, rtol=1e-8, propagators=[])
-    options = dict(case.options) if verify is None else {**case.options, "verify": verify}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        node = study.propagate(Collocation(alignment="phase", seed=seed, **options))
-    chaos = surrogate(node)
-    points = uqmbd.extend.VerificationPoints.drawn(chaos.space, SAMPLES, 20_000 + seed, 0)
-    others = study.problem(Collocation()).realise(chaos.space.to_inputs(points.germs))
-    known = points[others.good]
-    wrong = chaos.evaluate_germs(known.germs) - others.response[others.good]
-    # a few in a thousand are farther out than any sample of the statistics, where phases are unknown
-    kept = np.isfinite(wrong).all(axis=(1, 2))
-    assert kept.mean() > 0.98
-    wrong, weights = wrong[kept], known.weights[kept]
-    spread = np.maximum(chaos.std, 0.01 * chaos.std.max(axis=1, keepdims=True))
-    true = np.sqrt(np.tensordot(weights / weights.sum(), wrong**2, axes=1)) / spread
-    stated = node["statistics"]["verification_error"].transpose("output", "time").values
-    same = (np.maximum(true, stated) < FLOOR) | ((stated >= true / 2) & (stated <= 2 * true))
-    return Agreement(float(same.mean()), (float(stated.max()), float(true.max())))
+GROUPS: Mapping[str, Sequence[str]] = {
+    "stated_errors.png": ("integration", "surrogate", "mean", "standard deviation"),
+    "stated_errors_of_intervals.png": (
+        "first index", "total index", "probability", "probability, reliability", "posterior",
+    ),
+}  # fmt: skip
+"""Kinds of errors in each picture."""
+
+
+def chart(rows: Sequence[Row], group: Sequence[str]) -> Chart:
+    """Chart stated over true errors of the mechanisms: the median, two quantiles and the range."""
+    own = {error: np.array([row.ratio for row in rows if row.error == error]) for error in group}
+    ratios = {error: of[np.isfinite(of)] for error, of in own.items() if np.isfinite(of).any()}
+    low, below, middle, above, high = (
+        np.array([np.quantile(of, q) for of in ratios.values()]) for q in (0, 0.1, 0.5, 0.9, 1)
+    )
+    curves = [
+        Curve("median", middle, (Band("all mechanisms", low, high, bars=True),), drawn="points"),
+        Curve("one of ten mechanisms is below", below, drawn="points"),
+        Curve("one of ten mechanisms is above", above, drawn="points"),
+    ]
+    ends = float(min(low.min() / 1.5, 0.3)), float(max(high.max() * 1.5, 3.0))
+    limits = {"twice": AGREE[1], "half": AGREE[0]}
+    name, across = "stated over true error", "kind of error"
+    return Chart(name, list(ratios), curves, across=across, ends=ends, log=True, limits=limits)
+
+
+def missing(rows: Sequence[Row], errors: Sequence[str], names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return what is not stored yet: function of the rows, and mechanism."""
+    known = {(TITLES[row.error], row.mechanism) for row in rows}
+    return [(error, name) for error in errors for name in names if (error, name) not in known]
 
 
 def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--verify", type=int, nargs="*", default=[16], help="verification realisations")
-    parser.add_argument("--only", nargs="*", help="mechanisms")
-    parser.add_argument("--seeds", type=int, default=1, help="number of repetitions with other points")
-    parser.add_argument("--integration", action="store_true", help="compare the errors of the time integration")
-    options = parser.parse_args()
-    if options.integration:
-        integration_table(options.only or list(INTEGRATION), options.seeds)
+    """Compute what is missing, or print and draw the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--errors", nargs="*", choices=ERRORS, default=list(ERRORS), help="kinds of errors")
+    parser.add_argument("--only", nargs="*", choices=CASES, default=list(CASES), help="mechanisms")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="number of repetitions with other points")
+    parser.add_argument("--workers", type=int, default=1, help="number of processes")
+    parser.add_argument("--out", type=Path, default=STORED, help="file of the rows")
+    parser.add_argument("--table", action="store_true", help="print and draw the stored table")
+    given = parser.parse_args()
+    rows = stored(given.out)
+    if given.table:
+        show(rows)
+        show(summary(rows))
+        for name, group in GROUPS.items():
+            chart_figure(chart(rows, group)).savefig(PICTURES / name, bbox_inches="tight", dpi=110)
         return
-    columns = ("mechanism", "verify", "seed", "stated, largest", "true, largest", "times at which they agree", "agrees")
-    table = table_of("Stated and true error of aligned chaoses, over the standard deviation", *columns)
-    for name in options.only or list(CASES):
-        for verify in options.verify:
-            for seed in range(options.seeds):
-                found = compared(CASES[name], verify, seed)
-                stated, true = (f"{error:.2g}" for error in found.largest)
-                holds = "yes" if found.holds else "no"
-                table.add_row(name, str(verify), str(seed), stated, true, f"{found.share:.0%}", holds)
-    console.print(table)
+    tasks = missing(rows, given.errors, given.only)
+    with ProcessPoolExecutor(given.workers) as pool:
+        running = {pool.submit(rows_of, error, name, given.seeds): (error, name) for error, name in tasks}
+        for future in as_completed(running):
+            error, name = running[future]
+            try:
+                found = future.result()
+            except Exception as raised:  # the others go on, and this one is tried again in the next run
+                print(f"{error}, {name}: {type(raised).__name__}: {raised}", file=sys.stderr, flush=True)
+                continue
+            rows += found
+            store(given.out, rows)
+            print(f"{error}, {name}: {sum(row.seconds for row in found):.1f} s", flush=True)
 
 
 if __name__ == "__main__":
