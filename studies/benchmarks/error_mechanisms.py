@@ -34,7 +34,7 @@ from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper, haversine_bump
 
-__all__ = ["CASES", "Case"]
+__all__ = ["MECHANISMS", "TestedMechanism"]
 
 Array = NDArray[np.float64]
 Inputs = Mapping[str, Array]
@@ -46,7 +46,7 @@ K, C = "N/m", "N s/m"
 
 
 @dataclass(frozen=True)
-class Case:
+class TestedMechanism:
     """A mechanism, the times, s, its reference solution, and the options of the chaos.
 
     Attributes
@@ -62,7 +62,7 @@ class Case:
     exact : callable, optional
         Reference solution.
     helps : bool, optional
-        Whether an aligned chaos stays accurate; None: alignment is not part of the case.
+        Whether an aligned chaos stays accurate; None: the surrogate is not aligned.
     calibrated : bool
         Whether the table calibrates its inputs from records.
     start : str
@@ -241,9 +241,7 @@ def dependent_rates() -> uqmbd.Mechanism:
 
 def dependent_masses() -> uqmbd.Mechanism:
     """Return an oscillator whose mass and stiffness are correlated normal inputs."""
-    m, k = uqmbd.random_vector(
-        ["m", "k"], scipy.stats.multivariate_normal([1.0, 100.0], [[0.0009, 0.1], [0.1, 25.0]]), ["kg", K]
-    )
+    m, k = uqmbd.random_vector(["m", "k"], chaospy.MvNormal([1.0, 100.0], [[0.0009, 0.1], [0.1, 25.0]]), ["kg", K])
     return oscillator(k, 0.5, mass=m)
 
 
@@ -383,7 +381,7 @@ def driven() -> uqmbd.Mechanism:
     bodies = [made.body("crank", mass=1, inertia=0.01), made.body("rod", mass=1, inertia=0.01, position=(crank, 0))]
     slider = made.body("slider", mass=1, inertia=0.01, position=(crank + rod, 0))
     made.add(Revolute("A", made.ground, bodies[0], (0, 0), (0, 0)))
-    made.add(Revolute("B", *bodies, (crank, 0), (0, 0)))
+    made.add(Revolute("B", bodies[0], bodies[1], (crank, 0), (0, 0)))
     made.add(Revolute("C", bodies[1], slider, (rod, 0), (0, 0)))
     made.add(Prismatic("D", made.ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
     made.add(RotationDriver("drive", made.ground, bodies[0], speed * uqmbd.t))
@@ -605,7 +603,7 @@ def cart() -> uqmbd.Mechanism:
 def cart_motion(x: Inputs, t: Array, limit: float = np.inf) -> dict[str, Array]:
     """Return the motion of the cart by its recursion; each output time is a whole number of samples of 0.1 s."""
     place = speed = np.zeros_like(x["m"])
-    found = {"x": [], "v": []}
+    found: dict[str, list[Array]] = {"x": [], "v": []}
     wanted = np.round(t * 10).astype(int)
     for sample in range(wanted[-1] + 1):
         if sample in wanted:
@@ -799,88 +797,94 @@ def orszag(x: Inputs, t: Array) -> dict[str, Array]:
     return {f"y{i + 1}": found[:, i] for i in range(3)}
 
 
-CASES: dict[str, Case] = {
-    "oscillator": Case(
+MECHANISMS: dict[str, TestedMechanism] = {
+    "oscillator": TestedMechanism(
         "smooth", lambda: oscillator(uniform("k", 90, 110, K)), 60, 601, {"order": 4},
         lambda x, t: swing(t, x["k"]), True, True,
     ),
-    "oscillator, normal": Case(
+    "oscillator, normal": TestedMechanism(
         "smooth", lambda: oscillator(normal("k", 100, 4, K)), 60, 601, {"order": 3},
         lambda x, t: swing(t, x["k"]), True,
     ),
-    "start phase over a turn": Case(
+    "start phase over a turn": TestedMechanism(
         "smooth", whole_turn, 20, 401, {"order": 6},
         lambda x, t: swing(t, x["k"], 0.0, 0.1 * np.cos(x["phase"]), -np.sin(x["phase"])), True,
     ),
-    "damped oscillator": Case(
+    "damped oscillator": TestedMechanism(
         "smooth", lambda: oscillator(uniform("k", 90, 110, K), uniform("c", 0.01, 0.03, C)), 40, 801, {"order": 3},
         lambda x, t: swing(t, x["k"], x["c"]), True, True,
     ),
-    "hardening spring": Case(
+    "hardening spring": TestedMechanism(
         "smooth", lambda: oscillator(100.0, position=normal("begin", 0.3, 0.03, "m"), cubic=800.0), 30, 601,
         {"order": 4}, duffing, True, True,
     ),
-    "long tail": Case(
+    "long tail": TestedMechanism(
         "smooth", lognormal_start, 4, 101, {"order": 4}, lambda x, t: swing(t, x["k"], 0.4, x["begin"]), None, True,
     ),
-    "two frequencies": Case("smooth", two_frequencies, 20, 401, {"order": 3}, two_motions, False, True),
-    "two modes of stiffness": Case("smooth", bimodal, 4, 101, {"order": 4}, bimodal_motion),
-    "disc, normal torque": Case(
+    "two frequencies": TestedMechanism("smooth", two_frequencies, 20, 401, {"order": 3}, two_motions, False, True),
+    "two modes of stiffness": TestedMechanism("smooth", bimodal, 4, 101, {"order": 4}, bimodal_motion),
+    "disc, normal torque": TestedMechanism(
         "rotating", lambda: disc(normal("torque", 1.0, 0.05, "N m")), 14.2, 285, {"order": 4}, disc_motion, True, True,
     ),
-    "disc, weight and friction": Case(
+    "disc, weight and friction": TestedMechanism(
         "rotating",
         lambda: disc(random("torque", chaospy.LogNormal(0.3, 0.1), "N m"), 0.5, uniform("c", 0.1, 0.12, "N m s")),
         12, 241, {"order": 4}, None, True,
     ),
-    "rotating slider-crank": Case(
+    "rotating slider-crank": TestedMechanism(
         "closed loop", lambda: slider_crank_rotating.mechanism, 18.0, 901, {"order": 3}, None, True
     ),
-    "pendulum": Case(
+    "pendulum": TestedMechanism(
         "rotating", lambda: pendulum(normal("length", 1.0, 0.02, "m"), uniform("speed", 2.0, 3.0, "rad/s")), 60, 1201,
         {"order": 3}, pendulum_motion, True, True,
     ),
-    "pendulum that may turn": Case(
+    "pendulum that may turn": TestedMechanism(
         "rotating", lambda: pendulum(1.0, uniform("speed", 5.0, 8.0, "rad/s")), 6, 121,
         {"order": 3, "max_elements": 6}, pendulum_motion, False,
     ),
-    "driven slider-crank": Case("closed loop", driven, 3.0, 61, {"order": 3}, driven_motion, None, True),
-    "free top": Case("rotating", spinning, 3.0, 61, {"order": 4}, spinning_motion, None, True),
-    "Kraichnan-Orszag": Case("rotating", lambda: kraichnan_orszag.mechanism, 10.0, 101, {"order": 4}, orszag),
-    "four-bar": Case("closed loop", lambda: four_bar.study.mechanism, 1.0, 51, {"order": 3}),
-    "bouncing ball": Case(
+    "driven slider-crank": TestedMechanism("closed loop", driven, 3.0, 61, {"order": 3}, driven_motion, None, True),
+    "free top": TestedMechanism("rotating", spinning, 3.0, 61, {"order": 4}, spinning_motion, None, True),
+    "Kraichnan-Orszag": TestedMechanism(
+        "rotating", lambda: kraichnan_orszag.mechanism, 10.0, 101, {"order": 4}, orszag
+    ),
+    "four-bar": TestedMechanism("closed loop", lambda: four_bar.study.mechanism, 1.0, 51, {"order": 3}),
+    "bouncing ball": TestedMechanism(
         "contact", ball, 1.2, 121, {"order": 3}, lambda x, t: {"height": bouncing(x["drop"], x["k"], 0.7, t)}
     ),
-    "dropped ball": Case("contact", dropped, 1.4, 141, {"order": 3}, flights),
-    "mass between walls": Case("contact", walls, 3.0, 61, {"order": 3}, walls_motion),
-    "sinking body": Case("contact", sinking, 1.05, 64, {"order": 3}, sinking_motion),
-    "spring with a kink": Case("contact", kink, 10.0, 201, {"order": 3}, kink_motion, None, True),
-    "trampoline": Case("contact", trampoline, 2.0, 101, {"order": 3}, trampoline_motion),
-    "dry friction": Case("contact", friction, 5.0, 201, {"order": 3}),
-    "double well": Case("contact", double_well, 6.0, 61, {"order": 5}),
-    "sampled controller": Case("controller", cart, 2.0, 21, {"order": 3}, cart_motion, None, True),
-    "controller with limits": Case("controller", cruise, 2.0, 41, {"order": 3}, cruise_motion, None, True),
-    "servo with a slow actuator": Case("controller", servo, 3.0, 61, {"order": 3}, servo_motion, None, True),
-    "damped chain": Case("stiff", chain, 4.0, 201, {"order": 3}, chain_motion, None, True),
-    "strong damper": Case("stiff", stiff, 3.0, 61, {"order": 3}, lambda x, t: swing(t, x["k"], x["c"])),
-    "relaxation oscillation": Case("stiff", van_der_pol, 20.0, 101, {"order": 4}),
-    "six inputs": Case(
+    "dropped ball": TestedMechanism("contact", dropped, 1.4, 141, {"order": 3}, flights),
+    "mass between walls": TestedMechanism("contact", walls, 3.0, 61, {"order": 3}, walls_motion),
+    "sinking body": TestedMechanism("contact", sinking, 1.05, 64, {"order": 3}, sinking_motion),
+    "spring with a kink": TestedMechanism("contact", kink, 10.0, 201, {"order": 3}, kink_motion, None, True),
+    "trampoline": TestedMechanism("contact", trampoline, 2.0, 101, {"order": 3}, trampoline_motion),
+    "dry friction": TestedMechanism("contact", friction, 5.0, 201, {"order": 3}),
+    "double well": TestedMechanism("contact", double_well, 6.0, 61, {"order": 5}),
+    "sampled controller": TestedMechanism("controller", cart, 2.0, 21, {"order": 3}, cart_motion, None, True),
+    "controller with limits": TestedMechanism("controller", cruise, 2.0, 41, {"order": 3}, cruise_motion, None, True),
+    "servo with a slow actuator": TestedMechanism("controller", servo, 3.0, 61, {"order": 3}, servo_motion, None, True),
+    "damped chain": TestedMechanism("stiff", chain, 4.0, 201, {"order": 3}, chain_motion, None, True),
+    "strong damper": TestedMechanism("stiff", stiff, 3.0, 61, {"order": 3}, lambda x, t: swing(t, x["k"], x["c"])),
+    "relaxation oscillation": TestedMechanism("stiff", van_der_pol, 20.0, 101, {"order": 4}),
+    "six inputs": TestedMechanism(
         "many inputs", forced, 19.9, 101, {"order": 3, "method": "regression"}, forced_motion, None, True
     ),
-    "twelve inputs": Case("many inputs", coupled, 9.9, 100, {"order": 2, "method": "regression"}, coupled_motion),
-    "forty inputs": Case(
+    "twelve inputs": TestedMechanism(
+        "many inputs", coupled, 9.9, 100, {"order": 2, "method": "regression"}, coupled_motion
+    ),
+    "forty inputs": TestedMechanism(
         "many inputs", forty_springs, 2.0, 41, {"order": 1, "method": "regression"},
         lambda x, t: swing(t, sum(x.values())),
     ),
-    "reach of an arm": Case("many inputs", arm, 0.001, 2, {}, arm_reach),
-    "driver's seat": Case("many inputs", seat, 1.5, 151, {"order": 1, "method": "regression"}, start="equilibrium"),
-    "dependent stiffness and damping": Case(
+    "reach of an arm": TestedMechanism("many inputs", arm, 0.001, 2, {}, arm_reach),
+    "driver's seat": TestedMechanism(
+        "many inputs", seat, 1.5, 151, {"order": 1, "method": "regression"}, start="equilibrium"
+    ),
+    "dependent stiffness and damping": TestedMechanism(
         "dependent inputs", dependent_rates, 4.0, 101, {"order": 3}, lambda x, t: swing(t, x["k"], x["c"]), None, True,
     ),
-    "dependent mass and stiffness": Case(
+    "dependent mass and stiffness": TestedMechanism(
         "dependent inputs", dependent_masses, 4.0, 101, {"order": 3},
         lambda x, t: swing(t, x["k"], 0.5, m=x["m"]),
     ),
-    "censored passage": Case("censored", threshold, 1.0, 51, {"order": 4}, threshold_motion),
-    "two natural frequencies": Case("without motion", modal, 0.0, 1, {}, modal_frequencies, None, True),
+    "censored passage": TestedMechanism("censored", threshold, 1.0, 51, {"order": 4}, threshold_motion),
+    "two natural frequencies": TestedMechanism("without motion", modal, 0.0, 1, {}, modal_frequencies, None, True),
 }  # fmt: skip

@@ -47,12 +47,13 @@ from scipy.stats import qmc
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from error_mechanisms import CASES, Array, Case
+from error_mechanisms import MECHANISMS, Array, TestedMechanism
 from measure import console, table_of
 
 import uqmbd
 from uqmbd.report import Band, Chart, Curve, chart_figure
 from uqmbd.results import clopper_pearson, surrogate
+from uqmbd.typing import Mask
 from uqmbd_calibration import Record, Series, calibrate
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
@@ -77,8 +78,8 @@ ABOVE = 0.02
 """Largest share of realisations above the stated 99 % quantile."""
 FIFTH, LARGE, SMALL = 0.2, 1e-2, 1e-4
 """Least stated over true surrogate error where that is above `LARGE`; those below `SMALL` do not count."""
-ROUNDING = 1e-10
-"""True error of the time integration, over the largest standard deviation, below which a time does not count."""
+ROUNDING = 1e-9
+"""True integration error over the largest standard deviation, a thousandth of the tolerance, that does not count."""
 POINTS, TIGHT, PAIRS = 17, 12, 14
 """Binary logarithms of the numbers of points of true values: with a closed form, without one, and of indices."""
 KNOWN = 2e-3
@@ -127,7 +128,7 @@ class Row:
     seconds: float = 0.0
 
 
-def judged(holds: bool) -> str:
+def yes_or_no(holds: bool) -> str:
     """Return the word of a judgement."""
     return "yes" if holds else "no"
 
@@ -142,15 +143,15 @@ def of_ratios(row: Row, ratios: Array) -> Row:
     return replace(row, ratio=middle, lowest=low, highest=high, within=within)
 
 
-class Truth:
+class Reference:
     """Responses of a mechanism by its reference solution, or by an integration at a thousandth of the tolerance."""
 
-    def __init__(self, case: Case) -> None:
-        self.case = case
-        self.mechanism = case.make()
+    def __init__(self, tested: TestedMechanism) -> None:
+        self.tested = tested
+        self.mechanism = tested.make()
         self.inputs = self.mechanism.inputs
-        every = case.count - 1
-        self.coarse = case.times[np.unique(np.linspace(0, every, 6).round().astype(int))]
+        every = tested.count - 1
+        self.coarse = tested.times[np.unique(np.linspace(0, every, 6).round().astype(int))]
 
     def study(
         self, times: Array | None = None, rtol: float = 1e-6, mechanism: uqmbd.Mechanism | None = None
@@ -159,13 +160,13 @@ class Truth:
         made = self.mechanism if mechanism is None else mechanism
         if not made.outputs:
             return uqmbd.Study("errors", made)
-        return uqmbd.Study("errors", made, self.coarse if times is None else times, rtol=rtol, start=self.case.start)
+        return uqmbd.Study("errors", made, self.coarse if times is None else times, rtol=rtol, start=self.tested.start)
 
     def responses(self, values: Array, times: Array) -> dict[str, Array]:
         """Return the outputs (K, T), without a time (K, 1), for inputs (K, input)."""
-        if self.case.exact is not None:
+        if self.tested.exact is not None:
             by_name = {name: values[:, [k]] for k, name in enumerate(self.inputs.names)}
-            found = self.case.exact(by_name, times)
+            found = self.tested.exact(by_name, times)
             return {name: y if y.ndim == 2 else y[:, None] for name, y in found.items()}
         run = self.study(times, 1e-9).problem(MonteCarlo()).realise(values)
         response = np.where(run.good[:, None, None], run.response, np.nan)
@@ -179,7 +180,7 @@ class Truth:
     @cached_property
     def population(self) -> dict[str, Array]:
         """Outputs at the few times for many inputs."""
-        power = TIGHT if self.case.exact is None else POINTS
+        power = TIGHT if self.tested.exact is None else POINTS
         return self.responses(self.inputs.from_uniform(self.drawn(power)), self.coarse)
 
     @cached_property
@@ -191,7 +192,7 @@ class Truth:
     def indices(self) -> dict[str, tuple[Array, Array]]:
         """First and total Sobol' indices (input, T), by estimators of Saltelli and Jansen."""
         d = len(self.inputs)
-        both = self.drawn(PAIRS if self.case.exact is not None else 9, 2 * d)
+        both = self.drawn(PAIRS if self.tested.exact is not None else 9, 2 * d)
         one, two = both[:, :d], both[:, d:]
         first, second = (self.responses(self.inputs.from_uniform(u), self.coarse) for u in (one, two))
         parts: dict[str, list[tuple[Array, Array]]] = {name: [] for name in first}
@@ -222,57 +223,64 @@ def stated(node: xr.DataTree, variable: str) -> Iterator[tuple[str, Array]]:
                 yield name, values.transpose(..., "time").values if timed else values.values[..., None]
 
 
-def coverage(row: Row, hits: Sequence[float], errors: Sequence[Array], said: Sequence[Array]) -> Row:
+def coverage(row: Row, hits: Sequence[float], errors: Sequence[Array], errors_of_seeds: Sequence[Array]) -> Row:
     """Add the share of seeds (N,) whose intervals hold, and the ratio of root mean squares of the seeds."""
     if not len(hits):
         return row
     share, count = float(np.mean(hits)), len(hits)
     low, high = (float(end) for end in clopper_pearson(round(share * count), count))
     with np.errstate(all="ignore"):
-        true, told = (np.sqrt(np.nanmean(np.square(x), axis=0)) for x in (np.array(errors), np.array(said)))
-        row = of_ratios(row, np.where(true > 0, told / true, np.nan).ravel())
-    return replace(row, share=share, share_low=low, share_high=high, holds=judged(high >= LEAST))
+        true, estimated = (
+            np.sqrt(np.nanmean(np.square(x), axis=0)) for x in (np.array(errors), np.array(errors_of_seeds))
+        )
+        row = of_ratios(row, np.where(true > 0, estimated / true, np.nan).ravel())
+    return replace(row, share=share, share_low=low, share_high=high, holds=yes_or_no(high >= LEAST))
 
 
-def clear(truth: Truth, name: str) -> Array:
+def clear(reference: Reference, name: str) -> Mask:
     """Return at which of the few times (T,) an output varies."""
-    std = truth.moments[name][1]
-    return std > 1e-6 * np.nanmax(std) if np.nanmax(std) > 0 else np.zeros(std.shape, dtype=bool)
+    std = reference.moments[name][1]
+    return np.asarray(std > max(1e-6 * np.nanmax(std), 0.0))
 
 
 # kinds of errors
 
 
-def sampling(row: Row, truth: Truth, seeds: int) -> list[Row]:
+def sampling(row: Row, reference: Reference, seeds: int) -> list[Row]:
     """Compare standard errors of means and standard deviations."""
-    study, found = truth.study(), []
+    study, found = reference.study(), []
     for design, samples, words in (("random", 100, ""), ("sobol", 128, ", Sobol' points")):
         hits: dict[str, list[float]] = {"mean": [], "std": []}
         off: dict[str, list[Array]] = {"mean": [], "std": []}
-        said: dict[str, list[Array]] = {"mean": [], "std": []}
+        errors_of_seeds: dict[str, list[Array]] = {"mean": [], "std": []}
         for seed in range(seeds):
             node = study.propagate(MonteCarlo(samples=samples, sampling=design, seed=seed))
             for k, statistic in enumerate(("mean", "std")):
                 errors = dict(stated(node, f"std_error_{statistic}"))
                 parts = [
-                    (value - truth.moments[name][k], errors[name], clear(truth, name), truth.moments[name][1])
+                    (
+                        value - reference.moments[name][k],
+                        errors[name],
+                        clear(reference, name),
+                        reference.moments[name][1],
+                    )
                     for name, value in stated(node, statistic)
-                    if name in truth.moments
+                    if name in reference.moments
                 ]
                 wrong, error, own, std = (np.concatenate(one) for one in zip(*parts, strict=True))
                 wrong, error = wrong[own] / std[own], error[own] / std[own]
                 hits[statistic].append(float((np.abs(wrong) <= 1.96 * error).mean()))
                 off[statistic].append(wrong)
-                said[statistic].append(error)
+                errors_of_seeds[statistic].append(error)
         for statistic, title in (("mean", "mean"), ("std", "standard deviation")):
             own_row = replace(row, error=title + words)
-            found.append(coverage(own_row, hits[statistic], off[statistic], said[statistic]))
+            found.append(coverage(own_row, hits[statistic], off[statistic], errors_of_seeds[statistic]))
     return found
 
 
-def quantiles(row: Row, truth: Truth, seeds: int) -> list[Row]:
+def quantiles(row: Row, reference: Reference, seeds: int) -> list[Row]:
     """Compare the bounds of counted quantiles with the quantiles of all samples."""
-    study, hits, ratios = truth.study(), [], []
+    study, hits, ratios = reference.study(), [], []
     for seed in range(seeds):
         counted = study.propagate(MonteCarlo(samples=500, keep=50, seed=seed))
         stored = study.propagate(MonteCarlo(samples=500, seed=seed))
@@ -287,43 +295,43 @@ def quantiles(row: Row, truth: Truth, seeds: int) -> list[Row]:
         ratios.append(
             np.sqrt(np.mean(bound[known] ** 2) / max(np.mean(off**2), 1e-300)) if off.max() > 1e-9 * scale else np.nan
         )
-    return [replace(of_ratios(coverage(row, hits, [], []), np.array(ratios)), holds=judged(min(hits) == 1.0))]
+    return [replace(of_ratios(coverage(row, hits, [], []), np.array(ratios)), holds=yes_or_no(min(hits) == 1.0))]
 
 
-def indices(row: Row, truth: Truth, seeds: int) -> list[Row]:
+def indices(row: Row, reference: Reference, seeds: int) -> list[Row]:
     """Compare the intervals of Sobol' indices."""
-    study, found = truth.study(), []
+    study, found = reference.study(), []
     methods = [MonteCarlo(samples=256, sobol_indices=True, seed=seed) for seed in range(seeds)]
-    if len(truth.inputs) < 2 or methods[0].obstacle(study):
+    if len(reference.inputs) < 2 or methods[0].obstacle(study):
         return []
     nodes = [study.propagate(method) for method in methods]
     for k, (name, title) in enumerate((("sobol_first", "first index"), ("sobol_total", "total index"))):
-        hits, off, said = [], [], []
+        hits, off, errors_of_seeds = [], [], []
         for node in nodes:
             values, parts = dict(stated(node, name)), []
             for output, (low, high) in stated(node, f"{name}_interval"):
-                if output not in truth.indices:
+                if output not in reference.indices:
                     continue
                 own = (
-                    clear(truth, output)
-                    & np.isfinite(truth.indices[output][k]).all(axis=0)
+                    clear(reference, output)
+                    & np.isfinite(reference.indices[output][k]).all(axis=0)
                     & np.isfinite(low).all(axis=0)
                 )
-                parts.append([x[:, own].ravel() for x in (values[output], low, high, truth.indices[output][k])])
+                parts.append([x[:, own].ravel() for x in (values[output], low, high, reference.indices[output][k])])
             value, low, high, right = (np.concatenate(one) for one in zip(*parts, strict=True))
             if len(value):
                 hits.append(float(((low - KNOWN <= right) & (right <= high + KNOWN)).mean()))
                 off.append(np.where(np.abs(value - right) > KNOWN, value - right, np.nan))
-                said.append((high - low) / (2 * 1.96))
-        found.append(coverage(replace(row, error=title), hits, off, said))
+                errors_of_seeds.append((high - low) / (2 * 1.96))
+        found.append(coverage(replace(row, error=title), hits, off, errors_of_seeds))
     return found
 
 
-def required(truth: Truth, share: float) -> tuple[uqmbd.Mechanism, str, float]:
+def required(reference: Reference, share: float) -> tuple[uqmbd.Mechanism, str, float]:
     """Return the mechanism with a requirement that a `share` of realisations violates, its name, and the true share."""
-    made = truth.case.make()
+    made = reference.tested.make()
     name = next(iter([*made.outputs, *made.scalars]))
-    last = truth.population[name][:, -1]
+    last = reference.population[name][:, -1]
     level = float(f"{np.quantile(last, 1 - share):.5g}")
     expression = uqmbd.final(made.outputs[name].expression) if name in made.outputs else made.scalars[name].expression
     title = f"last {share:.0%}".replace(" ", "_").replace("%", "_percent")
@@ -332,23 +340,23 @@ def required(truth: Truth, share: float) -> tuple[uqmbd.Mechanism, str, float]:
     return made, title, float((last > level).mean())
 
 
-def probabilities(row: Row, truth: Truth, seeds: int) -> list[Row]:
+def probabilities(row: Row, reference: Reference, seeds: int) -> list[Row]:
     """Compare the intervals of probabilities."""
-    options = truth.case.options
+    options = reference.tested.options
     methods: list[tuple[str, float, Callable[[int], uqmbd.extend.Propagator]]] = [
         ("probability", 0.1, lambda seed: MonteCarlo(samples=100, seed=seed))
     ]
     if options:
         methods.append(("probability, surrogate", 0.1, lambda seed: Collocation(seed=seed, **options)))
-    if truth.case.exact is not None and len(truth.inputs) < 20:
+    if reference.tested.exact is not None and len(reference.inputs) < 20:
         methods.append(
             ("probability, reliability", 0.02, lambda seed: Reliability(seed=seed, requirement="last_2_percent"))
         )
     found = []
     for title, wanted, method in methods:
-        made, name, share = required(truth, wanted)
-        study = truth.study(mechanism=made)
-        hits, off, said = [], [], []
+        made, name, share = required(reference, wanted)
+        study = reference.study(mechanism=made)
+        hits, off, errors_of_seeds = [], [], []
         for seed in range(seeds if "surrogate" not in title else min(seeds, FEWER["surrogates"])):
             try:
                 data = study.propagate(method(seed))["requirements"].to_dataset().sel(requirement=name)
@@ -358,8 +366,8 @@ def probabilities(row: Row, truth: Truth, seeds: int) -> list[Row]:
             low, high = data["interval"].values
             hits.append(float(low <= share <= high))
             off.append(np.array([float(data["violation_probability"]) - share]))
-            said.append(np.array([(high - low) / (2 * 1.96)]))
-        found.append(coverage(replace(row, error=title, seeds=len(hits)), hits, off, said))
+            errors_of_seeds.append(np.array([(high - low) / (2 * 1.96)]))
+        found.append(coverage(replace(row, error=title, seeds=len(hits)), hits, off, errors_of_seeds))
     return found
 
 
@@ -373,18 +381,18 @@ class Verified:
     families: tuple[str, ...]
 
 
-def verified(truth: Truth, seed: int = 0, points: int = 1024, **options: Any) -> Verified:
+def verified(reference: Reference, seed: int = 0, points: int = 1024, **options: Any) -> Verified:
     """Compute a surrogate and its errors at other realisations."""
-    study = truth.study(truth.case.times, 1e-8)
+    study = reference.study(reference.tested.times, 1e-8)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        node = study.propagate(Collocation(seed=seed, **{**truth.case.options, **options}))
+        node = study.propagate(Collocation(seed=seed, **{**reference.tested.options, **options}))
     chaos = surrogate(node)
     drawn = uqmbd.extend.VerificationPoints.drawn(chaos.space, points, 20_000, 0)
-    known = truth.__dict__.setdefault("_others", {})
+    known = reference.__dict__.setdefault("_others", {})
     if points not in known:
-        known[points] = truth.responses(chaos.space.to_inputs(drawn.germs), truth.case.times)
-    right = np.stack([known[points][name] for name in truth.mechanism.outputs], axis=1)
+        known[points] = reference.responses(chaos.space.to_inputs(drawn.germs), reference.tested.times)
+    right = np.stack([known[points][name] for name in reference.mechanism.outputs], axis=1)
     wrong = chaos.evaluate_germs(drawn.germs) - right
     # a few in a thousand are farther out than any sample of the statistics, where phases are unknown
     kept = np.isfinite(wrong).all(axis=(1, 2))
@@ -395,28 +403,28 @@ def verified(truth: Truth, seed: int = 0, points: int = 1024, **options: Any) ->
     true = np.sqrt(np.tensordot(weights, wrong[kept] ** 2, axes=1)) / spread
     stated_error = node["statistics"]["verification_error"].transpose("output", "time").values
     cost = json.loads(node.attrs["solver_counters"])["accelerations"]
-    families = node["families"]["family"].values.tolist() if "families" in node.children else ["plain"]
+    families = node["families"].dataset["family"].values.tolist() if "families" in node.children else ["plain"]
     return Verified(stated_error, true, float(cost), tuple(families))
 
 
-def surrogates(row: Row, truth: Truth, seeds: int, **options: Any) -> list[Row]:
-    """Compare verification errors; with an alignment where the case has one."""
-    if not truth.case.options:
+def surrogates(row: Row, reference: Reference, seeds: int, **options: Any) -> list[Row]:
+    """Compare verification errors; with an alignment where the mechanism has one."""
+    if not reference.tested.options:
         return []
-    if truth.case.helps is not None:
+    if reference.tested.helps is not None:
         options = {"alignment": "phase", **options}
-    count = seeds if truth.case.helps is None else min(seeds, FEWER["aligned"])
-    every = [verified(truth, seed, **options) for seed in range(count)]
-    told, true = (np.stack([getattr(one, name) for one in every]) for name in ("stated", "true"))
+    count = seeds if reference.tested.helps is None else min(seeds, FEWER["aligned"])
+    every = [verified(reference, seed, **options) for seed in range(count)]
+    estimated, true = (np.stack([getattr(one, name) for one in every]) for name in ("stated", "true"))
     counted = true > SMALL
     if not counted.any():
         return [replace(row, seeds=count)]
-    row = of_ratios(replace(row, seeds=count), told[counted] / true[counted])
+    row = of_ratios(replace(row, seeds=count), estimated[counted] / true[counted])
     large = true > LARGE
-    least = float((told[large] / true[large]).min()) if large.any() else np.nan
-    share = float((told[large] / true[large] >= FIFTH).mean()) if large.any() else np.nan
+    least = float((estimated[large] / true[large]).min()) if large.any() else np.nan
+    share = float((estimated[large] / true[large] >= FIFTH).mean()) if large.any() else np.nan
     holds = row.within >= NEAR and not least < FIFTH
-    return [replace(row, share=share, holds=judged(holds))]
+    return [replace(row, share=share, holds=yes_or_no(holds))]
 
 
 MEMBERS: Mapping[str, Any] = {
@@ -425,17 +433,17 @@ MEMBERS: Mapping[str, Any] = {
 }  # fmt: skip
 
 
-def alignment(row: Row, truth: Truth, seeds: int) -> list[Row]:
+def alignment(row: Row, reference: Reference, seeds: int) -> list[Row]:
     """Compare the errors of ``alignment="auto"`` with those of its best member, and its cost with the costliest."""
-    if not truth.case.options or truth.case.options.get("method"):
+    if not reference.tested.options or reference.tested.options.get("method"):
         return []
     ratios, shares, costs, count = [], [], [], seeds
-    scale = np.nanstd(truth_over_time(truth), axis=0).max(axis=1, keepdims=True)
+    scale = np.nanstd(responses_over_time(reference), axis=0).max(axis=1, keepdims=True)
     for seed in range(count):
-        chosen = verified(truth, seed, 256, alignment="auto")
-        members = {name: verified(truth, seed, 256, alignment=MEMBERS[name]) for name in chosen.families}
+        chosen = verified(reference, seed, 256, alignment="auto")
+        members = {name: verified(reference, seed, 256, alignment=MEMBERS[name]) for name in chosen.families}
         best = np.min([one.true for one in members.values()], axis=0)
-        limit = 1.5 * best + 1e-3 * scale / np.maximum(np.nanstd(truth_over_time(truth), axis=0), 0.01 * scale)
+        limit = 1.5 * best + 1e-3 * scale / np.maximum(np.nanstd(responses_over_time(reference), axis=0), 0.01 * scale)
         ratios.append((chosen.true / limit).ravel())
         shares.append(float((chosen.true <= limit).mean()))
         costs.append(chosen.cost / max(one.cost for one in members.values()))
@@ -450,36 +458,36 @@ def alignment(row: Row, truth: Truth, seeds: int) -> list[Row]:
             highest=float(found.max()),
             share=float(np.mean(shares)),
             cost=cost,
-            holds=judged(bool(found.max() <= 1.0) and cost <= 1.1),
+            holds=yes_or_no(bool(found.max() <= 1.0) and cost <= 1.1),
         )  # fmt: skip
     ]
 
 
-def truth_over_time(truth: Truth) -> Array:
+def responses_over_time(reference: Reference) -> Array:
     """Return 1,024 responses (K, output, time) over the whole time."""
-    known = truth.__dict__.setdefault("_over_time", {})
+    known = reference.__dict__.setdefault("_over_time", {})
     if not known:
-        found = truth.responses(truth.inputs.from_uniform(truth.drawn(10)), truth.case.times)
-        known["all"] = np.stack([found[name] for name in truth.mechanism.outputs], axis=1)
+        found = reference.responses(reference.inputs.from_uniform(reference.drawn(10)), reference.tested.times)
+        known["all"] = np.stack([found[name] for name in reference.mechanism.outputs], axis=1)
     return known["all"]
 
 
-def integration(row: Row, truth: Truth, seeds: int, samples: int = 500, rtol: float = 1e-6) -> list[Row]:
+def integration(row: Row, reference: Reference, seeds: int, samples: int = 500, rtol: float = 1e-6) -> list[Row]:
     """Compute samples, compare all of them with the reference, and compare the errors."""
-    case = truth.case
-    if case.count < 3:
+    tested = reference.tested
+    if tested.count < 3:
         return []
-    times = np.linspace(0, min(case.end, 20.0), min(case.count, 201))
-    if case.kind == "controller":
-        times = case.times
-    study, check = truth.study(times, rtol), truth.study(times, 1e-2 * rtol)
+    times = np.linspace(0, min(tested.end, 20.0), min(tested.count, 201))
+    if tested.kind == "controller":
+        times = tested.times
+    study, check = reference.study(times, rtol), reference.study(times, 1e-2 * rtol)
     ratios, above, costs = [], [], []
     for seed in range(seeds):
         node = study.propagate(method := MonteCarlo(samples=samples, seed=seed + 1))
         values = node["samples"]["inputs"].transpose("sample", "input").values
         first = study.problem(method).realise(values)
-        exact = truth.responses(values, times)
-        right = np.stack([exact[name] for name in truth.mechanism.outputs], axis=1)
+        exact = reference.responses(values, times)
+        right = np.stack([exact[name] for name in reference.mechanism.outputs], axis=1)
         good = first.good & np.isfinite(right).all(axis=(1, 2))
         true = np.abs(first.response[good] - right[good])
         names = ("integration_error_rms", "integration_error")
@@ -503,39 +511,39 @@ def integration(row: Row, truth: Truth, seeds: int, samples: int = 500, rtol: fl
     share, count = float(np.mean(above)), samples * seeds
     low, high = (float(end) for end in clopper_pearson(round(share * count), count))
     holds = row.within >= NEAR and share <= ABOVE
-    return [replace(row, share=share, share_low=low, share_high=high, holds=judged(holds))]
+    return [replace(row, share=share, share_low=low, share_high=high, holds=yes_or_no(holds))]
 
 
-def posterior(row: Row, truth: Truth, seeds: int, noise: float = 0.05, measured: int = 20) -> list[Row]:
+def posterior(row: Row, reference: Reference, seeds: int, noise: float = 0.05, measured: int = 20) -> list[Row]:
     """Draw inputs from the prior, calibrate with records of them, and compare the 95 % intervals."""
-    case = truth.case
-    if not case.calibrated or case.exact is None:
+    tested = reference.tested
+    if not tested.calibrated or tested.exact is None:
         return []
-    names = truth.inputs.names
-    end = min(case.end, 20.0)
-    times = case.times[case.times <= end * (1 + 1e-9)]
+    names = reference.inputs.names
+    end = min(tested.end, 20.0)
+    times = tested.times[tested.times <= end * (1 + 1e-9)]
     times = times[np.unique(np.linspace(0, len(times) - 1, measured + 1).round().astype(int))[1:]]
-    hits, off, said = [], [], []
-    outputs = {**truth.mechanism.outputs, **truth.mechanism.scalars}
-    prior = truth.inputs.from_uniform(truth.drawn(10)).std(axis=0)
+    hits, off, errors_of_seeds = [], [], []
+    outputs = {**reference.mechanism.outputs, **reference.mechanism.scalars}
+    prior = reference.inputs.from_uniform(reference.drawn(10)).std(axis=0)
     for seed in range(seeds):
         draw = np.random.default_rng(seed)
-        values = truth.inputs.from_uniform(draw.uniform(size=(1, len(names))))
-        exact = truth.responses(values, times)
+        values = reference.inputs.from_uniform(draw.uniform(size=(1, len(names))))
+        exact = reference.responses(values, times)
         series = []
-        for name in list(exact)[: 1 if truth.mechanism.outputs else 2]:
-            std = noise * float(np.nanmax(truth.moments[name][1]))
+        for name in list(exact)[: 1 if reference.mechanism.outputs else 2]:
+            std = noise * float(np.nanmax(reference.moments[name][1]))
             y = exact[name][0] + std * draw.normal(size=exact[name].shape[1])
-            at = times if name in truth.mechanism.outputs else []
+            at = times if name in reference.mechanism.outputs else []
             series.append(Series(name, at, y, outputs[name].units, std))
-        found = calibrate(truth.study(case.times), Record("run", series), seed=seed, draws=2000)
+        found = calibrate(reference.study(tested.times), Record("run", series), seed=seed, draws=2000)
         data = found.tree["posterior"].dataset
         draws = np.stack([data[name].values.ravel() for name in names], axis=1)
         low, high = np.quantile(draws, [0.025, 0.975], axis=0)
         hits.append(float(((low <= values[0]) & (values[0] <= high)).mean()))
         off.append((draws.mean(axis=0) - values[0]) / prior)
-        said.append(draws.std(axis=0) / prior)
-    return [coverage(row, hits, off, said)]
+        errors_of_seeds.append(draws.std(axis=0) / prior)
+    return [coverage(row, hits, off, errors_of_seeds)]
 
 
 ERRORS: Mapping[str, Callable[..., list[Row]]] = {
@@ -551,7 +559,7 @@ def rows_of(error: str, mechanism: str, seeds: int = SEEDS, **options: Any) -> l
     Parameters
     ----------
     error, mechanism : str
-        Keys of `ERRORS` and `CASES`.
+        Keys of `ERRORS` and `MECHANISMS`.
     seeds : int
         Number of repetitions.
     **options
@@ -561,10 +569,10 @@ def rows_of(error: str, mechanism: str, seeds: int = SEEDS, **options: Any) -> l
     -------
     list of Row
     """
-    case, begin, count = CASES[mechanism], time.process_time(), min(seeds, FEWER.get(error, seeds))
+    tested, begin, count = MECHANISMS[mechanism], time.process_time(), min(seeds, FEWER.get(error, seeds))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = ERRORS[error](Row(error, mechanism, case.kind, count), Truth(case), count, **options)
+        found = ERRORS[error](Row(error, mechanism, tested.kind, count), Reference(tested), count, **options)
     spent = time.process_time() - begin
     return [replace(row, seconds=round(spent / len(found), 2)) for row in found]
 
@@ -586,7 +594,7 @@ def stored(path: Path) -> list[Row]:
 
 def store(path: Path, rows: Sequence[Row]) -> None:
     """Write rows in the order of errors and mechanisms; numbers have four digits."""
-    order = {name: k for k, name in enumerate(TITLES)}, {name: k for k, name in enumerate(CASES)}
+    order = {name: k for k, name in enumerate(TITLES)}, {name: k for k, name in enumerate(MECHANISMS)}
     rows = sorted(rows, key=lambda row: (order[0].get(row.error, 99), order[1].get(row.mechanism, 99)))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -638,7 +646,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
                 float(low),
                 float(high),
                 mean("cost"),
-                judged(yes == len(own)),
+                yes_or_no(yes == len(own)),
                 sum(row.seconds for row in rows if row.error == error),
             )  # fmt: skip
         )
@@ -709,7 +717,7 @@ def main() -> None:
     """Compute what is missing, or print and draw the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--errors", nargs="*", choices=ERRORS, default=list(ERRORS), help="kinds of errors")
-    parser.add_argument("--only", nargs="*", choices=CASES, default=list(CASES), help="mechanisms")
+    parser.add_argument("--only", nargs="*", choices=MECHANISMS, default=list(MECHANISMS), help="mechanisms")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="number of repetitions with other points")
     parser.add_argument("--workers", type=int, default=1, help="number of processes")
     parser.add_argument("--out", type=Path, default=STORED, help="file of the rows")

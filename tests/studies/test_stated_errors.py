@@ -49,13 +49,13 @@ def table(monkeypatch):
 
 def exact_and_integrated(table, name):
     """Return outputs of three realisations by the reference solution, and by a tight integration, (output, K, T)."""
-    truth = table.Truth(table.CASES[name])
-    times = truth.case.times
-    values = truth.inputs.from_uniform(truth.drawn(2))
-    run = truth.study(times, 1e-10).problem(table.MonteCarlo()).realise(values)
+    reference = table.Reference(table.MECHANISMS[name])
+    times = reference.tested.times
+    values = reference.inputs.from_uniform(reference.drawn(2))
+    run = reference.study(times, 1e-10).problem(table.MonteCarlo()).realise(values)
     assert run.good.all()
-    exact = truth.responses(values, times)
-    return np.stack([exact[output] for output in truth.mechanism.outputs]), run.response.transpose(1, 0, 2)
+    exact = reference.responses(values, times)
+    return np.stack([exact[output] for output in reference.mechanism.outputs]), run.response.transpose(1, 0, 2)
 
 
 @pytest.mark.thorough
@@ -67,7 +67,7 @@ def test_reference_solutions_are_those_of_tight_integrations(name, table):
 
 @pytest.mark.slow
 def test_all_reference_solutions_are_those_of_tight_integrations(table):
-    names = [name for name, case in table.CASES.items() if case.exact and case.count > 1]
+    names = [name for name, tested in table.MECHANISMS.items() if tested.exact and tested.count > 1]
     assert len(names) >= 30
     for name in names:
         exact, integrated = exact_and_integrated(table, name)
@@ -78,13 +78,13 @@ def test_all_reference_solutions_are_those_of_tight_integrations(table):
 @pytest.mark.parametrize("name", marked(ALIGNED))
 def test_error_of_an_aligned_chaos_is_the_true_one(name, table):
     """At nine of ten times, and the largest; where alignment does not help the stated error says so."""
-    truth = table.Truth(table.CASES[name])
-    found = table.verified(truth, verify=32, alignment="phase")
+    reference = table.Reference(table.MECHANISMS[name])
+    found = table.verified(reference, verify=32, alignment="phase")
     ratio = found.stated / found.true
     agree = (np.maximum(found.true, found.stated) < FLOOR) | ((ratio >= 0.5) & (ratio <= 2.0))
     stated, true = found.stated.max(), found.true.max()
     assert agree.mean() >= 0.9 and 0.5 <= stated / true <= 2.0, (agree.mean(), stated, true)
-    assert (stated < 0.02 and true < 0.02) if truth.case.helps else stated > 0.1
+    assert (stated < 0.02 and true < 0.02) if reference.tested.helps else stated > 0.1
 
 
 @pytest.mark.thorough
@@ -124,7 +124,7 @@ def test_rows_that_hold_in_the_stored_table_hold_with_fewer_seeds(error, table):
     known = {(row.error, row.mechanism) for row in table.stored(table.STORED) if row.holds == "no"}
     wrong = [
         row
-        for name in table.CASES
+        for name in table.MECHANISMS
         for row in table.rows_of(error, name, seeds=4)
         if row.holds == "no" and (row.error, row.mechanism) not in known
     ]
