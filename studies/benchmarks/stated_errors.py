@@ -66,7 +66,7 @@ STORED = DOCS / "explanation" / "stated_errors.csv"
 PICTURES = DOCS / "pictures"
 
 SEEDS = 20
-FEWER = {"integration": 5, "quantile": 5, "surrogates": 5, "aligned": 3, "alignment": 1}
+FEWER = {"integration": 5, "quantile": 5, "surrogates": 5, "reliability": 10, "aligned": 3, "alignment": 1}
 """Most repetitions of what is costly: many samples each, surrogates with few random parts, aligned surrogates."""
 LEAST = 0.92
 """Least share of intervals that contain the true value."""
@@ -357,7 +357,8 @@ def probabilities(row: Row, reference: Reference, seeds: int) -> list[Row]:
         made, name, share = required(reference, wanted)
         study = reference.study(mechanism=made)
         hits, off, errors_of_seeds = [], [], []
-        for seed in range(seeds if "surrogate" not in title else min(seeds, FEWER["surrogates"])):
+        fewer = {"probability, surrogate": "surrogates", "probability, reliability": "reliability"}.get(title, "")
+        for seed in range(min(seeds, FEWER.get(fewer, seeds))):
             try:
                 data = study.propagate(method(seed))["requirements"].to_dataset().sel(requirement=name)
             except uqmbd.UqmbdError as error:
