@@ -1,4 +1,4 @@
-"""What data of xarray have as ``.uqmbd``: one output with its unit, a variable for each output, the surrogate.
+"""Methods ``.uqmbd`` of xarray data: one output with its unit, a variable for each output, the surrogate.
 
 It is registered when `uqmbd.results` is imported, hence by all that makes or reads results.  Where a file was opened by
 xarray alone, ``import uqmbd.results`` is needed: ``import uqmbd`` imports neither xarray nor anything that needs it.
@@ -62,7 +62,7 @@ class Accessor:
         return by_output(self._data, variable)
 
     def surrogate(self, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
-        """Return the surrogate of a method, of whose node this is; see :func:`uqmbd.results.surrogate`.
+        """Return the surrogate of the method of this node; see :func:`uqmbd.results.surrogate`.
 
         Parameters
         ----------

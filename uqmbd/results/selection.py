@@ -176,7 +176,7 @@ def _unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
 
 
 def _chosen(data: xr.Dataset, name: str, input: str | None) -> xr.Dataset:
-    """Choose an output, and say of each variable which it is, and its unit."""
+    """Select an output, and add its name and unit to each variable."""
     if name in data.data_vars and "output" not in data[name].dims:  # one variable for each output
         return _motion(data, name)
     if name not in _names(data):

@@ -1,4 +1,4 @@
-"""How reliable results are: comparison of methods, their stated errors, verdicts, and the recommendation."""
+"""Reliability of results: comparison of methods, their stated errors, verdicts, and the recommendation."""
 
 from __future__ import annotations
 

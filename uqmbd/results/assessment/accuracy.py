@@ -1,4 +1,4 @@
-"""What an accuracy of 1 % means: the one measure of stated errors that a run with ``accuracy=`` is held to."""
+"""Definition of accuracy: the measure of stated errors that a run with ``accuracy=`` must meet."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TWO_SIDED = 1.96
 @typechecked
 @dataclass(frozen=True)
 class StatedAccuracy:
-    """How accurate a result says that it is.
+    """Stated accuracy of a result.
 
     Attributes
     ----------

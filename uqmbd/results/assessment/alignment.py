@@ -1,4 +1,4 @@
-"""Results of different runs, restricted to what they have in common: nothing is interpolated."""
+"""Results of different runs, restricted to their common outputs and times: nothing is interpolated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How reliable a result is: agreement of methods, stated errors, reliability of each output, and the recommendation."""
+"""Reliability of a result: agreement of methods, stated errors, reliability of each output, and the recommendation."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from uqmbd.wording import format_at_most, format_count, format_integer, format_p
 __all__ = ["LEVELS", "Assessment", "OutputReliability", "assess"]
 
 LEVELS = (("✗", "no"), ("!", "roughly"), ("✓", "yes"), ("–", "constant"))
-"""Signs, for those who see no colours, and words of the levels of reliability."""
+"""Signs (readable without colours) and words of the levels of reliability."""
 
 
 @dataclass(frozen=True)
 class OutputReliability:
-    """How reliable one quantity is: an output, an output without a time, or the probability of a requirement."""
+    """Reliability of one quantity: an output, an output without a time, or the probability of a requirement."""
 
     quantity: str  # its name
     kind: Literal["output", "scalar", "requirement"]
@@ -62,7 +62,7 @@ class OutputReliability:
 
 @dataclass(frozen=True)
 class Assessment:
-    """How reliable the result of a study is.
+    """Reliability of the result of a study.
 
     Attributes
     ----------
@@ -346,7 +346,7 @@ def _of_probability(one: Answer, found: list[Answer]) -> tuple[int, str, float]:
 
 
 def _precision(label: str, node: xr.DataTree, found: list[Judgement], methods: int) -> str:
-    """Say how well samples know their standard deviations, and how many would do better; empty if they cannot tell."""
+    """Return how precisely samples determine their standard deviations, and a sufficient number; empty if unknown."""
     if "samples" not in node.children or "std_error_std" not in node.children["statistics"].data_vars:
         return ""
     stated = [one for one in found if math.isfinite(one.time) and one.varies and 0 < one.error < math.inf]
@@ -379,7 +379,7 @@ def _halving(count: int) -> str:
 
 
 def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
-    """Say what a method that is alone needs where one of its outputs is not reliable; nothing where all are."""
+    """Return advice on a single method if one of its outputs is unreliable; empty if all are reliable."""
     some = [one for one in found if one.varies and WELL < one.error < math.inf]
     if not some:
         return ()

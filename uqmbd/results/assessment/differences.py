@@ -1,4 +1,4 @@
-"""How far each method lies from a reference method, whether they agree within their errors, and which one to use."""
+"""Distance of each method from a reference method, their agreement within errors, and the recommended one."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ROUNDING = 1e-9
 
 @typechecked
 def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: Annotated[float, Bounds(0)] = 0.0) -> str:
-    """Choose the method to compare the others with: the most converged one that can say so.
+    """Choose the reference method: the most converged one that states its convergence.
 
     Methods whose results end before the last time come last. Before them come surrogates, such as a chaos of order 0,
     in which an output has no spread although others give one. Those whose stated error is above 10 % are exempt. First
@@ -274,7 +274,7 @@ _COMMENTS = {
 
 
 def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> list[Verdict]:
-    """Say of the reference, or of the only method, what it states itself."""
+    """Return statements of the reference, or of the only method, on itself."""
     found = []
     for moves, text in zip(varies, own, strict=True):
         role = "" if alone or not moves else "; the reference"

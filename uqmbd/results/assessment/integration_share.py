@@ -1,4 +1,4 @@
-"""How large the stated error of the time integration is: over the spread of an output, or over its size."""
+"""Size of the stated error of the time integration: over the spread of an output, or over its size."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class IntegrationShare:
 
     @property
     def of_what(self) -> str:
-        """What the share is one of."""
+        """Quantity that the share refers to."""
         return "of the spread" if self.varies else "of the mean"
 
     def words(self) -> str:
-        """Say it shortly.
+        """Return a short text.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
         '0.00021 % of the spread'

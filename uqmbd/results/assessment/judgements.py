@@ -1,4 +1,4 @@
-"""What a method states of an output, and whether it agrees with the reference: read from a comparison."""
+"""Statements of a method on an output, and its agreement with the reference, from a comparison."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Judgement", "MethodVerdict", "judgements_of", "largest_error", "meth
 
 _SIGNS = {REFERENCE: "•", AGREES: "✓", DIFFERS: "✗", UNDER_RESOLVED: "!", FEW: "?", NO_SPREAD: "–"}
 _SHORT = {REFERENCE: "the reference", NO_SPREAD: "no output varies"}
-"""Verdicts in a word or two, where their names do not say them."""
+"""Short texts of verdicts whose names are not texts."""
 
 _ORDER = (DIFFERS, UNDER_RESOLVED, FEW, AGREES, REFERENCE, NO_SPREAD)
 
@@ -47,7 +47,7 @@ class Judgement:
 
 
 def judgements_of(comparison: xr.Dataset, *, timeless: bool = False) -> dict[str, list[Judgement]]:
-    """Return what a comparison says of each method, output by output; methods without a verdict are left out.
+    """Return the statements of a comparison on each method, output by output; methods without a verdict are omitted.
 
     ``timeless`` reads the outputs without a time of the comparison of a study.  Errors are infinite where the
     comparison does not hold them.
@@ -149,7 +149,7 @@ def worst(found: Sequence[Judgement]) -> tuple[Judgement, str]:
 
 
 def largest_error(found: Sequence[Judgement]) -> str:
-    """Say the largest error that a method states of any output; empty where it does not state it of all."""
+    """Return the largest stated error of a method over its outputs; empty if it is not stated for all."""
     if not found or not all(math.isfinite(one.error) for one in found):
         return ""
     one = max(found, key=lambda one: one.error)
@@ -157,7 +157,7 @@ def largest_error(found: Sequence[Judgement]) -> str:
 
 
 def _error_words(share: float, time: float, output: str = "") -> str:
-    """Say the largest error that a method states, as a share of the standard deviation, of which output and when (s).
+    """Return a text on the largest stated error, as a share of the standard deviation, with its output and time (s).
 
     >>> _error_words(0.02, 0.5), _error_words(0.02, math.nan, "x")
     ('stated error at most 2.0 % of the standard deviation (at 0.5 s)',

@@ -14,10 +14,10 @@ COARSE = 0.1
 """Stated error, over the standard deviation, above which an output is unreliable, and a surrogate under-resolved."""
 
 ROUGH = 0.15
-"""With 95 % confidence samples must give the standard deviation to within this part of it to be compared."""
+"""Error of the standard deviation, relative, that samples must reach with 95 % confidence to be compared."""
 
 LEAST_SAMPLES = 20
-"""With fewer samples there is no verdict: their standard errors themselves are hardly known."""
+"""With fewer samples there is no verdict: their standard errors are too uncertain."""
 
 ENOUGH_SAMPLES = 40
 """With fewer samples no agreement is stated."""
@@ -26,4 +26,4 @@ WIDE = 0.5
 """Longer side of an interval, over the probability, up to which a probability is reliable."""
 
 RARE = 1e-3
-"""Probabilities whose upper end is below are reliable, however wide their interval is."""
+"""Probabilities whose upper end is below are reliable for any width of the interval."""

@@ -1,4 +1,4 @@
-"""What a method states of its own error, in numbers and in one sentence for each output.
+"""Stated errors of a method, in numbers and in one sentence for each output.
 
 Samples have standard errors, surrogates a stated error.
 """
@@ -45,12 +45,12 @@ MOST_SAMPLES = 500
 """Samples from which the dependence of neighbouring times is found."""
 
 CONFIDENCE = 0.01
-"""How often the error of a surrogate may be larger than its bound, if its errors are normal."""
+"""Probability that the error of a surrogate exceeds its bound, if its errors are normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class OwnError:
-    """What a method says of the errors of its mean and standard deviation, for O outputs and T times."""
+    """Stated errors of the mean and standard deviation of a method, for O outputs and T times."""
 
     # mean, std, kurtosis: (O, T), the statistics themselves
     mean: Array
@@ -148,7 +148,7 @@ def root_mean_square(values: Array, times: Array) -> Array:
 
 
 def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) -> OwnError:
-    """Gather what a method says of its own error.
+    """Collect the stated errors of a method.
 
     `node`: a propagator's node; its statistics may be over time or not; `rtol`: tolerance of the integration, 0 where
     it is not known; `dependence`: whether samples are wanted, which tell how neighbouring times depend on one
@@ -211,7 +211,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
 
 
 def _words(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, outputs: int) -> tuple[tuple[str, str], ...]:
-    """Return whose the stated error of each output is, and what makes it smaller: nothing where that is not known."""
+    """Return the source of the stated error of each output, and advice on reducing it: empty if unknown."""
     attrs = statistics["verification_error"].attrs if "verification_error" in statistics else {}
     name = str(attrs.get("named", ""))
     found = [(f"method ({name})" if name else "method", str(attrs.get("remedy", "")))] * outputs
@@ -269,7 +269,7 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
 
 
 def _surrogate(surrogates: Sequence[StoredSurrogate], statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
-    """Return the bound (O, T) of what a surrogate misses, its stated error (O,), and the same over time (O, T)."""
+    """Return the bound (O, T) of the error of a surrogate, its stated error (O,), and the same over time (O, T)."""
     from scipy.special import chdtri
 
     # how many realisations another method's error is from nobody knows
@@ -336,7 +336,7 @@ def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
 
 @typechecked
 def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
-    """Say of each output of a method how large an error the method itself states.
+    """Return a sentence on the stated error of each output of a method.
 
     `node`: a propagator's node, or its child ``scalars``; `own`: what is known of its errors, at all its times.
     Return ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which
@@ -376,7 +376,7 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
 
 
 def _decay(node: xr.DataTree, name: str, output: int) -> str:
-    """Say how the coefficients of an expansion at equal times have fallen; empty where there is none."""
+    """Return a text on the decay of coefficients of an expansion at equal times; empty if there is none."""
     part = next((x for x in stored_surrogates(node) if x.equal_times and output in x.rows), None)
     if part is None or part.data["coefficients"].ndim > 3:
         return ""

@@ -1,4 +1,4 @@
-"""Which method to use, in words, with the reasons."""
+"""The recommended method, in words, with reasons."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ AS_GOOD = 1.5
 
 @dataclass(frozen=True)
 class _RatedMethod:
-    """What speaks for a method, and against it: ``same`` has the results of the reference for as many realisations."""
+    """Ratings of a method: ``same`` has the results of the reference for as many realisations."""
 
     label: str
     found: list[Judgement]
@@ -122,7 +122,7 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
 
 
 def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
-    """Return the methods that :func:`recommend` says to use, by their labels.
+    """Return the labels of the methods that :func:`recommend` recommends.
 
     Several where nothing speaks for one of them; none where it says to use none, or compares none.
     """
@@ -166,7 +166,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _methods(comparison: xr.Dataset) -> list[_RatedMethod]:
-    """Read what counts; costs are wall times, or realisations where a wall time is not known."""
+    """Return the ratings of methods; costs are wall times, or realisations if a wall time is unknown."""
     found, scale = judgements_of(comparison), comparison["reference_std_max"].values
     unknown = comparison["unknown_times"].values if "unknown_times" in comparison else [0] * len(found)
     times, counts = comparison["wall_time"].values, comparison["realisations"].values

@@ -16,7 +16,7 @@ __all__ = ["chance", "curve_length", "pointwise_level", "student"]
 
 
 def curve_length(parts: Sequence[Array]) -> float:
-    r"""Return the length of the curve that normalised deviations draw on the unit sphere, as time goes on.
+    r"""Return the length of the curve of normalised deviations on the unit sphere over time.
 
     `parts` (S, T): what each sample adds to a deviation at each time, one array for each independent set of samples;
     the columns of all together have the norm of the standard error. Return radians: :math:`\sum_k \arccos
@@ -74,7 +74,7 @@ def pointwise_level(level: float, length: float, count: int) -> float:
 
 
 def student(level: float, freedom: Array) -> Array:
-    """Return what Student's t exceeds in size with a chance `level`, for degrees of freedom (...).
+    """Return the magnitude that Student's t exceeds with probability `level`, for degrees of freedom (...).
 
     >>> student(0.05, np.array([10.0, np.inf])).round(4).tolist()
     [2.2281, 1.96]

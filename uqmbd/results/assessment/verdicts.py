@@ -1,4 +1,4 @@
-"""Whether two methods agree within the errors that they state, and what differs if they do not."""
+"""Agreement of two methods within their stated errors, and their differences."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class _Deviation:
-    """Difference of a statistic beyond what it may be by chance, at the worst time of an output."""
+    """Difference of a statistic beyond its random error, at the worst time of an output."""
 
     significant: bool
     worst: int
@@ -134,7 +134,7 @@ def _verdict(
 
 
 def _describe_error(found: OwnError, o: int, times: Array) -> str:
-    """Say how large the stated error of an under-resolved surrogate is."""
+    """Return a text on the stated error of an under-resolved surrogate."""
     return error_words(found.told[o], times if len(times) > 1 else None, EXACT)
 
 
@@ -188,14 +188,14 @@ def _freedom(method: OwnError, o: int, name: str) -> Array:
 
 
 def _offsets(response: Array, name: str) -> Array:
-    """Return what each sample adds to the mean or the variance (S, T), less its average."""
+    """Return the contribution of each sample to the mean or the variance (S, T), less its average."""
     spread = np.ptp(response, axis=0)
     off = (response - response.mean(axis=0)) / divisor(spread)
     return np.asarray(off if name == "mean" else off**2 - (off**2).mean(axis=0))
 
 
 def _parts(method: OwnError, o: int, name: str) -> Array:
-    """Return what each sample adds to the deviation (S, T), scaled so that the columns have the standard errors."""
+    """Return the contribution of each sample to the deviation (S, T), scaled to the standard errors."""
     assert method.response is not None
     off = _offsets(method.response[:, o], name)
     size = np.sqrt(np.square(off).sum(axis=0))
@@ -205,7 +205,7 @@ def _parts(method: OwnError, o: int, name: str) -> Array:
 def _rare(
     found: OwnError, base: OwnError, o: int, level: float, names: tuple[str, str]
 ) -> tuple[NDArray[np.bool_], str]:
-    """Find the times (T,) at which samples do not vary, and may well have missed what does; say whose.
+    """Return the times (T,) at which samples do not vary although another method does, and the label of these samples.
 
     Something that happens with probability p causes a kurtosis of at least about 1 / p. Samples of size n contain none
     of it with probability (1 - p)^n.
@@ -259,7 +259,7 @@ def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float)
 
 
 def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str, str]) -> str:
-    """Say which of two methods has too few samples; empty if none."""
+    """Return which of two methods has too few samples; empty if none."""
     for method, name in ((found, names[0]), (base, names[1])):
         if not method.drawn:
             continue
@@ -275,7 +275,7 @@ def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str
 def _differences(
     found: OwnError, base: OwnError, o: int, times: Array, units: str, tests: tuple[_Deviation, ...]
 ) -> list[str]:
-    """Say what differs, and by how much."""
+    """Return texts on the differences and their sizes."""
     said = []
     for name, test in zip(("mean", "std"), tests, strict=False):
         if not test.significant:

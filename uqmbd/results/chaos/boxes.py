@@ -34,13 +34,13 @@ __all__ = [
 
 
 VERIFICATION = ("verification_germs", "verification_response", "verification_weights")
-"""Names of what a surrogate knows of its verification realisations."""
+"""Names of the variables of verification realisations of a surrogate."""
 
 BOUNDS = ("lower", "upper")
 """Names of the ends of boxes."""
 
 ROUNDING = 1e-12
-"""By how much weights that are read again may differ from 1 in sum."""
+"""Difference of the sum of stored weights from 1 that counts as rounding."""
 
 
 def check_filled(boxes: Sequence[GermBox]) -> None:
@@ -109,7 +109,7 @@ def checked_weights(weights: Array | None, germs: Array | None, boxes: Sequence[
 def surrogate_dataset(
     space: GermSpace, labels: Labels, variables: Mapping[str, Any], known: Mapping[str, Array]
 ) -> xr.Dataset:
-    """Put variables next to the germ space, the meaning of the axes, and verification realisations that are known."""
+    """Add the germ space, the meaning of the axes, and known verification realisations to variables."""
     dims = (("verification", "germ"), ("verification", *labels.dims), ("verification",))
     verified = {name: (dim, known[name]) for name, dim in zip(VERIFICATION, dims, strict=True) if known}
     coords = {**labels.output_coords(), **labels.input_coords()}
@@ -125,7 +125,7 @@ def degrees(multi_index: Index, comment: str = "") -> dict[str, Any]:
 def read_surrogate(
     dataset: xr.Dataset | xr.DataTree, name: str, needed: Sequence[str], dim: str = ""
 ) -> tuple[xr.Dataset, Labels, GermSpace]:
-    """Check that variables are there, all but the degrees with a dimension, and read axes and germ space."""
+    """Check that variables are present, all but the degrees with a dimension, and read axes and germ space."""
     from uqmbd.randomness import GermSpace
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset

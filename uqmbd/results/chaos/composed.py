@@ -32,7 +32,7 @@ Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
 
 def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
-    """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
+    """Return the chaos of a result, of one element or of several, from its dataset `chaos`.
 
     `dataset`: as `PolynomialChaos.to_dataset` or `PiecewiseChaos.to_dataset` builds it. Return the same values to the
     bit. Raise StudyError if it is no such dataset.
@@ -61,7 +61,7 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
     "aligned": AlignedChaos.from_dataset,
     "quasi_periodic": QuasiPeriodicChaos.from_dataset,
 }
-"""How the surrogate of a dataset is made, by the name of the dataset in a node."""
+"""Constructors of surrogates from a dataset, by the name of the dataset in a node."""
 
 
 @typechecked
@@ -147,7 +147,7 @@ class ComposedChaos(Surrogate):
     _kind = Composed
 
     def __post_init__(self) -> None:
-        """Check that each output is there once at each time."""
+        """Check that each output occurs once at each time."""
         if not self.parts:
             raise StudyError("ComposedChaos: parts is empty; expected at least one surrogate.")
         for name, part in {} if self.used is None else self.parts.items():
@@ -253,7 +253,7 @@ class ComposedChaos(Surrogate):
 
     @classmethod
     def from_datasets(cls, datasets: Mapping[str, tuple[str, xr.Dataset]]) -> ComposedChaos:
-        """Make it from the datasets of its parts, each with the name of its kind, without the mechanism.
+        """Return the surrogate from the datasets of its parts, each with the name of its kind, without the mechanism.
 
         Raises
         ------
@@ -293,7 +293,7 @@ class ComposedChaos(Surrogate):
         return cls(parts, tuple(sorted(places, key=lambda name: places[name])), used)
 
     def _of(self, fewer: Mapping[str, Sequence[int]]) -> Self:
-        """Return the surrogate of some outputs and times: parts that have none of them at any time are left out."""
+        """Return the surrogate of some outputs and times, without parts that have none of them."""
         rows = list(fewer.get("output", range(len(self.outputs))))
         times = fewer.get("time")
         parts, masks = {}, {}
@@ -326,13 +326,13 @@ class ComposedChaos(Surrogate):
 
     @property
     def _used(self) -> list[Mask]:
-        """Whether an output of a part has its values, by time: for each part (own outputs, T), or (own outputs,)."""
+        """Times at which an output of a part is valid: for each part (own outputs, T), or (own outputs,)."""
         if self.used is None:
             return [np.ones(part.labels.shape, dtype=bool) for part in self.parts.values()]
         return [np.asarray(self.used[name], dtype=bool).reshape(p.labels.shape) for name, p in self.parts.items()]
 
     def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
-        """Put values of the parts together: outputs are along an axis, times, if there are any, along the next."""
+        """Join values of the parts: outputs are along an axis, times, if there are any, along the next."""
         before, found = (slice(None),) * axis, None
         for part, rows, used in zip(self.parts.values(), self._rows, self._used, strict=True):
             values = read(part)

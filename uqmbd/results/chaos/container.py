@@ -1,4 +1,4 @@
-"""One container of all surrogates: elements with coefficients, and a readout that says how outputs follow from them.
+"""Container of all surrogates: elements with coefficients, and a readout from coefficients to outputs.
 
 Length: it is one class, whose public methods have examples.
 """
@@ -46,12 +46,12 @@ __all__ = ["SurrogateContainer", "frozen"]
 _Kind = TypeVar("_Kind", bound=np.generic)
 
 ROUNDING = 1e-6
-"""By how much a germ may be outside its support, which rounding of inputs far from zero makes it."""
+"""Distance of a germ from its support that counts as rounding of inputs far from zero."""
 
 
 @typechecked
 class SurrogateContainer:
-    """Elements with coefficients, and a readout: what a surrogate evaluates, its moments, and how it is stored."""
+    """Elements with coefficients, and a readout: the evaluation of a surrogate, its moments, and its storage."""
 
     labels: Labels
     space: GermSpace
@@ -64,7 +64,7 @@ class SurrogateContainer:
     _kind: ClassVar[type[Any]]  # of the readout
 
     def __post_init__(self) -> None:
-        """Check elements that share their terms, weights and times, and set what follows from them."""
+        """Check elements that share their terms, weights and times, and set derived attributes."""
         object.__setattr__(self, "elements", tuple(self.elements))
         if np.ndim(self.multi_index) != 2:
             raise StudyError(
@@ -79,13 +79,13 @@ class SurrogateContainer:
 
     @property
     def readout(self) -> Readout:
-        """How outputs follow from coefficients; its ``name`` is that of the dataset of the surrogate."""
+        """Readout from coefficients to outputs; its ``name`` is that of the dataset of the surrogate."""
         found: Readout = self._reader
         return found
 
     @property
     def _reader(self) -> Any:
-        """The readout, made of what the surrogate has under the same names."""
+        """The readout, made of attributes of the surrogate with the same names."""
         return self._kind(**{name: getattr(self, name) for name in getattr(self._kind, "__dataclass_fields__", ())})
 
     @property
@@ -130,7 +130,7 @@ class SurrogateContainer:
 
     @cached_property
     def _moments(self) -> Any:
-        """Moments and indices: those of samples, where coefficients do not tell them."""
+        """Moments and indices: those of samples, if coefficients do not determine them."""
         return SampledMoments(self.space, self.multi_index, self.labels.shape, self.evaluate_germs, self._without)
 
     def _without(self, terms: Mask, germs: Array) -> Array:
@@ -212,7 +212,7 @@ class SurrogateContainer:
 
     @property
     def top_energy(self) -> Array:
-        """What the terms of the top order change, as a mean square (O, T): what the next order would add, or more."""
+        """Mean square of the terms of the top order (O, T), an upper estimate of the contribution of the next order."""
         return self._statistic("tops", 1, 0)
 
     @property
@@ -342,7 +342,7 @@ class SurrogateContainer:
         return self._dataset(stated=True)
 
     def to_datasets(self) -> dict[str, xr.Dataset]:
-        """Build the datasets of a propagator's node, by their paths under it: one, of what is not composed.
+        """Build the datasets of a propagator's node, by their paths under it: a single one unless it is composed.
 
         Examples
         --------
@@ -364,13 +364,13 @@ class SurrogateContainer:
         return surrogate_dataset(self.space, self.labels, self._variables(stated and bool(known)), known)
 
     def _variables(self, stated: bool) -> dict[str, Any]:
-        """Return what the dataset has besides germs, labels and verification, with the stated error where wanted."""
+        """Return the variables of the dataset besides germs, labels and verification; on request the stated error."""
         boxes = box_variables(self._boxes, {"units": "1"})
         return {**self._reader.variables(self.elements), **degrees(self.multi_index), **boxes}
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> Self:
-        """Make a surrogate from its dataset of a result, without the mechanism.
+        """Return a surrogate from its dataset of a result, without the mechanism.
 
         Raises
         ------
@@ -437,7 +437,7 @@ class SurrogateContainer:
 
     @cached_property
     def _constant(self) -> Mask:
-        """Where (O, T) an output does not vary."""
+        """Outputs and times (O, T) without variation."""
         return constant_columns(self.mean, self.std, self._moments.summands)
 
     def _by_input(self, name: str) -> Array:

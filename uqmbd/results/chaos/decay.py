@@ -1,4 +1,4 @@
-"""Decay of the coefficients of a chaos with their order, and verdicts in words on how far it can be trusted."""
+"""Decay of the coefficients of a chaos with their order, and verdicts in words on its accuracy."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def verdict_of_decay(
     times: Array | None,
     tolerance: float,
 ) -> str:
-    """Say whether the coefficients (P, T), or (P,) without times, have decayed."""
+    """Return whether the coefficients (P, T), or (P,) without times, have decayed, as a text."""
     order, edge = top_order(multi_index)
     if order == 0:
         return f"{name}: order 0 is the mean alone and says nothing about the spread; raise the order"

@@ -22,13 +22,13 @@ SLOW = 0.35
 """Decades per order below which the decay is slow: a kink leaves n^-1.5 of the standard deviation, a jump n^-0.5."""
 
 CLEAR = 0.14
-"""The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.146."""
+"""The same from which it is certain: smooth responses of large spread were seen to fall by 0.146."""
 
 FEWEST = 3
 """Order from which a decay is estimated from so many coefficients that it is certain."""
 
 STEEP = 0.3
-"""Part of what is missing that two orders leave, below which the response is smooth and only the order too low."""
+"""Share of the error that two more orders leave; below it the response is smooth, and only the order is too low."""
 
 SPREADS = 0.1
 """Times at which the standard deviation is below this part of its maximum are left out."""
@@ -71,11 +71,11 @@ class Discontinuity:
 
     @property
     def clear(self) -> bool:
-        """Whether the decay is so slow that a method warns of it, and not only says it among its verdicts."""
+        """Whether the decay is so slow that the method warns, in addition to a verdict."""
         return self.rate < CLEAR and self.order >= FEWEST
 
     def words(self, *, events: bool = False) -> str:
-        """Say it in a sentence; with `events` (the mechanism has some) alignment is proposed too.
+        """Return a sentence; with `events` (the mechanism has some) it proposes alignment too.
 
         Examples
         --------

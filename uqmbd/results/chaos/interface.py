@@ -1,4 +1,4 @@
-"""What a surrogate of outputs does, whatever it is made of.
+"""Interface of surrogates of outputs.
 
 Length: it is one class, the interface of all surrogates, whose methods have their types for each kind of inputs, and
 examples.
@@ -49,7 +49,7 @@ SAMPLES = 16384
 
 @typechecked
 class Surrogate(SurrogateContainer):
-    """Outputs as functions of the inputs that are cheap to evaluate, with their statistics and stated errors.
+    """Outputs as functions of the inputs that are evaluated at low cost, with their statistics and stated errors.
 
     Elements hold coefficients, and `readout` says how outputs follow from these.  The five public kinds only say what
     they are made of, and what else can be read of them: others use their names as types, and their class methods.
@@ -187,7 +187,7 @@ class Surrogate(SurrogateContainer):
         return labelled_array(of(points.values), points, self.labels, about)
 
     def sample(self, count: Annotated[int, Bounds(0, 10**9)], seed: Seed) -> tuple[Array, Array]:
-        """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T).
+        """Draw independent inputs (K, d) of their distribution, and evaluate the outputs there: (K, O, T).
 
         Parameters
         ----------
@@ -451,7 +451,7 @@ class Surrogate(SurrogateContainer):
         return united(found.assign(drawn).assign_coords(self.labels.input_coords()))
 
     def verdicts(self, tolerance: Annotated[float, Bounds(0)] = 0.01) -> tuple[str, ...]:
-        """Say for each output, in a sentence, how far the surrogate can be trusted.
+        """Return a sentence for each output on the accuracy of the surrogate.
 
         By the stated error where there is verification data; what looks like a discontinuity is named. Else by the
         decay: whether the terms of the top order carry more than a part `tolerance` of the standard deviation, and
@@ -648,9 +648,9 @@ class Surrogate(SurrogateContainer):
         return html_of(self)
 
     def _suspicions(self) -> tuple[str, ...]:
-        """Say, after the stated error of each output, what may be its cause."""
+        """Return sentences on possible causes of the stated error of each output."""
         return ("",) * len(self.labels.outputs)
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
-        """Say what the coefficients tell."""
+        """Return verdicts from the coefficients."""
         raise StudyError("This chaos has no verification realisations; give the propagator verify=16.")

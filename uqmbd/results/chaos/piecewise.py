@@ -1,4 +1,4 @@
-"""Multi-element polynomial chaos: a chaos of its own in each of some boxes of the germ space."""
+"""Multi-element polynomial chaos: a separate chaos in each of some boxes of the germ space."""
 
 from __future__ import annotations
 

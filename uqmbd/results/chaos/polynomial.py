@@ -1,4 +1,4 @@
-"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, with what their coefficients tell."""
+"""Polynomial chaos: outputs as sums of orthonormal polynomials of the germs, and statistics of their coefficients."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class PolynomialChaos(Surrogate):
     _kind = Plain
 
     def __post_init__(self) -> None:
-        """Check shapes and numbers, and keep copies that nobody can change."""
+        """Check shapes and numbers, and store read-only copies."""
         from uqmbd.randomness import GermBox
 
         self._set("coefficients", np.array(self.coefficients, dtype=float))
@@ -186,7 +186,7 @@ class PolynomialChaos(Surrogate):
         return self._moments.interaction(self._columns(names))
 
     def marginal(self, *names: str) -> PolynomialChaos:
-        """Return the chaos of the expectation of the outputs given some germs: only their terms are kept.
+        """Return the chaos of the expectation of the outputs given some germs: it has only their terms.
 
         Where inputs are independent the names are theirs. The result takes the same inputs as this one, and does not
         depend on the others. It has no verification: that was of the whole.

@@ -1,4 +1,4 @@
-"""Quasi-periodic polynomial chaos: frequencies and amplitudes are expanded, and put together at any time."""
+"""Quasi-periodic polynomial chaos: frequencies and amplitudes are expanded, and combined at any time."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class SampledPiece(ABC):
 
 
 class Readout:
-    """How outputs at times follow from coefficients; `name` is that of the dataset of a surrogate."""
+    """Readout from coefficients to outputs at times; `name` is that of the dataset of a surrogate."""
 
     name: ClassVar[str]
 
@@ -190,6 +190,6 @@ class Plain(Readout):
 
 
 class Composed(Readout):
-    """Outputs have readouts of their own, each in a part of the surrogate."""
+    """A separate readout for each part of the surrogate."""
 
     name = "composed"

@@ -1,4 +1,4 @@
-"""Samples of a polynomial chaos, and what is known of it by samples only: quantiles and densities.
+"""Samples of a polynomial chaos, and statistics that only samples determine: quantiles and densities.
 
 :class:`scipy.stats.gaussian_kde` takes three times as long for the same density: it works out kernels that are too far
 away to count.

@@ -37,13 +37,13 @@ MOST_POINTS = 10_000
 """Points of a segment, at most."""
 
 Markers = Literal["events", "phase", "time"]
-"""What the motions of an element are compared at: their events, equal phases of a clock, or equal times."""
+"""Points of comparison of the motions of an element: their events, equal phases of a clock, or equal times."""
 
 
 @typechecked
 @dataclass(frozen=True, eq=False)
 class AlignedElement(GermElement):
-    """Where all realisations have the same sequence of landmarks.
+    """Part of the germ space in which all realisations have the same sequence of landmarks.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class AlignedElement(GermElement):
     def through(
         cls, box: GermBox, events: tuple[str, ...], edges: Array, values: Array, landmarks: Markers
     ) -> AlignedElement:
-        """Make it from coefficients (P, S, O, N) of the outputs at the `points` of each segment.
+        """Return the element of coefficients (P, S, O, N) of the outputs at the `points` of each segment.
 
         Powers of the normalised time whose coefficients are rounding are left out.
 
@@ -139,7 +139,7 @@ class AlignedElement(GermElement):
 
     @cached_property
     def table(self) -> SegmentTable:
-        """The coefficients as they are evaluated."""
+        """The coefficients in the form in which they are evaluated."""
         return SegmentTable.of(self.edges, self.segments)
 
 

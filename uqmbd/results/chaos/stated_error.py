@@ -106,7 +106,7 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
 
 
 def factor_words(factor: float, count: int) -> str:
-    """Say how well the largest stated error is known, if not to a factor of two, from so many realisations.
+    """Return a text on the accuracy of the largest stated error, from a number of realisations.
 
     >>> factor_words(1.5, 16), factor_words(3.14, 8)
     ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
@@ -119,7 +119,7 @@ def factor_words(factor: float, count: int) -> str:
 
 
 def error_words(error: Array, times: Array | None, limit: float) -> str:
-    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit.
+    """Return a text on an error (T,), or (1,) without times, and on the time from which it exceeds a limit.
 
     Of times at which it is NaN, the first is named.
 

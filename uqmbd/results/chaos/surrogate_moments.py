@@ -55,7 +55,7 @@ class ExactMoments:
 
     @property
     def summands(self) -> int:
-        """Terms of the sum that the standard deviation comes from."""
+        """Number of terms in the sum of the standard deviation."""
         return len(self.coefficients)
 
     @property
@@ -178,7 +178,7 @@ class MergedMoments:
 
     @property
     def tops(self) -> Array:
-        """Mean over the elements of what their top orders carry (1 + d, O, T)."""
+        """Mean energy of the top orders over the elements (1 + d, O, T)."""
         return self.merged(self._each("tops"))
 
     def merged(self, values: Array) -> Array:
@@ -219,7 +219,7 @@ class MergedMoments:
 
 @dataclass(frozen=True, eq=False)
 class SampledMoments:
-    """Moments and indices of samples, of what evaluates germ points (K, d), also without some of its terms (P,)."""
+    """Moments and indices of samples of a function of germ points (K, d), also without some of its terms (P,)."""
 
     space: GermSpace
     multi_index: Index
@@ -255,7 +255,7 @@ class SampledMoments:
 
     @cached_property
     def tops(self) -> Array:
-        """Mean square (1 + d, O, T) of what the terms of the top order change: all, and those of each germ."""
+        """Mean square (1 + d, O, T) of the change by the terms of the top order: of all, and of those of each germ."""
         germs = spread_germs(self.space, TOPS, 0)
         whole, (_, edge) = self.evaluate(germs), top_order(self.multi_index)
         groups = (edge, *(edge & (degrees > 0) for degrees in self.multi_index.T))

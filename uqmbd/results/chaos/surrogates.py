@@ -26,7 +26,7 @@ __all__ = [
 
 
 class StoredSurrogate(NamedTuple):
-    """The surrogate of some outputs as it is stored: its kind, its dataset, and the numbers of these outputs."""
+    """The stored surrogate of some outputs: its kind, its dataset, and the numbers of these outputs."""
 
     kind: str
     data: xr.Dataset
@@ -44,7 +44,7 @@ class StoredSurrogate(NamedTuple):
 
     @property
     def split(self) -> bool:
-        """Whether it consists of elements that more of them would improve."""
+        """Whether it consists of elements, so that more elements would improve it."""
         # an aligned one that is not split has one element
         return self.data.sizes.get("element", 0) > (0 if self.kind == "chaos" else 1)
 
@@ -120,7 +120,7 @@ def surrogate(
 
 
 def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
-    """Return what the surrogates of a method's outputs are stored in, each with the name of its kind.
+    """Return the stored parts of the surrogates of a method's outputs, each with the name of its kind.
 
     By the names of the parts that a composed one has; else there is one, without a name, or none.
 

@@ -1,4 +1,4 @@
-"""The dataset ``requirements`` of any method, from what it gives for margins as outputs."""
+"""The dataset ``requirements`` of any method, from its results for margins as outputs."""
 
 from __future__ import annotations
 

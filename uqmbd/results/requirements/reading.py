@@ -1,4 +1,4 @@
-"""What methods say of requirements, side by side: for tables, and for whom a probability is a condition."""
+"""Results of methods on requirements, side by side: for tables, and for probabilities as conditions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VARIABLES = ("violation_probability", "violation_lower", "violation_upper", "vio
 @typechecked
 @dataclass(frozen=True)
 class Answer:
-    """What a method says of a requirement.
+    """Result of a method on a requirement.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Answer:
 
     @property
     def meaning(self) -> str:
-        """What the requirement says."""
+        """Text of the requirement."""
         return self.description or self.relation
 
     @property
@@ -86,7 +86,7 @@ def _data(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
 
 @typechecked
 def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
-    """Return what methods say, by requirement, in the order of the study, ``any`` last, and by the label of the method.
+    """Return results by requirement, in the order of the study, ``any`` last, and by the label of the method.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def meets(found: Collection[Answer], allowed: float) -> bool | None:
 
 @typechecked
 def unmet(nodes: Mapping[str, xr.DataTree], probability: Share) -> list[str]:
-    """Say which requirements are not met with 95 % confidence: violated with a larger probability than allowed.
+    """Return which requirements are not met with 95 % confidence: their probability exceeds the allowed one.
 
     All methods have to tell that it is less: the one with the largest upper end counts.  That it is more, and the
     requirement is not met, one method may tell, where none tells the contrary.
@@ -245,7 +245,7 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 
 @typechecked
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
-    """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair.
+    """Return a sentence for each pair of methods whose intervals of a requirement do not overlap.
 
     `nodes`: propagator nodes by label.
 

@@ -1,4 +1,4 @@
-"""Probabilities of violation from a surrogate of margins, with what its error adds to their intervals.
+"""Probabilities of violation from a surrogate of margins, with the contribution of its error to their intervals.
 
 A million samples of a surrogate give a wrong probability as precisely as a right one.  Its error is measured at
 realisations that did not enter it, its verification realisations. Their residuals are divided by a growth function,
@@ -46,7 +46,7 @@ ROWS = 4096
 """Samples that are evaluated at once."""
 
 RELIANCE = 0.995
-"""Of the one-sided quantile of Student's t distribution that makes a band of the residuals."""
+"""One-sided quantile of Student's t distribution that makes a band of the residuals."""
 
 FOLLOWED = 0.3
 """Part of the spread of a margin up to which its error is that of a surrogate that follows it."""
@@ -161,7 +161,7 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
 
 
 def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return what signs at verification realisations allow for (event,), where the surrogate does not follow margins.
+    """Return the interval from signs at verification realisations (event,), if the surrogate does not follow.
 
     Return (event,): by how much a probability may be less, and more. Return (event,): whether it is known by
     residuals.
@@ -185,7 +185,7 @@ def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[n
 
 
 def _reach(square: Array, weights: Array) -> float:
-    """Return how far errors reach whose squares are known at some points, by weights that sum to 1.
+    """Return the half-width of the errors whose squares are known at some points, by weights that sum to 1.
 
     A few of the squares may be nearly all of their sum, as near a jump. Then the root of their mean is known as poorly
     as from so few: of normal errors a third of them are, so to say.

@@ -1,4 +1,4 @@
-"""What the axes of a propagator's arrays mean: outputs, inputs and times, with their units."""
+"""Meaning of the axes of a propagator's arrays: outputs, inputs and times, with their units."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ _Info = TypeVar("_Info", OutputInfo, InputInfo)
 @typechecked
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """What the axes of a propagator's arrays mean; made by :func:`labels`.
+    """Meaning of the axes of a propagator's arrays; :func:`labels` makes it.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ def labels(
     inputs: Iterable[InputInfo | str | tuple[str, str] | tuple[str, str, str]],
     times: ArrayLike | None,
 ) -> Labels:
-    """Say once what the axes of a propagator's arrays mean.
+    """State the meaning of the axes of a propagator's arrays once.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def output_index(labels: Labels, name: str) -> int:
 
 
 def time_index(labels: Labels, time: float | None, *, needed: bool = False) -> tuple[int, ...]:
-    """Return the index of a time, or nothing where none is asked for."""
+    """Return the index of a time; None if none is requested."""
     times = labels.times
     if times is None:
         if time is not None:

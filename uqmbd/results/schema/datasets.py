@@ -52,20 +52,20 @@ __all__ = [
 ]
 
 SCHEMA_VERSION = 2
-"""Of the schema, as results state it (root attribute ``schema_version``; before there was one it was 0).
+"""Version of the schema in results (root attribute ``schema_version``; results without it have version 0).
 
 It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
 earlier versions are read.  Version 2: each NaN among statistics has a reason.
 """
 
 KIND = "kind"
-"""Attribute of a dataset of realisations that states what these are."""
+"""Attribute of a dataset of realisations that states their purpose."""
 
 CHILDREN: Mapping[str, str] = {"samples": "draws", "nodes": "nodes"}
 """Kinds of realisations by the child of a node that holds them."""
 
 STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
-"""What the integers of ``status`` mean; a propagator may pass its own."""
+"""Meanings of the integers of ``status``; a propagator may pass its own."""
 
 DEFAULT_PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 """Probabilities of the stored quantiles: the 50 %, 90 % and 95 % intervals and the median."""
@@ -361,6 +361,6 @@ def statistics_dataset(
 
 
 def check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:
-    """Raise a StudyError if an array has another shape than its dimensions tell."""
+    """Raise a StudyError if the shape of an array differs from that of its dimensions."""
     if array.shape != expected:
         raise StudyError(f"'{name}' must have the shape ({', '.join(dims)}) = {expected}; {array.shape} was given.")

@@ -196,7 +196,7 @@ propagator_nodes = methods
 
 @typechecked
 def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the nodes whose inputs are distributed alike: as in the study; where none are, as in the first of them.
+    """Return the nodes whose inputs have the distributions of the study; if there are none, those of the first node.
 
     If a method uses other distributions than the study, the attribute ``population`` of its node is a text: where the
     distributions come from.
@@ -271,7 +271,7 @@ def _plain(value: object) -> object:
 
 @cache
 def _version(package: str) -> str:
-    """Version of what is installed, looked up once: a small study would spend a quarter of its time on it."""
+    """Return the version of an installed package, cached: a small study would spend a quarter of its time on it."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Units of the variables of results: what ``attrs["units"]`` says, as CF conventions, xarray and pint-xarray read it.
+"""Units of the variables of results: ``attrs["units"]``, as CF conventions, xarray and pint-xarray read it.
 
 A variable along ``output`` has the units of its outputs.  Where these differ no attribute can say them, and the
 coordinate ``output_units`` does; where they are the same, or one output is chosen, the attribute does.
@@ -21,7 +21,7 @@ CF = "CF-1.11"
 DIMENSIONLESS = "1"
 
 Role = Literal["output", "output ** 2", "output / s", "output / input", "scalar", "input", "s", "1"]
-"""What the units of a variable are: those of its outputs, of these squared, ..., or a unit itself."""
+"""Kind of the units of a variable: those of its outputs, of these squared, ..., or a unit."""
 
 _ROLES: Mapping[Role, tuple[str, ...]] = {
     "output": (
@@ -128,7 +128,7 @@ def units_of(variable: xr.DataArray) -> str | None:
 
 
 def united(data: xr.Dataset) -> xr.Dataset:
-    """Say the unit of each variable of the schema that has one, and of no other, in ``attrs["units"]``.
+    """Write the unit of each variable of the schema that has a single one into ``attrs["units"]``.
 
     A variable that the schema does not know keeps what it says.
 
@@ -151,7 +151,7 @@ def united(data: xr.Dataset) -> xr.Dataset:
 
 
 def as_text(data: xr.Dataset) -> xr.Dataset:
-    """Let files have text as text: in Zarr's format 3 by its type `string`, for text of fixed width is no part of it.
+    """Convert text to the type `string`, because Zarr's format 3 does not define text of fixed width.
 
     >>> import xarray
     >>> as_text(xarray.Dataset(coords={"output": ["x"]}))["output"].encoding
@@ -165,7 +165,7 @@ def as_text(data: xr.Dataset) -> xr.Dataset:
 
 
 def with_units(tree: xr.DataTree) -> xr.DataTree:
-    """Say the units of the variables of all nodes of a result, as :func:`united` does; the tree is changed, not copied.
+    """Write the units of the variables of all nodes of a result, as :func:`united` does, in place.
 
     Text is stored as such, too, by :func:`as_text`.
 
@@ -185,6 +185,6 @@ def _texts(units: xr.DataArray) -> list[str]:
 
 
 def _one(units: Iterable[str]) -> str:
-    """Return what all units are; empty where they differ."""
+    """Return the common unit; empty if units differ."""
     found = set(units)
     return found.pop() if len(found) == 1 else ""

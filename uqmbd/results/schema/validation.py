@@ -1,4 +1,4 @@
-"""Check a result against the schema, so that the author of a propagator learns what is wrong, and where."""
+"""Check of a result against the schema, with messages for the author of a propagator."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _WITHOUT_TIME: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "harmonics": ("harmonic", "base"),
     },
 }
-"""Variables of surrogates whose coefficients are not those of outputs at times."""
+"""Variables of surrogates whose coefficients do not belong to outputs at times."""
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
 
@@ -161,7 +161,7 @@ def _validate_node(node: xr.DataTree, label: object, *, before: bool) -> None:
 
 
 def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
-    """Return the time (s) up to which there are results: attribute ``ends_at`` of what ended early, else infinity."""
+    """Return the time (s) up to which there are results: attribute ``ends_at``, else infinity."""
     end = node.attrs.get("ends_at", np.inf)
     usable = isinstance(end, (int, float, np.number)) and not isinstance(end, bool) and not np.isnan(end)
     _require(usable, node.path, f"attribute 'ends_at' = {end!r}", "the last time with results, s")
@@ -187,7 +187,7 @@ def _text_coord(node: xr.DataTree, name: str, dim: str) -> None:
 
 
 def _angles(node: xr.DataTree) -> None:
-    """Check what says which outputs are angles; a result in which none is need not have it."""
+    """Check the marks of angles; a result without angles need not have them."""
     if "output_angle" not in node.coords:
         return
     coord = node.coords["output_angle"]
@@ -283,7 +283,7 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, row: str) -> N
 
 
 def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
-    """Check what a node, or a part of a composed surrogate, holds of the outputs of some names."""
+    """Check the surrogates of the outputs of some names in a node, or in a part of a composed surrogate."""
     times = statistics.coords["time"].values
     times = times[times <= end]
     if "chaos" in node.children:

@@ -54,9 +54,9 @@ _MAY_LACK_REASONS = ("skewness", "kurtosis", "quantile", "std_error_mean", "std_
 """A NaN of these without a reason gets the default reason in runs."""
 _FINITE_BEFORE = ("mean", "std", "variance", "std_error_mean", "std_error_std", "variance_reduction",
                   "variance_reduction_std")  # fmt: skip
-"""What had to be finite before schema version 2."""
+"""Variables that had to be finite before schema version 2."""
 _MAY_BE_INFINITE = ("circular_std", "verification_factor")
-"""Where directions cancel; where the uncertainty of an error is unknown."""
+"""Infinite if directions cancel, or if the uncertainty of an error is unknown."""
 
 
 REAL = "expected real numbers in an array or a sequence"
@@ -249,7 +249,7 @@ def _ends(data: xr.DataArray, where: str) -> tuple[xr.DataArray, xr.DataArray]:
 
 
 def _check_order(data: xr.DataArray, where: str, explained: xr.DataArray) -> None:
-    """Refuse intervals whose ends are not in order; both may be NaN where that is explained."""
+    """Refuse intervals whose ends are not in order; both may be NaN with a reason."""
     lower, upper = _ends(data, where)
     bad = ~(lower <= upper) & ~(explained.isel(bound=0, drop=True) & lower.isnull() & upper.isnull())
     if bool(bad.any()):
@@ -259,7 +259,7 @@ def _check_order(data: xr.DataArray, where: str, explained: xr.DataArray) -> Non
 
 
 def _check_real(data: xr.DataArray, where: str) -> None:
-    """Refuse a variable that holds other things than real numbers; `where` it is, for the message."""
+    """Refuse a variable that contains other values than real numbers; `where`: its place, for the message."""
     if data.dtype.kind == "c":
         bad = data.copy(data=np.imag(data.values) != 0)
         place = f" at {place_of(bad)}" if bool(bad.any()) else ""
@@ -319,7 +319,7 @@ def place_of(bad: xr.DataArray) -> str:
 
 
 def _refuse(where: str, bad: xr.DataArray, found: str | xr.DataArray, expected: str) -> None:
-    """Raise at the first bad value; `found` is what it is, or the values themselves, with the dimensions of `bad`."""
+    """Raise at the first bad value; `found` describes it, or contains the values, with the dimensions of `bad`."""
     if bool(bad.any()):
         if isinstance(found, xr.DataArray):
             found = f"{found.values[tuple(np.argwhere(bad.values)[0])]:.6g}"

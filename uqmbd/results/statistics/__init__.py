@@ -1,4 +1,4 @@
-"""Statistics of samples: moments, angles, rotations, replicates, and what varies."""
+"""Statistics of samples: moments, angles, rotations, replicates, and variation."""
 
 from __future__ import annotations
 

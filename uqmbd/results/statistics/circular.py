@@ -205,7 +205,7 @@ def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
 def circular_of_blocks(
     shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
 ) -> dict[str, Array]:
-    """Do what :func:`circular_of_samples` does, with samples (S, t) that are made from an output and a slice of times.
+    """Compute `circular_of_samples` from samples (S, t) that a function returns for an output and a slice of times.
 
     The shape of the outputs is (O, T) or (O,), `count` is S.
     """

@@ -95,7 +95,7 @@ class CircularMoments:
         )
 
     def statistics(self) -> dict[str, Array]:
-        """Return what `sample_statistics` does not: mean and deviation of directions.
+        """Return the further statistics of directions: circular mean and deviation.
 
         Returns
         -------

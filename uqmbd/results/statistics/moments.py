@@ -97,7 +97,7 @@ class Moments:
         return Moments(n, self.mean + d * b / n, second, third, fourth)
 
     def statistics(self, independent: bool = True) -> dict[str, Array]:
-        """Compute what `uqmbd.results.sample_statistics` does, but for quantiles.
+        """Compute the statistics of `uqmbd.results.sample_statistics`, except quantiles.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ class ConsecutiveSamples(Protocol):
 
     @property
     def good(self) -> Mask:
-        """Which succeeded, with values that are finite, shape (K,)."""
+        """Successful samples with finite values, shape (K,)."""
 
 
 FIRST_SAMPLES = 20_000
@@ -51,27 +51,27 @@ DEVIATIONS = 6.0
 """Half the width of a first bracket, in standard deviations of the rank: one in 5e8 misses its quantile."""
 
 BEYOND = 0.5
-"""Where a first bracket ends with the first samples, it is wider by this share of their range."""
+"""Share of the range of the first samples by which a bracket at their end is extended."""
 
 COUNTERS, MOST_BINS, LEAST_BINS = 4_000_000, 1024, 8
 """Counters (8 bytes each) of all brackets, and bins of each."""
 
 GATHERED = 2_000_000
-"""Values that are gathered at once, at most, with 8 bytes for each and as many for whose they are."""
+"""Most values that are gathered at once, with 8 bytes for each and as many for their brackets."""
 
 NOT_FINITE = "A sample that counts as successful holds a NaN or an infinity; give it a status other than 0."
 
 CHANGED = "Samples are others than on the pass before: something has written into them."
 
 POOR = 4
-"""Where bins divide the number of candidates by less, the next ones are bins of floating-point numbers."""
+"""If bins reduce the number of candidates by a smaller factor, the next ones are bins of floating-point numbers."""
 
 
 @typechecked
 def quantiles_of_chunks(
     chunks: Iterable[ConsecutiveSamples], probabilities: Sequence[float] = DEFAULT_PROBABILITIES
 ) -> dict[str, Array]:
-    """Compute the quantiles and extremes of samples that can be gone through again, exactly, in bounded memory.
+    """Compute the quantiles and extremes of samples that can be iterated repeatedly, exactly, in bounded memory.
 
     The first samples bracket each quantile.  A pass over all counts how many lie below the brackets and in their parts;
     the next one gathers those in the parts that hold a quantile, or counts again where these are too many.
@@ -145,7 +145,7 @@ def quantiles_of_chunks(
 
 @dataclass(frozen=True, eq=False)
 class _Narrowed:
-    """Brackets about what is a bin of other brackets, or all that is below or above of these."""
+    """Brackets about a bin of other brackets, or about all values below or above them."""
 
     brackets: Brackets
     # parent, bin: (M,), of which bracket, and which of its bins: -1 for what is below, the number of bins for what is
@@ -158,7 +158,7 @@ class _Narrowed:
 
     @property
     def starts(self) -> Index:
-        """Where the values of each bracket begin, of all that are gathered."""
+        """First value of each bracket among all gathered ones."""
         return np.concatenate([[0], self.number.cumsum()[:-1]]) if len(self.number) else self.number
 
     def chosen(self, which: Index) -> _Narrowed:
@@ -269,7 +269,7 @@ def too_few(count: int) -> str:
 
 
 def check_counts(counts: Counts) -> None:
-    """Raise where there are too few samples, or what is not finite."""
+    """Raise if there are too few samples, or values that are not finite."""
     if counts.count < 2:
         raise StudyError(too_few(counts.count))
     # minima and maxima pass on what is not a number

@@ -27,7 +27,7 @@ __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "s
 _ROUNDING = 32.0 * np.finfo(float).eps
 
 BLOCK_NUMBERS = 200_000
-"""Samples (8 bytes each) of a block of columns, and two such arrays beside it; 4 MB took half as long again."""
+"""Samples (8 bytes each) of a block of columns, with two such arrays in addition; 4 MB took half as long again."""
 
 LEAST_COLUMNS = 8
 """Columns of a block at least: those that share a line of the cache are read together."""

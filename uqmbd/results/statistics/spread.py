@@ -26,13 +26,13 @@ LONG = 0.1
 """Part of the times at which an output varies that has a spread, however large the error becomes at others."""
 
 ROUNDING, ALIKE, ANY = 1e-12, 1e-13, 1e-15
-"""Rounding relative to the largest mean of an output, of outputs in the same units, and of any (for what is zero)."""
+"""Rounding relative to the largest mean of an output, of outputs in the same units, and of any (for zero values)."""
 
 OF_TOLERANCE = 0.1
 """Error of the integration over its tolerance and the largest mean, where it has not been measured."""
 
 SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verification_factor": 1.0}
-"""What statistics of an output are that does not vary, beside Sobol' indices, which are 0."""
+"""Statistics of an output without variation, except Sobol' indices, which are 0."""
 
 
 def divisor(scale: Array) -> Array:
@@ -51,7 +51,7 @@ def over_time(values: Any) -> Array:
 
 
 def relative(values: Array, scale: Array, unknown: float) -> Array:
-    """Return values over a scale: NaN of an unknown scale, of zero an unknown share, and 0 of what is zero itself."""
+    """Return values over a scale: NaN for an unknown scale, `unknown` for a zero scale, and 0 for zero values."""
     return np.where(~(scale <= 0), values / divisor(scale), np.where(values > 0, unknown, values))
 
 
@@ -133,7 +133,7 @@ def varies(node: xr.DataTree, output: str) -> bool:
 
 
 def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:
-    """Return statistics in which what does not vary has no shares, no shape and no error of a spread.
+    """Return statistics in which outputs without variation have no shares, no shape and no error of a spread.
 
     Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3, and the
     factor by which the stated error may be off 1.  Mean and standard deviation stay.

@@ -25,7 +25,7 @@ from uqmbd.typing import Array
 __all__ = ["check_file", "checksum_of", "codecs", "decoded", "encoded", "read_checked", "same_codecs", "write_file"]
 
 LARGEST = 1 << 30
-"""Bytes of a chunk that is compressed at most: Blosc takes no more than twice that."""
+"""Most bytes of a compressed chunk: Blosc accepts at most twice that."""
 
 _SUM = 4
 """Bytes of a checksum."""
@@ -59,7 +59,7 @@ def checksum_of(content: bytes) -> int:
 
 
 def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) -> Array | None:
-    """Return the first responses of a chunk whose file has a checksum; nothing where it is not so."""
+    """Return the first responses of a chunk whose file has a checksum; None if the checksum differs."""
     try:
         content = path.read_bytes()
         return _decode(path, content, "<f8", chunk)[:count] if checksum_of(content) == checksum else None
@@ -68,7 +68,7 @@ def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) 
 
 
 def decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of a chunk; what is empty, but for numbers, has no file.
+    """Return the values of a chunk; empty chunks, except of numbers, have no file.
 
     Raise StudyError if the file is missing or damaged.
     """
@@ -96,7 +96,7 @@ _ADVICE = (
 
 
 def _body(path: Path, content: bytes) -> memoryview:
-    """Return what a file holds besides its checksum."""
+    """Return the content of a file after its checksum."""
     body = memoryview(content)[_SUM:]
     if len(content) < _SUM or zlib.crc32(body) != checksum_of(content):
         raise StudyError(f"{path} is damaged: its content does not have the checksum that it states. {_ADVICE}")

@@ -1,4 +1,4 @@
-"""Chunks of variables in files: what one output takes over time lies together."""
+"""Chunks of variables in files: the values of one output over time are contiguous."""
 
 from __future__ import annotations
 

@@ -22,13 +22,13 @@ from uqmbd.files import no_link
 __all__ = ["CHECKSUM", "MARK", "Span", "add_digest", "check_digest"]
 
 Span = tuple[int, int]
-"""Where some bytes of a file begin, and how many there are."""
+"""Begin and length of some bytes of a file."""
 
 CHECKSUM = 4
 """Bytes of HDF5's checksum, with which a chunk ends."""
 
 MARK = "uqmbd_digest_follows"
-"""Attribute of the root of a file that has a digest, which tells whose it is where nothing is left of that."""
+"""Attribute of the root of a file with a digest, which remains recognisable if the digest is lost."""
 
 _FORM = "uqmbd digest 1"
 _END = b"\x89uqmbd digest\r\n\x1a\n"
@@ -94,7 +94,7 @@ def check_digest(file: BinaryIO, *, whole: bool) -> bool:
 
 
 def _digests(file: BinaryIO, size: int, spans: Sequence[Span], *, whole: bool) -> tuple[str, list[str]]:
-    """Return the digest of what is outside of the spans, which are in order, and those of each of these."""
+    """Return the digest of all bytes outside of the spans, which are in order, and those of each span."""
     rest, found, place = hashlib.sha256(), [], 0
     for begin, count in spans:
         _update(rest, file, place, begin)
@@ -120,7 +120,7 @@ def _parts(file: BinaryIO, count: int) -> Iterator[bytes]:
 
 
 def _has_mark(file: BinaryIO) -> bool:
-    """Return whether a file, or what is left of it, was written with a digest."""
+    """Return whether a file, or its remainder, was written with a digest."""
     marks = (MARK.encode(), _FORM.encode())
     file.seek(0)
     last = b""

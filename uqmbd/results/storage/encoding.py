@@ -26,7 +26,7 @@ _INT64 = np.iinfo(np.int64)
 
 
 def encode_tree(tree: xr.DataTree) -> xr.DataTree:
-    """Return a tree as it is stored, with the version of its schema and the mark that a digest follows."""
+    """Return a tree in its stored form, with the version of its schema and the mark that a digest follows."""
     datasets = {}
     for node in tree.subtree:
         dataset = _encode(node.to_dataset(inherit=False))
@@ -40,7 +40,7 @@ def encode_tree(tree: xr.DataTree) -> xr.DataTree:
 
 
 def decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTree:
-    """Return a tree as it was; where groups come in no order (`ordered`), those whose order is not stored by name."""
+    """Return the original tree; if groups are unordered (`ordered`), groups without a stored order by name."""
     dataset = tree.to_dataset(inherit=False)
     order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
     names = tree.children if ordered else sorted(tree.children)
@@ -50,7 +50,7 @@ def decode_tree(tree: xr.DataTree, source: Path, *, ordered: bool) -> xr.DataTre
 
 
 def drop_own(attrs: dict[Any, Any]) -> None:
-    """Remove what `save` added to the attributes of the root."""
+    """Remove the attributes of the root that `save` added."""
     if attrs.pop(_VERSION_ADDED, None) and attrs.get(_VERSION) == SCHEMA_VERSION:
         # of an earlier version it stays, and says what the result need not have
         del attrs[_VERSION]
@@ -105,7 +105,7 @@ def _is_native(value: object) -> bool:
 
 
 def decode(dataset: xr.Dataset, source: Path) -> xr.Dataset:
-    """Return a dataset as it was, of what a file holds."""
+    """Return the original dataset of the content of a file."""
     variables = {}
     for name, variable in dataset.variables.items():
         # An empty or optimised text type of the reader becomes the fixed width that was written.
@@ -142,7 +142,7 @@ def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _array(values: list[Any]) -> Any:
-    """Return the array that Zarr wrote as a list, which is of numbers; other lists are what was given to xarray."""
+    """Return the array that Zarr wrote as a list of numbers; other lists were given to xarray as such."""
     try:
         found = np.array(values)
     except ValueError:  # ragged

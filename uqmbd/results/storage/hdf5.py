@@ -1,4 +1,4 @@
-"""HDF5 files that can be closed whatever happens to the disk, and that know what is in them.
+"""HDF5 files that close even if the disk fails, and that index their contents.
 
 For each access, h5netcdf searches an object by its path: 43 times for a variable. This takes half of the time in which
 results of many small variables are written (152 of them: 1.0 of 2.0 s) or read: here it is found once.
@@ -22,11 +22,11 @@ __all__ = ["NetcdfFile", "WriteError", "netcdf_file", "remembering"]
 
 
 class WriteError(OSError):
-    """The disk did not take what was written."""
+    """The disk did not accept the written bytes."""
 
 
 class _Handle(io.RawIOBase):
-    """A file that notes the first failure of the disk instead of raising it, and forgets what is written from then on.
+    """A file that records the first failure of the disk instead of raising it, and discards later writes.
 
     HDF5 cannot close a file that it cannot write, and the process dies with it at its end.
     """
@@ -54,7 +54,7 @@ class _Handle(io.RawIOBase):
         return self._place
 
     def readinto(self, buffer: Any) -> int:
-        """Read; what was not kept is zero."""
+        """Read; unwritten bytes are zero."""
         view = memoryview(buffer).cast("B")
         self._file.seek(self._place)
         data = self._file.read(len(view))
@@ -87,7 +87,7 @@ class _Handle(io.RawIOBase):
         return self._end
 
     def check(self) -> None:
-        """Raise what the disk said."""
+        """Raise the recorded error of the disk."""
         if self.problem is not None:
             raise WriteError(self.problem.errno, self.problem.strerror or str(self.problem)) from self.problem
 
@@ -131,13 +131,13 @@ def remembering() -> Any:
 
 
 def _forget(known: dict[str, Any], gone: str) -> None:
-    """Forget what is known by this path from the root, and by the paths below it."""
+    """Remove cached entries of a path from the root, and of the paths below it."""
     for name in [name for name in known if f"/{name.strip('/')}/".startswith(f"{gone}/")]:
         del known[name]
 
 
 class NetcdfFile:
-    """A netCDF file that is written, by h5netcdf; `check` raises what the disk has said so far."""
+    """A netCDF file that h5netcdf writes; `check` raises the recorded errors of the disk."""
 
     def __init__(self, file: Any, inner: Any, handle: _Handle) -> None:
         self.file = file

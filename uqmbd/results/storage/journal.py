@@ -1,4 +1,4 @@
-"""A file of records that only grows: what is torn or damaged in it costs the record that it is in, and no other."""
+"""An append-only file of records: damage affects only the record in which it occurs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uqmbd.files import no_link
 __all__ = ["Journal", "Record"]
 
 Record = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-"""What is noted, in JSON, and arrays."""
+"""Noted data, in JSON, and arrays."""
 
 _MARK = b"\x00uqmbd\xff\n"
 _HEAD = struct.Struct("<II")
@@ -66,7 +66,7 @@ class Journal:
         return None if found is None else _record(found)
 
     def places(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Go through the records that are whole: where each begins, and what is noted in it."""
+        """Yield the place and the noted data of each complete record."""
         if not self.path.exists():
             return
         with self.path.open("rb") as file:

@@ -26,7 +26,7 @@ AT_ONCE = 1 << 25
 """Bytes of a variable that Dask reads at once, about."""
 
 COMPARED = 64
-"""Samples that are compared with those that were kept."""
+"""Samples that are compared with the stored ones."""
 
 
 @typechecked
@@ -79,7 +79,7 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
 
 
 def _unread(tree: xr.DataTree, source: Path) -> xr.DataTree:
-    """Return a tree whose numbers are read when they are computed with; coordinates are read."""
+    """Return a tree whose numbers are read on use; coordinates are read."""
     sets = {node.path: _as_dask(node.to_dataset(inherit=False), source, node.path) for node in tree.subtree}
     # a tree of its own: that which is opened forgets how it is closed, where a dataset in it is replaced
     made = xr.DataTree.from_dict(sets)
@@ -126,7 +126,7 @@ class _Unread:
 
 
 def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | None:
-    """Open all samples of a method, whose node has those that were kept."""
+    """Open all samples of a method, whose node contains the stored ones."""
     place = folder / name
     if Path(name).name != name or name in ("", ".", ".."):
         raise StudyError(f"{node.path}: all_samples is {name!r}; expected the name of a store beside the result.")

@@ -1,4 +1,4 @@
-"""The manifest of a run folder: what uqmbd wrote there, by name and digest.
+"""The manifest of a run folder: files that uqmbd wrote there, by name and digest.
 
 What is not in it, or has another digest, belongs to the user: it is not removed, moved or overwritten. A result, report
 or store of samples without an entry may be uqmbd's own: an earlier version wrote no manifest. It is moved to a new
@@ -39,7 +39,7 @@ MANIFEST = ".uqmbd-manifest.json"
 PREVIOUS = "previous"
 """Folder of the results that were there before, within that of a run."""
 FIGURES = "figures"
-"""Folder of the report's figures as files, beside the report."""
+"""Folder of the report's figures as files, next to the report."""
 
 _FORM = "uqmbd manifest 1"
 _LARGEST = 1 << 24
@@ -69,7 +69,7 @@ def has_manifest(folder: Path) -> bool:
 
 
 def start_manifest(folder: Path) -> None:
-    """Make an empty manifest where there is none.
+    """Make an empty manifest if there is none.
 
     Raise StudyError if something else has its name.
     """
@@ -98,7 +98,7 @@ def record(folder: Path, names: Iterable[str], places: Collection[Path] = (), *,
 
 
 def is_ours(folder: Path, name: str) -> bool:
-    """Return whether what has a name is what uqmbd wrote there, whole and unchanged."""
+    """Return whether the file or folder of a name is unchanged since uqmbd wrote it."""
     noted = in_manifest(folder).get(name)
     if noted is None or ("/" in name and not _is_folder(folder / FIGURES)):
         return False
@@ -106,7 +106,7 @@ def is_ours(folder: Path, name: str) -> bool:
 
 
 def is_recognised(place: Path) -> bool:
-    """Return whether a file or folder is a result, a report or a store of samples of uqmbd, by what is in it."""
+    """Return whether a file or folder is a result, a report or a store of samples of uqmbd, by its content."""
     try:
         if place.name.endswith(".zarr"):
             return _is_folder(place) and _is_store(place) and not foreign_in_store(place)
@@ -127,7 +127,7 @@ def stores_of(result: Path) -> list[str]:
 
 
 def foreign_in_store(place: Path) -> list[Path]:
-    """Return what is in a store of samples and is no part of one."""
+    """Return the files in a store of samples that do not belong to it."""
     found = []
     for at, folders, files in os.walk(place):
         deep = Path(at) != place
@@ -137,7 +137,7 @@ def foreign_in_store(place: Path) -> list[Path]:
 
 
 def check_names(folder: Path, names: Iterable[str]) -> list[str]:
-    """Return which of the names that are needed are taken by what uqmbd can have written, but did not note.
+    """Return which of the needed names belong to unlisted files that uqmbd may have written.
 
     Raise StudyError if one is taken by something else: which, and the way out.
     """
@@ -161,7 +161,7 @@ def check_names(folder: Path, names: Iterable[str]) -> list[str]:
 
 
 def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
-    """Move what uqmbd can have written, but did not note, out of the way of names that are needed; return where to.
+    """Move unlisted files that uqmbd may have written away from needed names; return their new folder.
 
     Raise StudyError if a name is taken by something else; then nothing is moved.
     """
@@ -170,7 +170,7 @@ def move_unlisted(folder: Path, names: Collection[str]) -> Path | None:
 
 
 def move_aside(folder: Path, names: Collection[str]) -> Path:
-    """Move results to a folder of their own, the first last, and return it.
+    """Move results to a new folder, the first last, and return it.
 
     It is ``previous`` if the manifest notes all of them, and an existing ``previous`` contains only what uqmbd wrote
     and noted: that is removed. Else it is the next ``previous-N``, and what is not noted stays there for good.
@@ -191,7 +191,7 @@ def move_aside(folder: Path, names: Collection[str]) -> Path:
 
 
 def _renamed(folder: Path, target: Path) -> Path:
-    """Give a new folder the first name that is free, or whose folder uqmbd wrote as a whole; the latter is removed."""
+    """Rename a new folder to the first unused name, or to that of a folder that uqmbd wrote entirely and removes."""
     number = 0
     while (place := _numbered(folder, number)) != target:
         if os.path.lexists(place) and _is_whole(place):

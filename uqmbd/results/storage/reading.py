@@ -1,4 +1,4 @@
-"""Reading netCDF files, of whoever wrote them: what is in them is looked at before anything is read.
+"""Reading of netCDF files of any origin: their contents are checked before anything is read.
 
 Anything that HDF5, h5netcdf or xarray raise is the error of the caller's context; h5netcdf prints none of it.
 """
@@ -22,13 +22,13 @@ from uqmbd.results.storage.hdf5 import remembering
 __all__ = ["NUMBERS", "PLAIN", "check_declared", "check_memory", "check_text", "largest", "opened_netcdf"]
 
 PLAIN: Mapping[str, Any] = {"decode_times": False, "decode_timedelta": False}
-"""Options of xarray's opening: times are numbers, whatever their units resemble."""
+"""Options of xarray for opening: times remain numbers for any units."""
 
 _AT_LEAST = 1 << 28
 """Bytes that any file may declare."""
 
 _RATIO = 1100
-"""By how much a file may be compressed; deflate reaches 1032."""
+"""Largest compression ratio of a file; deflate reaches 1032."""
 
 NUMBERS = "biufc"
 """Kinds of numbers."""
@@ -43,7 +43,7 @@ def largest(size: int) -> int:
 
 
 def check_declared(declared: int, size: int, path: Path) -> None:
-    """Refuse what declares more bytes than can be in a file, or a folder, of a size."""
+    """Refuse a file or a folder that declares more bytes than its size can contain."""
     if declared > largest(size):
         raise StudyError(
             f"{str(path)!r} is not read: its variables declare {declared / 1e9:.3g} GB or more, which {size} bytes "
@@ -52,7 +52,7 @@ def check_declared(declared: int, size: int, path: Path) -> None:
 
 
 def check_memory(declared: int, path: Path) -> None:
-    """Refuse what this computer has not the memory for."""
+    """Refuse data that exceed the memory of this computer."""
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):  # a system that does not tell
@@ -133,7 +133,7 @@ def _groups(group: Any, name: str) -> Iterator[str]:
 
 
 def _check(file: Any, path: Path, *, below: bool) -> None:
-    """Refuse what is no variable, and more than a file can hold."""
+    """Refuse objects that are no variables, and variables that a file cannot contain."""
     import h5py
 
     size, declared, seen = path.stat().st_size, 0, set()

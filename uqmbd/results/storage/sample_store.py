@@ -1,4 +1,4 @@
-"""Samples in a Zarr folder of their own, which is read and written a chunk at a time.
+"""Samples in a separate Zarr folder, which is read and written chunk by chunk.
 
 The layout is that of Zarr's format 2, which `xarray.open_zarr` reads.  The files of chunks are read and written by
 `chunk_file`, with checksums.
@@ -48,7 +48,7 @@ KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{ME
 """Variables, and the types of their values."""
 
 _DAMAGED = (OSError, LookupError, TypeError, ValueError, RuntimeError)
-"""What reading a damaged store raises."""
+"""Exceptions on reading a damaged store."""
 
 
 @typechecked
@@ -74,7 +74,7 @@ class SampleChunk:
 @typechecked
 @dataclass(frozen=True, eq=False)
 class SampleStoreChunks:
-    """The chunks of a store, in order; they can be gone through again and again, and one is held at a time.
+    """The chunks of a store, in order; they can be iterated repeatedly, with one in memory at a time.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class SampleStore:
         return self.count
 
     def chunks(self, outputs: Sequence[str] | None = None) -> SampleStoreChunks:
-        """Return the chunks, in order, which can be gone through again and again.
+        """Return the chunks, in order; they can be iterated repeatedly.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class SampleStore:
         return store
 
     def fits(self) -> bool:
-        """Return whether what is in the folder has this layout and these axes, and can be opened."""
+        """Return whether the folder has this layout and these axes, and can be opened."""
         try:
             about, coords = _opened(self.folder)
             return coords.equals(_coordinates(self.labels)) and all(self._fits(*found) for found in about.items())
@@ -234,7 +234,7 @@ class SampleStore:
 
     @staticmethod
     def write(path: str | os.PathLike[str], samples: xr.Dataset, size: Count = 512) -> SampleStore:
-        """Write the dataset ``samples`` of a method as a store; it is there as a whole or not at all.
+        """Write the dataset ``samples`` of a method as a store, completely or not at all.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class SampleStore:
     def create(
         folder: Path, count: Size, size: Size, axes: Labels, attrs: Mapping[str, str] | None = None
     ) -> SampleStore:
-        """Make a store without chunks, in a folder that does not exist, with attributes.
+        """Make a store without chunks, in a new folder, with attributes.
 
         Parameters
         ----------
@@ -374,7 +374,7 @@ class SampleStore:
         return folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
 
     def put(self, name: str, first: Size, values: NDArray[Any]) -> None:
-        """Write a variable, from the index of a sample on at which a chunk begins; what is empty has no file.
+        """Write a variable, from the index of a sample on at which a chunk begins; empty variables have no file.
 
         Parameters
         ----------

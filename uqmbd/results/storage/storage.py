@@ -175,7 +175,7 @@ def read_root(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) -> xr.DataTree:
-    """Open a result, of which nothing is executed, and read it by a function of what is opened.
+    """Open a result without executing any of its content, and read it by a function.
 
     The function `_read` reads all; with another one the large chunks are not compared with their digests.
     """
@@ -200,7 +200,7 @@ def load_with(source: Path, read: Callable[[xr.DataTree, Path], xr.DataTree]) ->
 def _gated(
     source: Path, decode: Callable[[xr.DataTree], xr.DataTree], what: str, *, whole: bool, below: bool = True
 ) -> xr.DataTree:
-    """Open a file or a folder through the gate, with or without groups below the root, and make of it what is asked."""
+    """Open a file or a folder after its checks, with or without groups below the root, and convert it."""
     if not source.exists():
         raise StudyError(f"There is no {what} at {str(source)!r}.")
     tree, verified = None, False
@@ -232,7 +232,7 @@ def _gated(
 
 
 def _verified(source: Path, *, whole: bool) -> bool:
-    """Return whether a file is as uqmbd wrote it, by its digest or the manifest beside it; a damaged one is refused."""
+    """Return whether a file is unchanged since uqmbd wrote it, by its digest or the manifest; refuse a damaged one."""
     with regular(source) as file:
         if check_digest(file, whole=whole):
             return True
@@ -253,7 +253,7 @@ def not_verified(tree: xr.DataTree) -> bool:
 
 @contextmanager
 def errors_of_files(*trees: xr.DataTree) -> Iterator[None]:
-    """Let errors with results that were read from files name these, and what does not keep to the schema in them.
+    """Add the names of files, and their violations of the schema, to errors with results that were read from them.
 
     >>> tree = xr.DataTree(xr.Dataset(attrs={"study": "crank"}))
     >>> tree.encoding = {"source": "results.nc", "digest": "not verified"}

@@ -1,4 +1,4 @@
-"""The finished chunks of a run, kept until the results that were made of them are whole on the disk.
+"""The finished chunks of a run, which stay until its results are complete on the disk.
 
 While it runs they are in the folder ``unfinished`` of its own.  When it has ended they are in ``unsaved``, until its
 results are saved there; where that fails, the run is unfinished again.
@@ -52,14 +52,14 @@ _FILES = re.compile(
     rf"\{_OWNER}|asked\.json|budget\.json|{_MARK}|{_CHUNKS}|{_METHOD}/{_KEY}\.(journal|token)|"
     rf"{_STORE}(/[^/]+)?/({_CHUNK}|\.z[a-z]+)|{_METHOD}/{_KEY}\.rest/({_CHUNK})|{_SCRATCH}"
 )
-"""What uqmbd writes into these folders; nothing else is removed there."""
+"""Files that uqmbd writes into these folders; nothing else is removed there."""
 
 WITHIN = "convergence"
 """Folder, among the chunks of a run, of the runs that show how errors fall with cost; it has chunks in turn."""
 
 
 def begin(folder: Path, *, resume: bool) -> None:
-    """Make the folder of the chunks of a run; those of an earlier one are gone on with, or removed.
+    """Make the folder of the chunks of a run; chunks of an earlier run are reused or removed.
 
     Raise StudyError if something that uqmbd did not write has the name of the folder, or is in it: which, and the way
     out.
@@ -83,7 +83,7 @@ def begin(folder: Path, *, resume: bool) -> None:
 
 
 def make(folder: Path) -> None:
-    """Make the folder of the chunks of a run where there is none, at once with what says whose it is."""
+    """Make the folder of the chunks of a run if there is none, with its mark of ownership."""
     place = folder / FOLDER
     if not place.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -113,7 +113,7 @@ def _check(place: Path) -> None:
 
 
 def _is_of_earlier_version(place: Path) -> bool:
-    """Return whether a folder was made by a version that left no mark: by what a run notes there before all else."""
+    """Return whether a folder was made by a version without such a mark, by the first notes of a run."""
     try:
         with open(place / _ASKED, "rb", opener=no_link) as file:
             found = json.load(file)
@@ -123,7 +123,7 @@ def _is_of_earlier_version(place: Path) -> bool:
 
 
 def _foreign(place: Path) -> list[Path]:
-    """Return what is in a folder of chunks, and is not what uqmbd writes there."""
+    """Return the contents of a folder of chunks that uqmbd did not write."""
     found = []
     _sweep_all(place)
     for at, folders, files in os.walk(place):
@@ -146,7 +146,7 @@ def _is_own(path: Path, place: Path, names: re.Pattern[str]) -> bool:
 
 
 def _remove(place: Path) -> None:
-    """Remove what uqmbd writes into a folder of chunks; where others are in it they stay, and so does the folder."""
+    """Remove the files of uqmbd in a folder of chunks; if others remain, so does the folder."""
     if place.is_symlink() or not place.is_dir():
         return
     _sweep_all(place)
@@ -165,7 +165,7 @@ def _remove(place: Path) -> None:
 
 
 def _sweep_all(place: Path) -> None:
-    """Remove what is half written in a folder of chunks, and in those of its methods."""
+    """Remove incomplete files in a folder of chunks, and in those of its methods."""
     inner = place / WITHIN / FOLDER
     for folder in (place, *place.glob("*"), inner, *inner.glob("*")):
         if folder.is_dir() and not folder.is_symlink():
@@ -203,7 +203,7 @@ def unsaved(folder: Path, attrs: Mapping[Any, Any]) -> None:
 
 
 def reopen(folder: Path) -> None:
-    """Let a run that had ended without being saved be unfinished again."""
+    """Mark a run that had ended without being saved as unfinished again."""
     if (folder / _ENDED).is_dir() and not (folder / FOLDER).exists():
         (folder / _ENDED).rename(folder / FOLDER)
         (folder / FOLDER / _MARK).unlink(missing_ok=True)

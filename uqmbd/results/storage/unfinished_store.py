@@ -37,7 +37,7 @@ _IDENTITY = "identity"
 
 @dataclass(frozen=True)
 class ResponseFile:
-    """The file of the responses of one chunk, for who computes it."""
+    """The file of the responses of one chunk, for its worker."""
 
     path: Path  # of the file
     token: tuple[Path, str]  # a file and what is in it: who reads this there shares the folder
@@ -46,14 +46,14 @@ class ResponseFile:
 
     @property
     def shared(self) -> bool:
-        """Whether the folder is that of who asked for the chunk."""
+        """Whether the worker and the main process share the folder."""
         try:
             return self.token[0].read_text() == self.token[1]
         except (OSError, ValueError):
             return False
 
     def load(self, count: int) -> Array | None:
-        """Return the responses that were written, (K, output, time); nothing where they are not what was written."""
+        """Return the written responses, (K, output, time); None if they were altered."""
         return None if self.checksum is None else read_checked(self.path, self.chunk, self.checksum, count)
 
     def put(self, response: Array) -> tuple[int, bytes | None]:
@@ -106,7 +106,7 @@ class UnfinishedStore:
             raise self._failed(error) from error
 
     def _made(self, there: Sequence[Path], own: Path) -> SampleStore:
-        """Make the store anew, with the responses that are there, of the last that has them."""
+        """Make the store again, with the present responses of the last process that has them."""
         store = SampleStore(own, self._store.count, self._store.size, self._store.labels)
         # those of more samples, which may be asked for again, as after the pilot of a budget
         rest = self._place / f"{self._identity}.rest"
@@ -133,11 +133,11 @@ class UnfinishedStore:
         return store
 
     def __len__(self) -> int:
-        """How many chunks there are."""
+        """Return the number of chunks."""
         return len(self._records)
 
     def record(self, number: int) -> Record | None:
-        """Return what is known of a chunk; nothing where it has not been computed."""
+        """Return the record of a chunk; None if it has not been computed."""
         at = int(self._records[number])
         return None if at < 0 else self._journal.read(at)
 
@@ -149,7 +149,7 @@ class UnfinishedStore:
     def keep(
         self, number: int, content: bytes | None, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
     ) -> None:
-        """Note that a chunk is whole, and write its responses where nobody has.
+        """Note that a chunk is complete, and write its responses if no worker has.
 
         Raise StudyError if it cannot be written: the file, the reason, and how to go on.
         """
@@ -185,7 +185,7 @@ class UnfinishedStore:
         self._held.clear()
 
     def finish(self) -> SampleStore:
-        """Write what is left, and let the store take its place; all chunks are whole."""
+        """Write the remainder, and put the store in its place; all chunks are complete."""
         self._flush()
         store = self._store
         try:

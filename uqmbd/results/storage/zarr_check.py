@@ -1,4 +1,4 @@
-"""What a Zarr folder asks for, read before anything is opened: nothing that is loaded is executed.
+"""Declarations of a Zarr folder, read before anything is opened: no content is executed.
 
 A Zarr array names the codecs that decode it, and some of these run what they find, as `pickle` does. In format 3 these
 names may belong to any installed package. So may those of data types and of grids of chunks. It states the shape of
@@ -25,16 +25,16 @@ from uqmbd.results.storage.zarr_chunks import CHUNK, FIRST, LAST, Encoded, decod
 __all__ = ["check_folder"]
 
 _COMPRESSORS = frozenset({"blosc", "zstd", "crc32"})
-"""What Zarr compresses with by default, hence what `save` wrote: it depends on the version of Zarr; and checksums."""
+"""Default compressors of Zarr, which `save` used: they depend on the version of Zarr; and checksums."""
 
 _TEXT = "vlen-utf8"
 """Text of any width, as xarray writes it."""
 
 _FILTERS = frozenset({"blosc", _TEXT})
-"""What the chunks of samples are compressed with before their checksum is taken; and text."""
+"""Compressors of the chunks of samples before their checksum is computed; and text."""
 
 _CODECS = frozenset({"bytes", _TEXT, "zstd", "blosc", "gzip", "crc32c"})
-"""What xarray and Zarr write in format 3: the codecs of its specification that are for chunks."""
+"""Codecs of xarray and Zarr in format 3: those of its specification that apply to chunks."""
 
 _OF_TEXT = 16
 """Bytes of a text of any length, at least."""
@@ -146,7 +146,7 @@ def _bytes_of(folder: Path, array: str, about: Any) -> tuple[int, Encoded]:
 
 
 def _arrays_3(folder: Path, node: str, about: Any) -> Iterator[tuple[str, int, Encoded]]:
-    """Look at a group or an array of format 3 and what it holds of those below it; return arrays and their bytes."""
+    """Check a group or an array of format 3 and its members; return arrays and their bytes."""
     if about["node_type"] == "array":
         yield node, *_bytes_of_3(folder, node, about)
     elif about["node_type"] != "group":

@@ -1,4 +1,4 @@
-"""How much memory the chunks of a Zarr array take when they are decoded, by what is in their files.
+"""Memory of the decoded chunks of a Zarr array, from their files.
 
 Zarr decodes a chunk to whatever length the chunk says, whatever its array declares: 100 kB may become 3 GB.  Blosc and
 Zstandard state the length ("Blosc Header Format", RFC 8878).  gzip does so modulo 2^32, hence it is decoded here by
@@ -34,10 +34,10 @@ _ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 class Encoded(NamedTuple):
-    """How the chunks of an array are encoded."""
+    """Encoding of the chunks of an array."""
 
     codecs: tuple[str, ...]
-    """From what is in the file to the numbers."""
+    """Codecs from the file to the numbers."""
     size: int | None
     """Bytes of the numbers of a chunk; None: they are texts of any length."""
 

@@ -103,7 +103,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
 
 
 def _with_reservations(compared: xr.Dataset, whole: xr.Dataset) -> str:
-    """Return the recommendation, with what cannot be relied on among outputs without a time."""
+    """Return the recommendation, with unreliable outputs without a time."""
     lead, *others = str(compared.attrs["recommendation"]).split("\n")
     over_time = judgements_of(compared)
     for label, found in judgements_of(whole).items():
@@ -165,7 +165,7 @@ def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree],
 
 
 def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return nodes whose outputs are margins, by the label of the method, where all methods have them."""
+    """Return nodes whose outputs are margins, by the label of the method, if all methods have them."""
     found: dict[str, xr.DataTree] = {}
     for label, node in nodes.items():
         inner = node.children.get("requirements")

@@ -25,7 +25,7 @@ __all__ = ["joined_outputs", "with_requirements", "with_scalars"]
 
 @typechecked
 def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels) -> xr.DataTree:
-    """Make the node of a propagator whose study has outputs without a time.
+    """Return the node of a propagator whose study has outputs without a time.
 
     `node`: what the propagator gave for the outputs over time; None: there are none; `found`: what it gave for the
     outputs without a time, as if at one time; `label`: of the propagator; `labels`: times and inputs of the study;
@@ -71,7 +71,7 @@ def joined_outputs(
     refused: Mapping[str, str],
     names: Sequence[str],
 ) -> xr.DataTree:
-    """Join nodes of one method that are about some outputs each.
+    """Join nodes of one method for different outputs.
 
     `nodes`: further children than ``statistics`` and ``samples`` are those of the first that is not refused.  Samples
     are those of all: NaN where an output does not happen in one, which has not failed; `shares`: of each output, the
@@ -168,7 +168,7 @@ def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
 def with_requirements(
     node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels, answers: xr.Dataset
 ) -> xr.DataTree:
-    """Make the node of a propagator whose study has requirements.
+    """Return the node of a propagator whose study has requirements.
 
     `node`: what the propagator gave for outputs, with or without a time; None: there are none; `found`: what it gave
     for the margins of the requirements as outputs; it is the child ``requirements``, too; `label`: of the propagator;

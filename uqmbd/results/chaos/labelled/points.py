@@ -1,4 +1,4 @@
-"""Points at which a surrogate is evaluated, from whatever gives inputs by their names."""
+"""Points at which a surrogate is evaluated, from data with names of inputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uqmbd.typing import Array
 __all__ = ["TableLike", "Named", "Points", "points_of"]
 
 POINT = "point"
-"""Dimension of points that have none of their own."""
+"""Dimension of points without a named one."""
 
 _TAKEN = frozenset({"output", "output_units", "output_angle", "time", "input", "input_units", "input_description"})
 """Names of dimensions and coordinates that results have themselves."""
@@ -44,7 +44,7 @@ Named: TypeAlias = Mapping[str, Any] | xr.Dataset | TableLike
 
 @dataclass(frozen=True)
 class Points:
-    """Points with dimensions of their own."""
+    """Points with named dimensions."""
 
     values: Array  # (K, d) inputs, in their order and units
     sizes: Mapping[str, int]  # dimensions of the points, whose product is K
@@ -104,7 +104,7 @@ def _check_names(given: Iterable[str], names: Sequence[str]) -> None:
 
 
 def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
-    """Take an array with a dimension ``input`` apart; without names it has the order of the inputs."""
+    """Split an array with a dimension ``input``; without names it has the order of the inputs."""
     if "input" not in inputs.coords:
         if inputs.sizes["input"] != len(names):
             raise StudyError(
@@ -126,7 +126,7 @@ def _columns(inputs: xr.DataArray, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _of_frame(frame: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Take a table apart; rows are points, whose index is a coordinate if it has a name."""
+    """Split a table; rows are points, whose index is a coordinate if it has a name."""
     columns = [str(name) for name in frame.columns]
     if len(set(columns)) < len(columns):
         raise StudyError(f"The table has a column twice: {', '.join(columns)}.")

@@ -51,7 +51,7 @@ def surrogate_statistics(
     of_germs: tuple[Sequence[str], Array, Array] | None,
     stated: tuple[Array, Array] | None,
 ) -> xr.Dataset:
-    """Build the dataset of statistics, and state what in it is of samples."""
+    """Build the dataset of statistics, and state which of them are from samples."""
     # `shape_samples` are those of skewness and kurtosis, 0: exact; `samples` those of quantiles, of which `wanted` were
     # asked for and `terms` allow no more; `of_germs` has names of germs and their first-order and total indices, where
     # inputs are dependent; `stated` has the stated error (O, T) and the factor by which it may be off

@@ -1,4 +1,4 @@
-"""What sums of orthonormal terms have: standard deviation, skewness and kurtosis, and shares of the variance."""
+"""Moments of sums of orthonormal terms: standard deviation, skewness and kurtosis, and shares of the variance."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def standard_deviation(coefficients: Array) -> Array:
 
 
 def constant_columns(mean: Array, std: Array, terms: int = 1) -> Mask:
-    """Tell where outputs do not vary: a deviation, from so many terms, that is zero or rounding of the mean."""
+    """Return which outputs do not vary: a deviation, from so many terms, that is zero or rounding of the mean."""
     return np.asarray(std <= 32.0 * np.finfo(float).eps * np.sqrt(terms) * np.abs(mean))
 
 
@@ -122,7 +122,7 @@ def _cheaper(index: Index, germs: Sequence[Germ], columns: int) -> str:
 
 
 def _node_counts(index: Index, germs: Sequence[Germ]) -> list[int]:
-    """Nodes of the rules that are exact for the fourth power; a discrete germ needs no more than it has values."""
+    """Nodes of the rules that are exact for the fourth power; a discrete germ needs at most its number of values."""
     tops = zip(index.max(axis=0).tolist(), germs, strict=True)
     return [min(2 * q + 1, len(g.alpha)) if g.family == "discrete" else 2 * q + 1 for q, g in tops]
 

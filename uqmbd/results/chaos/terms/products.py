@@ -22,7 +22,7 @@ _ZERO = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class ProductTable:
-    """How the square of a chaos follows from products of its coefficients: ``matrix @ (f[i] * f[j])``."""
+    """Square of a chaos from products of its coefficients: ``matrix @ (f[i] * f[j])``."""
 
     pairs: Index  # (N, 2) terms i <= j; the pair of different ones counts twice, which the matrix holds
     matrix: Any  # scipy.sparse.csr_array (Q, N)
