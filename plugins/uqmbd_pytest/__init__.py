@@ -13,7 +13,14 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["uqmbd_command", "uqmbd_component", "uqmbd_design", "uqmbd_integrator", "uqmbd_propagator"]
+__all__ = [
+    "uqmbd_command",
+    "uqmbd_component",
+    "uqmbd_design",
+    "uqmbd_integrator",
+    "uqmbd_propagator",
+    "uqmbd_section",
+]
 
 
 @pytest.fixture(scope="session")
@@ -54,3 +61,11 @@ def uqmbd_command() -> Callable[..., None]:
     from uqmbd.testing import check_command
 
     return check_command
+
+
+@pytest.fixture(scope="session")
+def uqmbd_section() -> Callable[..., None]:
+    """Check a section of the report: `uqmbd.testing.check_section`."""
+    from uqmbd.testing import check_section
+
+    return check_section

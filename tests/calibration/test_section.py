@@ -10,6 +10,7 @@ import pytest
 
 import uqmbd
 from uqmbd.report import write_report
+from uqmbd.testing import check_section
 from uqmbd_calibration import Calibrated, Record, Series, calibrate
 from uqmbd_calibration.reporting import CalibrationSection
 from uqmbd_calibration.reporting.charts import learned_chart, posterior_charts, record_charts
@@ -29,12 +30,20 @@ def study(times=TIMES):
     return uqmbd.Study("stone", mechanism, times)
 
 
-def page_of(values, path):
+def tree_of(values):
     record = Record("run & 1", [Series("<x>", TIMES, values, "m", 0.02)])
     found = calibrate(study(), record)
     both = [Collocation(order=1, label="before"), Calibrated(Collocation(order=1), found, label="after")]
-    tree = study([0.0, 3.0]).with_propagators(both).run()
-    return write_report(tree, path, sections=[CalibrationSection()]).read_text(encoding="utf-8")
+    return study([0.0, 3.0]).with_propagators(both).run()
+
+
+def page_of(values, path):
+    return write_report(tree_of(values), path, sections=[CalibrationSection()]).read_text(encoding="utf-8")
+
+
+def test_it_keeps_to_the_rules_of_sections():
+    noise = 0.02 * np.random.default_rng(1).standard_normal(21)
+    check_section(CalibrationSection, trees=[tree_of(0.6 + 2.2 * TIMES + noise)])
 
 
 def section_of(page):

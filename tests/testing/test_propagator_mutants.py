@@ -138,7 +138,7 @@ SAMPLED = {
     "errors of the mean over the number": "moments: the mean of|stated errors: the mean of",
     "errors of the deviation over the number": "moments: the standard deviation|stated errors: the standard deviation",
     "verification error that nothing verifies": "stated errors: the mean of .* allows",
-    "stated error of another scale": "moments: the mean of .* by its own statement|stated errors: the mean of .* allows",
+    "stated error of another scale": "moments: the mean of .*by its own statement|stated errors: the mean of .* allows",
     "quantiles of a normal distribution": "quantiles: that of probability",
     "quantiles of the other tail": "found a quantile that falls with the probability",
     "quantiles about zero": "quantiles: that of probability",

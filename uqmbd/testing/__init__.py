@@ -15,5 +15,13 @@ from uqmbd.testing.components import check_component
 from uqmbd.testing.design import check_design
 from uqmbd.testing.integrators import check_integrator
 from uqmbd.testing.propagators import check_propagator
+from uqmbd.testing.section import check_section
 
-__all__ = ["check_command", "check_component", "check_design", "check_integrator", "check_propagator"]
+__all__ = [
+    "check_command",
+    "check_component",
+    "check_design",
+    "check_integrator",
+    "check_propagator",
+    "check_section",
+]
