@@ -81,6 +81,7 @@ from .results import DEFAULT_PROBABILITIES as DEFAULT_PROBABILITIES
 from .results import AlignedElement as AlignedElement
 from .results import CircularMoments as CircularMoments
 from .results import CountedQuantiles as CountedQuantiles
+from .results import CustomSurrogate as CustomSurrogate
 from .results import InputInfo as InputInfo
 from .results import Labels as Labels
 from .results import Markers as Markers
@@ -88,6 +89,7 @@ from .results import Moments as Moments
 from .results import OutputInfo as OutputInfo
 from .results import QuasiPeriodicElement as QuasiPeriodicElement
 from .results import StatedError as StatedError
+from .results import SurrogateModel as SurrogateModel
 from .results import Violations as Violations
 from .results import labels as labels
 from .results import least_squares as least_squares

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from uqmbd.results.chaos import AlignedElement as AlignedElement
+from uqmbd.results.chaos import CustomSurrogate as CustomSurrogate
 from uqmbd.results.chaos import Markers as Markers
 from uqmbd.results.chaos import QuasiPeriodicElement as QuasiPeriodicElement
+from uqmbd.results.chaos import SurrogateModel as SurrogateModel
 from uqmbd.results.chaos import least_squares as least_squares
 from uqmbd.results.chaos import project as project
 from uqmbd.results.chaos import regress_on_nodes as regress_on_nodes

@@ -37,6 +37,7 @@ from uqmbd.plugins.registry import (
     propagators,
     reader,
     report_sections,
+    surrogates,
     unusable,
 )
 
@@ -66,5 +67,6 @@ __all__ = [
     "reader",
     "registered_name",
     "report_sections",
+    "surrogates",
     "unusable",
 ]

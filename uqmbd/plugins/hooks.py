@@ -70,6 +70,13 @@ class _Hooks:
         """
 
     @_hookspec
+    def uqmbd_surrogates(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Offer models of surrogates, classes as `uqmbd.extend.SurrogateModel` says, known by their attribute ``name``.
+
+        Results store this name and the arrays of the model; they are read again by the registered class.
+        """
+
+    @_hookspec
     def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer commands of the command line, classes as `uqmbd.extend.Command` says, made without arguments.
 
@@ -151,6 +158,7 @@ KINDS = {
     "readers": HookKind("uqmbd_readers", "reader of model files", None, True, "read"),
     "report_sections": HookKind("uqmbd_report_sections", "report section", None, False, "render"),
     "checks": HookKind("uqmbd_checks", "check of studies", None, False, "find"),
+    "surrogates": HookKind("uqmbd_surrogates", "model of a surrogate", None, True, "evaluate"),
     "commands": HookKind(
         "uqmbd_commands",
         "command",

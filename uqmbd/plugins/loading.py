@@ -29,8 +29,8 @@ class PluginInfo:
     # ``"incomplete"``: something that the plugin offers could not be used, the rest is there
     status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
     hooks: tuple[str, ...] = ()  # hooks that the plugin implements
-    # components, propagators, integrators, designs, readers, report_sections, checks, commands: names that the plugin
-    # registered
+    # components, propagators, integrators, designs, readers, report_sections, checks, surrogates, commands: names that
+    # the plugin registered
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
@@ -38,6 +38,7 @@ class PluginInfo:
     readers: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
+    surrogates: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()  # why the plugin, or a part of it, cannot be used
 

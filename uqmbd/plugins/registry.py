@@ -25,6 +25,7 @@ __all__ = [
     "propagators",
     "reader",
     "report_sections",
+    "surrogates",
     "unusable",
 ]
 
@@ -64,6 +65,11 @@ def report_sections() -> dict[str, type]:
 def checks() -> dict[str, type]:
     """Return the checks of studies that plugins offer by class name; those of the core are not among them."""
     return dict(registered().classes.get("checks", {}))
+
+
+def surrogates() -> dict[str, type]:
+    """Return the models of surrogates that plugins offer by registered name."""
+    return dict(registered().classes.get("surrogates", {}))
 
 
 def commands() -> dict[str, type]:

@@ -147,10 +147,10 @@ def _remedy(node: xr.DataTree, timed: bool) -> str:
     """Return what makes the error smaller."""
     surrogates = stored_surrogates(node)
     stated = node.children["statistics"].to_dataset().get("verification_error")
-    own = [one.data.attrs["remedy"] for one in surrogates if "remedy" in one.data.attrs]
-    own += [stated.attrs["remedy"]] if stated is not None and stated.attrs.get("remedy") else []
+    own = [one.data.attrs.get("remedy", "") for one in surrogates if one.kind == "surrogate"]
+    own += [stated.attrs.get("remedy", "")] if stated is not None and not surrogates else []
     if own or not surrogates:
-        advice = str(own[0]) if own else "use a method that samples"
+        advice = next((str(one) for one in own if one), "use a method that samples")
         return f"{advice[:1].upper()}{advice[1:].rstrip('.')}."
     end = ", or study a shorter time." if timed else ", or use a method that samples."
     if any(one.split for one in surrogates):

@@ -60,7 +60,8 @@ def surrogate_of(
 
 
 def _is_aligned(node: xr.DataTree) -> bool:
-    return "chaos" not in node.children and bool(surrogate_parts(node))
+    # models of plugins have no coefficients to show
+    return "chaos" not in node.children and any(kind != "surrogate" for kind, _ in surrogate_parts(node).values())
 
 
 def _has_chaos(node: xr.DataTree) -> bool:

@@ -11,7 +11,7 @@ from uqmbd.names import ANY
 from uqmbd.report.charts import packed
 from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
 from uqmbd.results import answers, propagator_nodes
-from uqmbd.results.chaos import surrogate_parts
+from uqmbd.results.chaos import absent_surrogate, surrogate_parts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,7 +32,8 @@ def collect_explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, objec
     """
     label = live_method(tree)
     if not label:
-        return {"reason": NO_SURROGATE}
+        absent = [why for node in propagator_nodes(tree).values() if (why := absent_surrogate(node))]
+        return {"reason": absent[0] if absent else NO_SURROGATE}
     node = tree.children[label]
     found: dict[str, Any] = {"histories": None, "scalars": None}
     missing = []

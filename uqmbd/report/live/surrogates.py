@@ -12,6 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.report.charts import json_script, packed, unpacked
 from uqmbd.report.live.compression import compressed, expanded
+from uqmbd.report.live.polynomials import polynomial_of
 from uqmbd.report.live.tables import germ_data, input_data
 from uqmbd.results import (
     AlignedChaos,
@@ -25,8 +26,10 @@ from uqmbd.results import (
 from uqmbd.results.assessment import recommended
 from uqmbd.results.chaos import (
     AlignedElement,
+    CustomSurrogate,
     QuasiPeriodicElement,
     Surrogate,
+    absent_surrogate,
     reference_spread,
     spread_germs,
     surrogate_parts,
@@ -100,7 +103,7 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST, *, at_the_end: bool =
     has room for; `at_the_end`: whether only the last time is wanted: that of running margins is of the whole motion.
     """
     if not surrogate_parts(node):
-        return {"reason": NO_SURROGATE}
+        return {"reason": absent_surrogate(node) or NO_SURROGATE}
     try:
         times = node.children["statistics"].to_dataset().sizes.get("time", 0)
         chaos = surrogate(node, times=[times - 1]) if at_the_end and times else surrogate(node)
@@ -129,6 +132,9 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
     verification; ``loss``, the largest part of what may be lost that is lost. Raise StudyError if it is a surrogate
     of another kind, or its compression fails.
     """
+    if isinstance(chaos, CustomSurrogate):
+        # a page evaluates polynomials; their stated error is that against the realisations themselves
+        chaos, stated = polynomial_of(chaos), None
     germs = spread_germs(chaos.space, PROBES, 0)
     values = chaos.evaluate_germs(germs).reshape(len(germs), len(chaos.labels.outputs), -1)
     if not np.isfinite(values).any():

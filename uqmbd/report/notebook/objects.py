@@ -199,7 +199,7 @@ def chaos_html(chaos: PolynomialChaos) -> str:
     when = "" if labels.times is None else f" at t = {format_number(labels.times[-1])} s"
     index = getattr(chaos, "multi_index", None)
     size = ""
-    if index is not None:
+    if index is not None and len(index):
         size = f"<p>Order {int(index.max(initial=0))}, {len(index)} term{'s' * (len(index) != 1)}.</p>"
     inputs = [(i.name, i.description, typeset_units(i.units)) for i in labels.inputs]
     parts = [

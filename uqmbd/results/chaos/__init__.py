@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.composed import ComposedChaos, Part, chaos_from_dataset, stored_as
+from uqmbd.results.chaos.custom import CustomSurrogate, SurrogateModel, model_problem
 from uqmbd.results.chaos.decay import verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
@@ -16,6 +17,7 @@ from uqmbd.results.chaos.segments import AlignedElement, Markers
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, error_words, reference_spread, stated_words, weighted_std
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,
+    absent_surrogate,
     stored_surrogates,
     surrogate,
     surrogate_parts,
@@ -29,6 +31,7 @@ __all__ = [
     "AlignedChaos",
     "AlignedElement",
     "ComposedChaos",
+    "CustomSurrogate",
     "Discontinuity",
     "Markers",
     "LeastSquares",
@@ -40,9 +43,12 @@ __all__ = [
     "QuasiPeriodicElement",
     "StoredSurrogate",
     "Surrogate",
+    "SurrogateModel",
+    "absent_surrogate",
     "chaos_from_dataset",
     "error_words",
     "least_squares",
+    "model_problem",
     "project",
     "random_germs",
     "reference_spread",

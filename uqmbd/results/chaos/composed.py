@@ -14,6 +14,7 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned import AlignedChaos
+from uqmbd.results.chaos.custom import CustomSurrogate
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
@@ -27,7 +28,7 @@ __all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
 
 _Said = TypeVar("_Said")
 
-Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
+Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | CustomSurrogate
 """Surrogates that can be stored."""
 
 
@@ -60,6 +61,7 @@ KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
     "chaos": chaos_from_dataset,
     "aligned": AlignedChaos.from_dataset,
     "quasi_periodic": QuasiPeriodicChaos.from_dataset,
+    "surrogate": CustomSurrogate.from_dataset,
 }
 """Constructors of surrogates from a dataset, by the name of the dataset in a node."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, overload
+from typing import Annotated, Any, overload
 
 import numpy as np
 import xarray as xr
@@ -55,7 +55,10 @@ class Surrogate(SurrogateContainer):
     they are made of, and what else can be read of them: others use their names as types, and their class methods.
     """
 
-    _remedy: ClassVar[str] = "raise the order"  # what makes the stated error smaller
+    @property
+    def _remedy(self) -> str:
+        """Return what makes the stated error smaller."""
+        return "raise the order"
 
     @overload
     def evaluate(self, inputs: Named) -> xr.DataArray: ...
@@ -107,7 +110,11 @@ class Surrogate(SurrogateContainer):
         >>> found.dims, found.sel(output="x", time=0.0).values.tolist(), found.attrs["units"]
         (('point', 'output', 'time'), [1.0, 1.5], 'm')
         """
-        return self._at(inputs, values, lambda points: self._evaluate(self.space.to_germs(points)), VALUE)
+        return self._at(inputs, values, self._at_inputs, VALUE)
+
+    def _at_inputs(self, points: Array) -> Array:
+        """Evaluate at inputs (K, d): (K, O, T)."""
+        return self._evaluate(self.space.to_germs(points))
 
     @overload
     def gradient(self, inputs: Named) -> xr.DataArray: ...

@@ -95,7 +95,10 @@ class PiecewiseChaos(Surrogate):
     verification_weights: Array | None = field(init=False)
 
     _kind = Plain
-    _remedy = "allow more elements, or raise the order"
+
+    @property
+    def _remedy(self) -> str:
+        return "allow more elements, or raise the order"
 
     def __post_init__(self) -> None:
         """Check that elements and boxes belong together."""

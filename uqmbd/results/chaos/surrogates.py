@@ -11,11 +11,13 @@ import xarray as xr
 from uqmbd.arguments import Bounds, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
+from uqmbd.results.chaos.custom import Custom, absent_model
 from uqmbd.results.chaos.stated_error import weighted_std
 from uqmbd.typing import Array, Index
 
 __all__ = [
     "StoredSurrogate",
+    "absent_surrogate",
     "stored_surrogates",
     "surrogate",
     "surrogate_parts",
@@ -93,6 +95,8 @@ def surrogate(
         kind = type(node).__name__
         raise StudyError(f"A {kind} holds no surrogate; expected the node of a method, tree['LABEL'].")
     parts = surrogate_parts(node)
+    if why := absent_surrogate(node):
+        raise StudyError(f"The propagator {node.name!r}: {why}")
     if not parts:
         raise StudyError(f"The propagator {node.name!r} holds no surrogate; collocation and Galerkin make one.")
     found, names = {}, []
@@ -122,7 +126,8 @@ def surrogate(
 def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
     """Return the stored parts of the surrogates of a method's outputs, each with the name of its kind.
 
-    By the names of the parts that a composed one has; else there is one, without a name, or none.
+    By the names of the parts that a composed one has; else there is one, without a name, or none. A model whose plugin
+    is not installed cannot be evaluated, and is none.
 
     `node`: a propagator's node, or its child ``scalars``.
 
@@ -138,12 +143,20 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
     >>> [(name, kind) for name, (kind, node) in surrogate_parts(tree["collocation"]).items()]
     [('', 'chaos')]
     """
+    if absent_surrogate(node):
+        return {}
     if kind := _kind(node):
         return {"": (kind, node.children[kind])}
     if "composed" not in node.children:
         return {}
     parts = node.children["composed"].children
     return {str(name): (kind, part.children[kind]) for name, part in parts.items() if (kind := _kind(part))}
+
+
+def absent_surrogate(node: xr.DataTree) -> str:
+    """Return why the surrogate of a method's node cannot be evaluated here; nothing where it can, or there is none."""
+    name = Custom.name
+    return absent_model(node.children[name]) if name in node.children else ""
 
 
 def stored_surrogates(node: xr.DataTree) -> tuple[StoredSurrogate, ...]:

@@ -148,6 +148,8 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
     real = np.asarray(chaos.verification_response).reshape(count, size)
     weights = np.asarray(chaos.verification_weights)
     degree = min(int(chaos.multi_index.sum(axis=1).max(initial=0)) + 1, HIGHEST)
+    if not len(chaos.multi_index):  # of a model that is no polynomial nobody knows how its error grows
+        degree = HIGHEST
     bands = np.empty_like(margins)
     for k in range(size):
         order = np.argsort(margins[:, k])

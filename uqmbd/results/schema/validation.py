@@ -288,6 +288,9 @@ def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float,
     times = times[times <= end]
     if "chaos" in node.children:
         _validate_chaos(node.children["chaos"], names, times, end)
+    if "surrogate" in node.children:  # a model of a plugin, whose arrays are its own
+        _dims(node.children["surrogate"], "row_of_output", ("output",))
+        _validate_axes(node.children["surrogate"], names, times, end)
     for kind in (name for name in _WITHOUT_TIME if name in node.children):
         part = node.children[kind]
         for name, dims in _WITHOUT_TIME[kind].items():
