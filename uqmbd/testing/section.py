@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.extend import labels, sample_dataset, statistics_dataset
 from uqmbd.isolation import Isolated
 from uqmbd.plugins import KINDS, registered_name
 from uqmbd.report import Section, write_report
 from uqmbd.results import propagator_node, study_tree
+from uqmbd.results.schema import labels, sample_dataset, statistics_dataset
 
 __all__ = ["check_section"]
 
