@@ -213,3 +213,62 @@ def test_a_step_of_what_is_no_number_names_the_argument(place, wrong):
 def test_a_step_with_other_than_five_arguments_is_refused():
     with pytest.raises(uqmbd.StudyError, match=r"step: 4 arguments are given; expected step\(x, x0, y0, x1, y1\)"):
         uqmbd.step(uqmbd.t, 0, 1, 2)
+
+
+def _yielding(make):
+    class Acting(uqmbd.Component):
+        spaces = (uqmbd.Line,)
+
+        def terms(self, p):
+            yield make(p)
+
+    mechanism = uqmbd.Mechanism("m", uqmbd.Line())
+    body = mechanism.body("b", mass=1)
+    mechanism.add(Acting("acting", mechanism.ground, body))
+    mechanism.output("x", body.position[0])
+    return mechanism
+
+
+TERMS = {
+    "force": lambda p, x: uqmbd.VirtualWork(x, p.body_j.velocity[0]),
+    "velocity": lambda p, x: uqmbd.VirtualWork(1, p.body_j.velocity[0] + x),
+    "constraint": lambda p, x: uqmbd.Constraint(p.body_j.position[0] - x),
+    "gap": lambda p, x: uqmbd.extend.Separation(p.body_j.position[0] + x),
+    "guard": lambda p, x: uqmbd.Event(p.body_j.position[0] - x, uqmbd.extend.Impact(p.body_j.velocity[0])),
+    "restitution": lambda p, x: uqmbd.Event(p.body_j.position[0] + 1, uqmbd.extend.Impact(p.body_j.velocity[0], x)),
+    "start": lambda p, x: uqmbd.Auxiliary(p.state("a"), 1, x),
+    "rate": lambda p, x: uqmbd.Auxiliary(p.state("a"), x, 0),
+}
+
+
+@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize(
+    "value", [np.nan, np.inf, -np.inf, sympy.oo, -sympy.oo, sympy.zoo, 10**400, -(10**400)], ids=str
+)
+def test_a_term_of_a_component_is_finite(term, value):
+    with pytest.raises(uqmbd.StudyError, match=r"terms\(\) holds"):
+        uqmbd.simulate(_yielding(lambda p: TERMS[term](p, value)), TIMES)
+
+
+def test_terms_with_ordinary_numbers_are_accepted():
+    for make in TERMS.values():
+        uqmbd.simulate(_yielding(lambda p, make=make: make(p, 0)), TIMES, check=False)
+
+
+@pytest.mark.parametrize(
+    "give",
+    [
+        lambda m, b, x: m.output("y", b.position[0] + x),
+        lambda m, b, x: m.output("y", sympy.Piecewise((x, b.position[0] > 5), (b.position[0], True))),
+        lambda m, b, x: m.output("y", uqmbd.maximum(b.position[0] + x)),
+        lambda m, b, x: m.add(PointForce("f", b, (0, 0), (0, x * uqmbd.t))),
+        lambda m, b, x: m.body("c", mass=1, inertia=1 + x * uqmbd.RandomVariable("a", chaospy.Uniform(1, 2))),
+    ],
+)
+@pytest.mark.parametrize(
+    "value", [10**400, sympy.Rational(10**400, 3), sympy.Float("1e400")], ids=["int", "rational", "float"]
+)
+def test_a_number_in_an_expression_fits_into_64_bits(give, value):
+    mechanism, body = rod()
+    with pytest.raises(uqmbd.StudyError, match="a number of 64 bits cannot hold it"):
+        give(mechanism, body, value)

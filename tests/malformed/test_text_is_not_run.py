@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import sys
 import types
 import warnings
@@ -22,7 +23,7 @@ import uqmbd
 from uqmbd.testing.components.cases import component_cases
 from uqmbd_springs import Bushing, NonlinearSpringDamper, haversine_bump, sampled_road
 
-from .texts import Probe, payloads, probes, variants
+from .texts import SHARE, Probe, payloads, probes, variants
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "_ext"))
@@ -34,6 +35,9 @@ finally:
 MODULES = [module for module in (*CORE, *PLUGINS) if module not in ("uqmbd.testing", "uqmbd.typing")]
 """The kits of `uqmbd.testing` take classes and run studies with them: trying them takes long and tells nothing."""
 
+
+TEXTS = min(1.0, 3 * SHARE)
+"""Share of the texts and containers that the slow sweeps try for each argument."""
 
 METHODS = (types.FunctionType, classmethod, staticmethod, property)
 
@@ -136,7 +140,7 @@ def test_no_argument_of_a_public_call_is_executed(module, tmp_path):
         for owner in (thing, *methods):
             text = inspect.cleandoc(getattr(owner, "__doc__", "") or "")
             if ">>>" in text:
-                found += probes(text, known, tmp_path, first)
+                found += probes(text, known, tmp_path, first, share=TEXTS)
     assert not _told([x for x in found if x.fate == "executed"])
 
 
@@ -168,8 +172,12 @@ def test_a_component_refuses_texts_in_place_of_its_numbers(component, tmp_path):
 
         part = case.component
         named = {**part.attached, **dict.fromkeys(part.parameters()), **part.given}
-        found = list(variants(component.__name__, adding(component, case.mechanism), (), named, tmp_path / "mark", {}))
-        assert len(found) == len(named) * len(payloads(tmp_path))
+        found = list(
+            variants(
+                component.__name__, adding(component, case.mechanism), (), named, tmp_path / "mark", {}, share=TEXTS
+            )
+        )
+        assert len(found) == len(named) * math.ceil(TEXTS * len(payloads(tmp_path)))
         assert not _told([x for x in found if x.fate != "refused"])
 
 

@@ -12,6 +12,7 @@ import doctest
 import inspect
 import io
 import json
+import math
 import os
 import re
 import resource
@@ -19,7 +20,8 @@ import signal
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,9 @@ import uqmbd
 SECONDS = 20
 """Of processor time, after which a call counts as one that was accepted and computes."""
 
+
+SHARE = float(os.environ.get("UQMBD_MALFORMED_SHARE", "0.125"))
+"""Share of the values that the sweeps try for each argument, at least one; 1: all, which takes hours."""
 
 MEMORY = 2 << 30
 """Bytes that a call may take."""
@@ -80,6 +85,12 @@ Values = Callable[[Path], dict[str, Any]]
 """From the place of a mark to what takes the place of an argument, by its name."""
 
 
+def chosen(name: str, target: int | str, keys: Iterable[str], share: float) -> list[str]:
+    """Return a share of the values of an argument, at least one: the same ones in each run, others per argument."""
+    ranked = sorted(keys, key=lambda key: zlib.crc32(f"{name}/{target}/{key}".encode()))
+    return ranked[: max(1, math.ceil(share * len(ranked)))]
+
+
 def added(made: Any, names: dict[str, Any]) -> None:
     """Use what an accepted call returned: numbers of a component are checked when it is added."""
     if isinstance(made, uqmbd.Component):
@@ -97,6 +108,7 @@ def probes(
     wanted: Callable[[str], bool],
     values: Values = payloads,
     use: Use = added,
+    share: float = 1.0,
 ) -> list[Probe]:
     """Run the examples of a docstring, and at each call of uqmbd all variants of it with one wrong argument.
 
@@ -113,6 +125,8 @@ def probes(
         What takes the place of each argument.
     use : callable
         What is done with the result of a call that was accepted, and the names of the example.
+    share : float
+        Of the values of each argument.
     """
     found: list[Probe] = []
     mark = folder / "mark"
@@ -120,7 +134,7 @@ def probes(
     def call(function: Any, /, *given: Any, **named: Any) -> Any:
         name = _name_of(function)
         if name and wanted(name):
-            found.extend(variants(name, function, given, named, mark, names, values, use))
+            found.extend(variants(name, function, given, named, mark, names, values, use, share))
         return function(*given, **named)
 
     names: dict[str, Any] = {**known, "__probed_call__": call, "__name__": "__main__"}
@@ -177,9 +191,11 @@ def variants(
     names: dict[str, Any],
     values: Values = payloads,
     use: Use = added,
+    share: float = 1.0,
 ) -> Iterator[Probe]:
     """Try all variants of a call, in children of this process: none changes what the example works with."""
-    cases = [(target, key) for target in _targets(function, given, named) for key in values(mark)]
+    keys = list(values(mark))
+    cases = [(target, key) for target in _targets(function, given, named) for key in chosen(name, target, keys, share)]
     while cases:
         # no pipe: processes that a call started would hold it open
         with tempfile.TemporaryFile() as file:

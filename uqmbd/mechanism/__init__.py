@@ -88,6 +88,7 @@ from uqmbd.mechanism.expressions import (
     t,
     time_of_maximum,
     time_of_minimum,
+    too_large,
 )
 from uqmbd.mechanism.geometry import (
     Frame,
@@ -226,6 +227,7 @@ __all__ = [
     "time_derivative",
     "time_of_maximum",
     "time_of_minimum",
+    "too_large",
     "describe_foreign_part",
     "motion_quantities",
     "find_unit_problems",

@@ -19,6 +19,7 @@ from uqmbd.mechanism import (
     shown,
     step,
     t,
+    too_large,
 )
 from uqmbd.randomness import RandomVariable
 
@@ -100,8 +101,10 @@ def settled_expression(
         raise StudyError(
             f"{where}: terms() holds {shown(expression)}, which is no expression; expected one in what p offers."
         )
-    if value.has(sympy.nan, sympy.zoo, sympy.I):
+    if value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
         raise StudyError(f"{where}: terms() holds {shown(value)}, which is not a finite real number.")
+    if (large := too_large(value)) is not None:
+        raise StudyError(f"{where}: terms() holds {shown(large)}, which a number of 64 bits cannot hold.")
     value = plain(value).xreplace(named) if named else plain(value)
     if (foreign := foreign_part(value)) is not None:
         raise StudyError(f"{where}: in an expression of its terms {describe_foreign_part(foreign)}")

@@ -52,6 +52,7 @@ from uqmbd.mechanism.expressions.user_values import (
     numbers,
     random_variables,
     shown,
+    too_large,
     unknown_symbol,
 )
 
@@ -105,6 +106,7 @@ __all__ = [
     "shown",
     "spline",
     "step",
+    "too_large",
     "t",
     "time_of_maximum",
     "time_of_minimum",

@@ -14,7 +14,7 @@ from uqmbd.mechanism.expressions.computable import UNEVALUATED, describe_foreign
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import is_quantity
 
-__all__ = ["LARGEST", "as_symbolic", "flatten", "numbers", "random_variables", "shown", "unknown_symbol"]
+__all__ = ["LARGEST", "as_symbolic", "flatten", "numbers", "random_variables", "shown", "too_large", "unknown_symbol"]
 
 
 LARGEST = 1e100
@@ -151,7 +151,18 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
             ", which is too large to compute with: squares of it leave the range of numbers of 64 bits; "
             f"{wanted}, at most {LARGEST:g}."
         )
+    if (large := too_large(number)) is not None:
+        raise refused(f", which has {shown(large)} in it: a number of 64 bits cannot hold it; {wanted}.")
     return number
+
+
+def too_large(expression: sympy.Expr) -> sympy.Expr | None:
+    """Return a number in an expression that no number of 64 bits holds; None if there is none.
+
+    >>> too_large(sympy.Symbol("x") + 10**400) is None, too_large(sympy.Symbol("x") + 1)
+    (False, None)
+    """
+    return next((x for x in expression.atoms(sympy.Number) if x.is_finite and math.isinf(_float(x))), None)
 
 
 def _evaluated(constant: sympy.Expr) -> sympy.Expr | None:
