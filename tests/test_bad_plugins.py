@@ -375,7 +375,7 @@ def uqmbd_components():
 
 
 @pytest.mark.thorough
-def test_installed_plugin_is_told_by_its_name_on_the_command_line(tmp_path, tree):
+def test_installed_plugin_is_reported_by_its_name_on_the_command_line(tmp_path, tree):
     site = tmp_path / "site"
     for name, source in (("plugin_bad", PLUGIN), ("plugin_left", "raise KeyboardInterrupt")):
         info = site / f"{name}-1.0.dist-info"

@@ -251,7 +251,7 @@ def raises(function):
     return {name for name in names if isinstance(getattr(uqmbd, name, None), type)}
 
 
-def test_errors_are_told():
+def test_errors_are_reported():
     wrong = {}
     for name, member in {**FUNCTIONS, **METHODS}.items():
         function = inspect.unwrap(member) if name in FUNCTIONS else _plain(member)

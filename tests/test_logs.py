@@ -48,7 +48,7 @@ def test_info_says_what_begins_and_ends_and_refinements(said):
 
 
 @pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # of 12 %: two elements of order 1
-def test_elements_are_told(said):
+def test_elements_are_reported(said):
     found = said("INFO", study(Collocation(order=1, elements=2)).run)
     assert [text.split(",")[0] for name, _, text in found if name == "uqmbd.refinement"] == [
         "collocation: 1 elements",
@@ -78,7 +78,7 @@ def test_debug_says_chunks_and_failures(said):
     assert any(text.startswith("monte-carlo: 60 realisations of outputs in ") for _, text in own)
 
 
-def test_kernels_are_told(said, tmp_path, monkeypatch):
+def test_kernels_are_reported(said, tmp_path, monkeypatch):
     monkeypatch.setenv("UQMBD_CACHE", str(tmp_path / "kernels"))
 
     def simulate():
@@ -92,7 +92,7 @@ def test_kernels_are_told(said, tmp_path, monkeypatch):
     assert made and set(again) <= set(made) and not any("compiled in" in text for _, _, text in second)
 
 
-def test_a_method_that_fails_is_told(said):
+def test_a_method_that_fails_is_reported(said):
     def run():
         with pytest.warns(uqmbd.MethodFailedWarning):
             study(MonteCarlo(samples=4), Collocation(order=3, max_realisations=1)).run()

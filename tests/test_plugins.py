@@ -124,7 +124,7 @@ def test_classes_are_registered_by_name(install, loaded):
         ),
     ],
 )
-def test_broken_plugin_is_told_and_harms_nobody(install, loaded, source, reason):
+def test_broken_plugin_is_reported_and_harms_nobody(install, loaded, source, reason):
     install("plugin_broken", source, distribution="broken-plugin", version="0.3")
     install("plugin_good", good())
     registry, infos = loaded()
@@ -134,7 +134,7 @@ def test_broken_plugin_is_told_and_harms_nobody(install, loaded, source, reason)
     assert infos["plugin_good"].status == "loaded" and "Magnet" in registry.classes["components"]
 
 
-def test_a_hook_of_several_that_is_not_decorated_is_told(install, loaded):
+def test_a_hook_of_several_that_is_not_decorated_is_reported(install, loaded):
     install("plugin_half", good().replace("@uqmbd.hookimpl\ndef uqmbd_propagators", "def uqmbd_propagators"))
     registry, infos = loaded()
     assert infos["plugin_half"].status == "incomplete" and list(registry.classes["components"]) == ["Magnet"]

@@ -72,7 +72,7 @@ def test_every_public_name_has_a_page(pages, module):
     assert [name for name in sorted(names) if f"{module}.{name}" not in pages] == []
 
 
-def test_names_without_a_docstring_are_told_where_they_are_assigned(pages):
+def test_names_without_a_docstring_are_reported_where_they_are_assigned(pages):
     told = {name: text for name, text in pages.items() if "py:data" in text}
     assert len(told) > 10
     assert [name for name, text in told.items() if not text.rstrip().splitlines()[-1].strip()[:1].isalpha()] == []
@@ -181,12 +181,12 @@ def test_named_parts_of_equations_are_what_they_stand_for(site):
         assert sympy.expand(short[1].subs(parts) - whole[1]) == 0
 
 
-def test_objects_that_only_functions_return_are_told(pages):
+def test_objects_that_only_functions_return_are_reported(pages):
     text = pages["uqmbd.mechanism.bodies.body.Body"]
     assert "uqmbd.mechanism.bodies.body.Body" in text and "`uqmbd.Mechanism.body`" in text and "`uqmbd.check`" in text
 
 
-def test_every_command_and_hook_is_told(site, tmp_path):
+def test_every_command_and_hook_is_reported(site, tmp_path):
     from uqmbd.plugins import KINDS
 
     interface = importlib.import_module("uqmbd_site.interface")

@@ -225,8 +225,8 @@ class Finding:
         Examples
         --------
         >>> from uqmbd.extend import Finding, Severity
-        >>> Finding(Severity.NOTE, "body 'rod'", "body 'rod' is connected to nothing").text
-        "body 'rod' is connected to nothing"
+        >>> Finding(Severity.NOTE, "body 'rod'", "body 'rod' is not connected").text
+        "body 'rod' is not connected"
         """
         return f"{self.message}. {self.remedy}" if self.remedy else self.message
 

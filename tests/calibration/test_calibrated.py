@@ -90,7 +90,7 @@ def test_an_input_that_was_not_calibrated_keeps_its_distribution(found):
     assert tree["comparison"]["method"].values.tolist() == ["collocation"]
 
 
-def test_what_does_not_fit_is_told(found):
+def test_what_does_not_fit_is_reported(found):
     calibration, *_ = found
     mechanism = uqmbd.Mechanism("other", uqmbd.Line())
     mass = uqmbd.RandomVariable("mass", chaospy.Normal(1, 0.1), units="kg")

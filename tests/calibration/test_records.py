@@ -193,7 +193,7 @@ WRONG_TABLES = {
 
 
 @pytest.mark.parametrize("text", WRONG_TABLES)
-def test_a_csv_file_that_is_wrong_is_refused_and_it_is_said_why(tmp_path, text):
+def test_a_csv_file_that_is_wrong_is_refused_and_it_is_reported_why(tmp_path, text):
     path = tmp_path / "wrong.csv"
     path.write_bytes(text.encode())
     with pytest.raises(uqmbd.StudyError) as caught:
@@ -286,7 +286,7 @@ WRONG_DATASETS = {
 
 
 @pytest.mark.parametrize("message", WRONG_DATASETS)
-def test_a_dataset_that_is_wrong_is_refused_and_it_is_said_why(message):
+def test_a_dataset_that_is_wrong_is_refused_and_it_is_reported_why(message):
     with pytest.raises(uqmbd.StudyError, match=message):
         Record.of(WRONG_DATASETS[message])
 
@@ -323,7 +323,7 @@ WRONG_ARGUMENTS = {
 
 
 @pytest.mark.parametrize("message", WRONG_ARGUMENTS)
-def test_an_argument_that_is_wrong_is_refused_and_it_is_said_why(message):
+def test_an_argument_that_is_wrong_is_refused_and_it_is_reported_why(message):
     with pytest.raises(uqmbd.StudyError) as caught:
         WRONG_ARGUMENTS[message]()
     assert message in str(caught.value)
@@ -386,7 +386,7 @@ UNLIKE_THE_STUDY = {
 
 
 @pytest.mark.parametrize("message", UNLIKE_THE_STUDY)
-def test_a_record_that_is_none_of_the_study_is_refused_and_it_is_said_why(study, message):
+def test_a_record_that_is_none_of_the_study_is_refused_and_it_is_reported_why(study, message):
     with pytest.raises(uqmbd.StudyError) as caught:
         UNLIKE_THE_STUDY[message].checked_against(study)
     assert message in str(caught.value) and "'run'" in str(caught.value)

@@ -30,7 +30,7 @@ def symmetric(x):
 
 
 @pytest.mark.thorough
-def test_a_maximum_that_no_draws_are_about_is_told():
+def test_a_maximum_that_no_draws_are_about_is_reported():
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01)
     assert "1 more maxima of the posterior with about 50 % of its mass; no draws are about these" in said
     assert found.checks["unsampled"] == pytest.approx([0.5], abs=0.02)
@@ -38,7 +38,7 @@ def test_a_maximum_that_no_draws_are_about_is_told():
 
 
 @pytest.mark.slow
-def test_maxima_that_draws_hold_are_not_told():
+def test_maxima_that_draws_hold_are_not_reported():
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 1.0, 0.02)
     assert len(found.checks["modes"]) == 2
     assert "maxima" not in said and not found.checks["unsampled"]
@@ -47,7 +47,7 @@ def test_maxima_that_draws_hold_are_not_told():
 
 
 @pytest.mark.thorough
-def test_maxima_that_few_realisations_do_not_follow_are_told():
+def test_maxima_that_few_realisations_do_not_follow_are_reported():
     found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01, realisations=40)
     assert len(found.checks["modes"]) == 1
     assert found.checks["unseen"] == 1
@@ -56,7 +56,7 @@ def test_maxima_that_few_realisations_do_not_follow_are_told():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("truth, side", [(130.0, "above"), (70.0, "below")])
-def test_an_input_far_from_its_prior_is_told(truth, side):
+def test_an_input_far_from_its_prior_is_reported(truth, side):
     prior = uqmbd.RandomVariable("k", chaospy.Normal(100, 2), units="N/m")
     found, said = told(prior, lambda k: k, truth, 0.002)
     (far,) = found.checks["far"]

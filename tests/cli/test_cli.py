@@ -350,8 +350,8 @@ def test_check_of_bodies_that_nothing_holds():
     )
     made.output("x", held.position[0])
     ball, pair, *more = uqmbd.findings(uqmbd.Study("parts", made, [0, 1]))
-    assert "body 'ball' is connected to nothing" in ball.message and not more
-    assert "bodies 'one', 'two' are connected with each other only" in pair.message
+    assert "body 'ball' is not connected" in ball.message and not more
+    assert "bodies 'one', 'two' are connected with each other, but not with the ground" in pair.message
     assert ball.severity is pair.severity is uqmbd.extend.Severity.NOTE
 
 
@@ -441,7 +441,7 @@ print(len(sys.modules))
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("words", [("run",), ("check",), ("animate",)])
-def test_a_study_that_is_not_there_is_told_before_anything_heavy_is_imported(words):
+def test_a_study_that_is_not_there_is_reported_before_anything_heavy_is_imported(words):
     code = (
         "import sys\nfrom uqmbd.cli import main\n"
         f"try:\n    main([{words[0]!r}, 'no_such_study.py'])\n"

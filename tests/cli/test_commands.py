@@ -88,7 +88,7 @@ def test_a_command_is_listed_explained_and_run(install, command_line):
         ("status", 7, ""),
     ],
 )
-def test_its_errors_are_told_as_those_of_any_command(install, command_line, how, status, said):
+def test_its_errors_are_reported_as_those_of_any_command(install, command_line, how, status, said):
     install("plugin_good", GOOD)
     found, _, err = command_line("fail-as", how)
     assert found == status and err.startswith(said) and "Traceback" not in err
@@ -121,7 +121,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("source", WRONG, ids=lambda source: WRONG[source][:40])
-def test_a_command_that_is_wrong_is_told_and_harms_nobody(install, command_line, source):
+def test_a_command_that_is_wrong_is_reported_and_harms_nobody(install, command_line, source):
     install("plugin_broken", source)
     install(
         "plugin_good", GOOD.replace("fail-as", "good").replace("class Fail", "class Good").replace("[Fail]", "[Good]")
@@ -148,7 +148,7 @@ PLACES = {
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("error", ERRORS)
-def test_whatever_a_plugin_raises_is_told_and_the_other_commands_are_there(install, command_line, place, error):
+def test_whatever_a_plugin_raises_is_reported_and_the_other_commands_are_there(install, command_line, place, error):
     old, new = PLACES[place]
     assert old in GOOD
     install("plugin_broken", GOOD.replace(old, new.format(error=error), 1))
@@ -173,7 +173,7 @@ def test_commands_of_uqmbd_load_no_plugin(install, command_line):
     assert command_line("check", "--help")[2] == ""
 
 
-def test_a_plugin_that_implements_the_hook_where_it_is_not_looked_for_is_told_where(install, command_line):
+def test_a_plugin_that_implements_the_hook_where_it_is_not_looked_for_is_reported_where(install, command_line):
     install("plugin_good", GOOD, group="uqmbd")
     status, out, _ = command_line("plugins")
     assert status == 0 and "failed" in out

@@ -89,7 +89,7 @@ def test_names_of_methods_are_guessed_right():
 
 
 @pytest.mark.thorough
-def test_what_a_shell_is_told(complete):
+def test_what_a_shell_receives(complete):
     assert complete("ru") == ["run"]
     assert complete("run", "cra") == ["crank.py"]
     assert complete("run", "crank.py", "--only", "mon") == ["monte-carlo"]

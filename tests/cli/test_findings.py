@@ -94,7 +94,7 @@ FAULTS = {
         "ball = m.body('ball', mass=1, inertia=1, velocity=(speed, 0))\n"
         "m.add(SpringDamper('leash', m.ground, ball, (0, 0), (0, 0), stiffness=1))\n"
         "m.output('flight', ball.position[0], units='m')",
-        "warning", "do not exist, unless what grows with input 'speed' is bounded",
+        "warning", "do not exist, unless the quantity that grows with input 'speed' is bounded",
     ),
     "units": (
         "m.output('wrong', rod.position[0], units='kg')",
@@ -106,7 +106,7 @@ FAULTS = {
     ),
     "apart": (
         "m.body('lost', mass=1, inertia=1)",
-        "note", "body 'lost' is connected to nothing: no component leads to another body or the ground",
+        "note", "body 'lost' is not connected: no component leads to another body or the ground",
     ),
     "deep": (
         "m.add(PlaneContact('floor', m.ground, rod, (0, 2), (0, 0), (0, 1), stiffness=10))",

@@ -270,7 +270,7 @@ def test_workers_find_the_functions_of_a_script_and_what_lies_beside_it(
     assert found[-0.1] < found[-5.0] - 0.5
 
 
-def test_a_cluster_without_workers_is_told_and_waited_for(cluster: Any) -> None:
+def test_a_cluster_without_workers_is_reported_and_waited_for(cluster: Any) -> None:
     with (
         pytest.warns(uqmbd.StudyWarning, match="the cluster has no workers"),
         uqmbd.Workers(dask=cluster.address).start() as executor,
@@ -280,7 +280,7 @@ def test_a_cluster_without_workers_is_told_and_waited_for(cluster: Any) -> None:
         assert found.result(timeout=60) == 3
 
 
-def test_a_worker_without_uqmbd_is_told(cluster: Any, command: Any, tmp_path: Path) -> None:
+def test_a_worker_without_uqmbd_is_reported(cluster: Any, command: Any, tmp_path: Path) -> None:
     """It would else die of its first piece of work, and the run wait for others without end."""
     (tmp_path / "none").mkdir()
     (tmp_path / "none" / "uqmbd.py").write_text("raise ImportError('there is no uqmbd here')\n")

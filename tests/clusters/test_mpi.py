@@ -96,7 +96,7 @@ def test_the_same_bits_as_in_one_process(processes: int, module: list[str], mpi,
         assert difference(one[label], many[label]) == ""
 
 
-def test_what_cannot_be_done_is_said_once(mpi) -> None:
+def test_what_cannot_be_done_is_reported_once(mpi) -> None:
     alone = mpi(1, "uqmbd", "run", "my_study.py", "--mpi")
     assert alone.returncode == 2 and "--mpi: there is one process" in alone.stderr
     missing = mpi(2, "uqmbd", "run", "nothing.py", "--mpi")

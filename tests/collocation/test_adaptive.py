@@ -111,7 +111,7 @@ def test_verification_contradicts_steps_that_agree_by_chance(resting):
     ],
     ids=str,
 )
-def test_a_tolerance_that_cannot_be_met_is_said(resting, warned, options, reason):
+def test_a_tolerance_that_cannot_be_met_is_reported(resting, warned, options, reason):
     study = resting(lambda a: sympy.Abs(a - sympy.Rational(1, 10)), UNIFORM)
     node, messages = warned(lambda: study.propagate(Collocation(tolerance=1e-7, **options)))
     (message,) = messages

@@ -177,7 +177,7 @@ def test_long_motion_takes_phases():
 
 
 @pytest.mark.thorough
-def test_what_no_family_follows_is_said():
+def test_what_no_family_follows_is_reported():
     """Two frequencies drift apart: one clock does not serve their sum, and the warning says from when on."""
     other = uqmbd.RandomVariable("other", chaospy.Uniform(140, 180), units="N/m")
     study = oscillator(12, 121, stiffness=(STIFFNESS, other))

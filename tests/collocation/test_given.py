@@ -92,7 +92,7 @@ def test_it_is_stored_recorded_and_compared(study, tmp_path):
     assert method.estimate(study).realisations == 16 + 16
 
 
-def test_what_does_not_belong_to_the_inputs_is_told_or_refused(study):
+def test_what_does_not_belong_to_the_inputs_is_reported_or_refused(study):
     joint = joint_of(study)
     nodes, weights = chaospy.generate_quadrature(3, joint, rule="gaussian")
     wrong = chaospy.generate_expansion(2, chaospy.J(chaospy.Normal(1.0, 0.02), chaospy.Uniform(0.9, 1.2)))

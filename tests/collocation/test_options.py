@@ -107,7 +107,7 @@ NORMAL, CAUCHY = chaospy.Normal(0, 1), chaospy.Cauchy()
     ],
     ids=lambda value: str(value) if isinstance(value, dict) else "",
 )
-def test_what_does_not_suit_the_inputs_is_said_before_anything_is_computed(
+def test_what_does_not_suit_the_inputs_is_reported_before_anything_is_computed(
     resting, inline, distributions, options, words
 ):
     study = resting(lambda *x: sum(x), *distributions)
@@ -144,7 +144,7 @@ def test_what_can_be_done_has_no_obstacle(resting):
         ({"max_elements": 5}, "max_elements=5 has no effect with elements=None"),
     ],
 )
-def test_an_option_without_effect_is_told(options, words):
+def test_an_option_without_effect_is_reported(options, words):
     with pytest.warns(uqmbd.StudyWarning, match=words):
         Collocation(**options)
 
@@ -158,6 +158,6 @@ def test_an_option_without_effect_is_told(options, words):
         {"alignment": "events", "max_elements": 5},
     ],
 )
-def test_options_with_an_effect_are_not_told(options, recwarn):
+def test_options_with_an_effect_are_not_reported(options, recwarn):
     Collocation(**options)
     assert not recwarn

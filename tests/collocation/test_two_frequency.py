@@ -228,7 +228,7 @@ def test_what_does_not_move_is_refused():
         study.propagate(Collocation(order=2, alignment="two-frequency"))
 
 
-def test_options_that_mean_nothing_are_told():
+def test_options_that_mean_nothing_are_reported():
     with pytest.raises(uqmbd.StudyError, match="clock='x' means nothing without alignment='phase'"):
         Collocation(alignment="two-frequency", clock="x")
     with pytest.warns(uqmbd.StudyWarning, match="max_elements=7 has no effect"):

@@ -129,7 +129,7 @@ def test_steps_along_the_gradients_end_on_the_spheres_below(spheres, count, seed
         assert np.array_equal(spheres.close(STILL, NONE, drawn[k : k + 1], count=1)[0][0], found[k])
 
 
-def test_poses_that_want_a_decision_are_told_apart(spheres):
+def test_poses_that_want_a_decision_are_distinguished(spheres):
     """A centre, where gradients vanish; what is no number; a mirror image; one that is closed, and is not moved."""
     drawn = np.tile([1.0, 0, 0, 0, 1.0, 0], (4, 1))
     drawn[0, :3], drawn[1, 0], drawn[2, 0] = 0, np.nan, -1

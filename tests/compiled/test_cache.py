@@ -217,7 +217,7 @@ def test_what_another_user_put_there_is_not_unpickled(cache: Path, tmp_path: Pat
 
 
 @needs_root
-def test_folder_of_another_user_is_not_used_and_that_is_said(cache: Path, tmp_path: Path) -> None:
+def test_folder_of_another_user_is_not_used_and_that_is_reported(cache: Path, tmp_path: Path) -> None:
     set_traps(cache, tmp_path / "trace")
     before = {file: file.read_bytes() for file in kernels(cache)}
     os.chown(kernels(cache)[0].parent, 12345, 12345)
@@ -285,7 +285,7 @@ def test_a_place_that_is_not_ours_is_left_as_it_is_and_said_once(
     assert kind != "writable" or (stat.S_IMODE(place.stat().st_mode) == 0o777 and not list(place.iterdir()))
 
 
-def test_folder_that_cannot_be_written_costs_only_time_and_is_said_once(
+def test_folder_that_cannot_be_written_costs_only_time_and_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")

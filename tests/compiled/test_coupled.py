@@ -134,7 +134,7 @@ def test_slow_iterations_are_left():
     assert not near.counts[2:4].any() and near.counts[1] < 30
 
 
-def test_singular_systems_are_told():
+def test_singular_systems_are_reported():
     saddle = Saddle.random(0, 10, 4, 3, 0, 0.1)
     systems = saddle.systems
     systems.work[:, systems.systems.entries] = 0.0

@@ -121,7 +121,7 @@ def test_legs_of_each():
     assert np.abs(run.result[..., 0] - past**2 / 2).max() < 1e-13
 
 
-def test_stiff_ones_are_told():
+def test_stiff_ones_are_reported():
     stiff = dynamics(-1e4 * V - P * Q)
     p, z = oscillators(10)
     found = integrated(p, z, np.array([0, END]), 1e-4, of=stiff)
@@ -129,7 +129,7 @@ def test_stiff_ones_are_told():
     assert (found.now < END).all()
 
 
-def test_a_pole_is_told():
+def test_a_pole_is_reported():
     pole = dynamics(V**2 * P)  # v' = p v^2: infinite at t = 1 / p
     found = integrated(np.full(3, 2.0), np.array([[0.0, 1.0]] * 3), np.array([0, END]), 1e-6, of=pole)
     assert set(found.status.tolist()) <= {ExplicitStatus.SMALL, ExplicitStatus.MANY}

@@ -192,7 +192,7 @@ compile_kernel([se.Symbol("x")], [se.Symbol("x") ** 2])
 
 
 @pytest.mark.parametrize("how", ["pretend", "by the kernel"])
-def test_refused_executable_memory_is_told(how: str) -> None:
+def test_refused_executable_memory_is_reported(how: str) -> None:
     if how == "by the kernel" and sys.platform != "linux":
         pytest.skip("this is how Linux refuses it")
     done = subprocess.run([sys.executable, "-c", REFUSED, how], capture_output=True, text=True, check=False, cwd=ROOT)

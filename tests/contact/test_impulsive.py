@@ -269,7 +269,7 @@ def test_a_point_slides_on_a_road():
     np.testing.assert_allclose(data["load"], normal / steep**0.5, rtol=1e-6)
 
 
-def test_a_start_that_overlaps_is_told():
+def test_a_start_that_overlaps_is_reported():
     mechanism, ball = point(position=(0, -0.1))
     mechanism.add(PlaneImpact("floor", mechanism.ground, ball, ZERO, ZERO, (0, 1)))
     mechanism.output("y", ball.position[1])
@@ -278,7 +278,7 @@ def test_a_start_that_overlaps_is_told():
 
 
 @pytest.mark.thorough
-def test_an_event_that_never_comes_is_told():
+def test_an_event_that_never_comes_is_reported():
     mechanism, ball = point(gravity=ZERO)
     floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, ZERO, ZERO, (0, 1)))
     mechanism.output("when", floor.event_time("impact"), units="s")

@@ -114,7 +114,7 @@ def first_values(mechanism):
 @pytest.mark.thorough
 @pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
 @pytest.mark.parametrize("follower", [4.0, 4.0 - 2 * np.pi], ids=["a turn on", "within half a turn"])
-def test_turns_that_a_follower_hides_are_told(space, follower):
+def test_turns_that_a_follower_hides_are_reported(space, follower):
     """Wheel 1 turns twice as far as wheel 0, which is drawn at 2 rad: at 4 rad, or a whole turn away from the law."""
     laws = [None, lambda a: 2 * a[0], None]
     mechanism, _ = wheels(space, laws, (2.0, follower, 0.0))

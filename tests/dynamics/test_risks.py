@@ -123,7 +123,7 @@ def test_numbers_that_stay_in_their_range_are_no_risk():
     assert find_risks(mechanism) == ()
 
 
-def test_a_change_of_sign_is_told_and_a_sign_that_is_meant_is_not():
+def test_a_change_of_sign_is_reported_and_a_sign_that_is_meant_is_not():
     k = uqmbd.RandomVariable("k", chaospy.Normal(1000, 400), units="N/m")
     (weak,) = find_risks(body_on_springs(stiffness=k))
     assert not weak.fails and weak.probability == pytest.approx(scipy.stats.norm.sf(2.5), rel=1e-9)
@@ -143,7 +143,7 @@ def test_a_parameter_that_is_no_number_has_no_sign():
         uqmbd.Parameter("N", "forces", kind="vector", one_sign=True)
 
 
-def test_many_numbers_are_told_in_one_sentence():
+def test_many_numbers_are_reported_in_one_sentence():
     m = uqmbd.RandomVariable("m", chaospy.Normal(1, 0.5), units="kg")
     mechanism = uqmbd.Mechanism("row", uqmbd.Translational())
     for k in range(7):

@@ -177,7 +177,7 @@ def test_start_without_a_solution_is_an_error(monkeypatch, mechanisms, project):
         ({"stop_at": 0.1, "verify": 0}, "stop_at is 0.1 with verify=0"),
     ],
 )
-def test_bad_options_are_told(options, words):
+def test_bad_options_are_reported(options, words):
     with pytest.raises(uqmbd.StudyError, match=words):
         Galerkin(**options)
 
@@ -193,7 +193,7 @@ def test_bad_options_are_told(options, words):
         ({"order": 3, "rule": "smolyak", "level": 3}, "negative weights"),
     ],
 )
-def test_rules_that_do_not_fit_are_told_before_anything_is_computed(mechanisms, options, words):
+def test_rules_that_do_not_fit_are_reported_before_anything_is_computed(mechanisms, options, words):
     study = uqmbd.Study("rules", mechanisms["pendulum"](), [0.0, 0.1])
     with pytest.raises(uqmbd.StudyError, match=words):
         study.propagate(Galerkin(**options))

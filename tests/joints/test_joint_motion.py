@@ -405,7 +405,7 @@ def free(space, make, **pose):
     return mechanism.add(make(mechanism.ground, body))
 
 
-def test_what_a_joint_does_not_have_is_told():
+def test_what_a_joint_does_not_have_is_reported():
     plane, space = uqmbd.Planar(), uqmbd.Spatial()
     slide = free(plane, lambda g, b: Prismatic("slide", g, b, O2, O2, (1, 0), (1, 0)))
     with pytest.raises(AttributeError, match=r"Prismatic 'slide' has no .angle: it has .displacement \(m\) and .speed"):

@@ -64,7 +64,7 @@ def test_a_misspelt_argument_names_what_was_meant(what):
     assert f"did you mean {meant!r}?" in str(caught.value)
 
 
-def test_missing_double_and_too_many_arguments_are_told():
+def test_missing_double_and_too_many_arguments_are_reported():
     with pytest.raises(uqmbd.StudyError, match=r"Mechanism.body: the argument 'name' is missing. Usage: body\(name,"):
         mechanism().body(mass=1)
     with pytest.raises(uqmbd.StudyError, match=r"simulate: the argument 'times' is missing"):

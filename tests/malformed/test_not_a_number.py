@@ -167,7 +167,7 @@ def test_arguments_of_a_run_are_refused_before_anything_is_computed(argument, va
         study.run(**{argument: value})
 
 
-def test_a_body_without_mass_in_a_space_without_rotation_is_told():
+def test_a_body_without_mass_in_a_space_without_rotation_is_reported():
     mechanism = uqmbd.Mechanism("nothing", uqmbd.Translational())
     mechanism.output("x", mechanism.body("dust", mass=0).position[0])
     with pytest.raises(uqmbd.StudyError, match="body 'dust' can be accelerated without any force"):

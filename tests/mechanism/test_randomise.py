@@ -62,7 +62,7 @@ def lognormal(mean, std):
 @pytest.mark.parametrize(
     "error", [ValueError("no law"), ZeroDivisionError("x"), KeyError("arm"), RecursionError("deep")]
 )
-def test_a_function_that_raises_is_told_with_the_number_that_it_was_given(error):
+def test_a_function_that_raises_is_reported_with_the_number_that_it_was_given(error):
     def made(value):
         raise error
 

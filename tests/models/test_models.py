@@ -368,7 +368,7 @@ def test_a_rolled_up_spring_starts_in_the_turn_of_the_file(mjcf):
         np.testing.assert_allclose(found["q"], start * np.cos(2 * times), rtol=0, atol=1e-6)
 
 
-def test_limits_are_margins_and_what_is_left_out_is_told(urdf):
+def test_limits_are_margins_and_what_is_left_out_is_reported(urdf):
     limit = '<limit lower="-1" upper="0.5" effort="10" velocity="3"/><dynamics damping="0.1" friction="0.2"/>'
     read = urdf(
         link("base")
@@ -425,7 +425,7 @@ def test_names_are_valid_and_each_once(mjcf):
     assert list(read.joints) == ["time_joint", "same_joint", "body_3_joint"]
 
 
-def test_names_that_change_are_told_and_joints_found_by_both(urdf, mjcf):
+def test_names_that_change_are_reported_and_joints_found_by_both(urdf, mjcf):
     """A joint called like a link; the joint that has the longer name already keeps it."""
     inside = link("base") + link("arm") + link("hand") + joint("arm", "base", "arm") + joint("arm_joint", "arm", "hand")
     body = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
@@ -449,7 +449,7 @@ def gaps_of(read):
     return [name for row in rows for name in row.names]
 
 
-def test_constraints_that_do_not_hold_at_the_start_are_told(urdf, mjcf):
+def test_constraints_that_do_not_hold_at_the_start_are_reported(urdf, mjcf):
     follows = '<mimic joint="shoulder" multiplier="-2" offset="{}"/>'
     for offset, expected in ((0.2, ["elbow_mimic by 0.2 rad"]), (0, [])):
         read = urdf(TWO.replace("</joint>", "{}</joint>").format("", follows.format(offset)))

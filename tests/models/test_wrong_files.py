@@ -102,7 +102,7 @@ def test_a_changed_file_is_read_or_refused(reader, text, ending, tmp_path):
         ("\x00\x01\x02", "is no XML"),
     ],
 )
-def test_what_is_no_urdf_is_told_without_mujoco(text, said, tmp_path):
+def test_what_is_no_urdf_is_reported_without_mujoco(text, said, tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(uqmbd.StudyError, match=re.escape(said)):
@@ -116,7 +116,7 @@ def test_a_folder_and_a_file_that_is_not_there(tmp_path):
         MJCF().read(str(tmp_path / "nothing.xml"))
 
 
-def test_without_mujoco_it_is_said_what_to_install(tmp_path, monkeypatch):
+def test_without_mujoco_it_is_reported_what_to_install(tmp_path, monkeypatch):
     path = tmp_path / "model.xml"
     path.write_text(MODEL, encoding="utf-8")
     monkeypatch.setitem(sys.modules, "mujoco", None)
@@ -126,7 +126,7 @@ def test_without_mujoco_it_is_said_what_to_install(tmp_path, monkeypatch):
         MJCF().read(str(path))
 
 
-def test_an_older_mujoco_is_told(tmp_path, monkeypatch):
+def test_an_older_mujoco_is_reported(tmp_path, monkeypatch):
     path = tmp_path / "model.xml"
     path.write_text(MODEL, encoding="utf-8")
     old = type(sys)("mujoco")
@@ -184,7 +184,7 @@ def told(path):
     return {row.what: row.names for row in URDF().read(str(path)).not_taken}
 
 
-def test_what_is_misspelt_in_a_urdf_is_told(tmp_path):
+def test_what_is_misspelt_in_a_urdf_is_reported(tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(ROBOT, encoding="utf-8")
     assert "unknown elements and attributes" not in told(path)
@@ -218,7 +218,7 @@ def test_what_is_misspelt_in_a_urdf_is_told(tmp_path):
         ('upper="1"', None),
     ],
 )
-def test_limits_without_a_range_are_told(limits, expected, tmp_path):
+def test_limits_without_a_range_are_reported(limits, expected, tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(ROBOT.replace('lower="-1" upper="1"', limits), encoding="utf-8")
     assert told(path).get("limits without a range") == expected
@@ -257,7 +257,7 @@ def test_what_is_no_robot_is_refused_with_what_to_do(inside, said, tmp_path):
         URDF().read(str(path))
 
 
-def test_a_robot_in_pieces_is_told(tmp_path):
+def test_a_robot_in_pieces_is_reported(tmp_path):
     path = tmp_path / "robot.urdf"
     pieces = BASE + ARM.format("arm") + ARM.format("loose") + HINGE.format("j", "continuous", "odom", "arm")
     path.write_text(f'<robot name="r">{pieces}</robot>', encoding="utf-8")

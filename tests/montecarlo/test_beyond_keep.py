@@ -110,7 +110,7 @@ def test_the_report_says_of_which_samples(curved: uqmbd.Study, tmp_path: Path) -
     assert "Quantiles are computed from counts between edges; their error is at most" in text
 
 
-def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     class Full:
         def seek(self, place: int) -> None:
             pass

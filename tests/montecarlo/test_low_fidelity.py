@@ -229,7 +229,7 @@ def test_many_seeds_of_a_study_whose_control_fails_at_some_inputs() -> None:
     assert inside >= 16
 
 
-def test_control_that_does_not_help_is_told_and_leaves_the_samples(curved: uqmbd.Study) -> None:
+def test_control_that_does_not_help_is_reported_and_leaves_the_samples(curved: uqmbd.Study) -> None:
     b = variable("b", chaospy.Uniform(-1, 1))
     useless = resting({"skewed": sympy.cos(40 * b), "linear": sympy.cos(50 * b), "fixed": None})
     with pytest.warns(UserWarning, match=r"variance reduction 1\.0, plain Monte Carlo would do"):
@@ -269,7 +269,7 @@ def test_levels_by_tolerance_and_outputs_without_a_time() -> None:
             assert 0.75 <= float(one[f"std_error_{name}"]) / float(other[f"std_error_{name}"]) <= 1.75
 
 
-def test_a_study_alone_is_taken_and_its_use_is_told() -> None:
+def test_a_study_alone_is_taken_and_its_use_is_reported() -> None:
     assert MonteCarlo(samples=100, control=rough()).control.cost == 0.1
 
 

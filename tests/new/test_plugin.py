@@ -98,13 +98,13 @@ def test_nothing_is_overwritten_unasked(command):
         ("urdf", "reader", "the reader of model files 'urdf' belongs to plugin 'models' of uqmbd"),
     ],
 )
-def test_names_that_cannot_be_are_told(command, name, kind, why):
+def test_names_that_cannot_be_are_reported(command, name, kind, why):
     run = command("new", "plugin", name, "--kind", kind)
     assert run.returncode == 2 and why in run.stderr, run.stderr
     assert files() == []
 
 
-def test_kinds_that_are_not_there_are_told(command):
+def test_kinds_that_are_not_there_are_reported(command):
     run = command("new", "plugin", "rope", "--kind", "joint")
     assert run.returncode == 2 and "component" in run.stderr and files() == []
     assert "--kind" in command("new", "plugin", "rope").stderr

@@ -67,7 +67,7 @@ def test_nothing_is_overwritten_unasked(command):
         ("c" * 41, "the name has 41 characters; the maximum is 40"),
     ],
 )
-def test_names_that_cannot_be_are_told(command, name, why):
+def test_names_that_cannot_be_are_reported(command, name, why):
     run = command("new", "study", name)
     assert run.returncode == 2 and why in run.stderr, run.stderr
     assert files() == []

@@ -93,7 +93,7 @@ def test_a_long_run_has_few_lines():
     assert 20 < len(screen.getvalue().splitlines()) < 200
 
 
-def test_who_knows_nothing_of_it_is_told_nothing_of_it():
+def test_who_knows_nothing_of_it_is_reported_nothing_of_it():
     class Plain:
         def start(self, label, total):
             self.total = total
@@ -131,7 +131,7 @@ def test_a_study_announces_its_methods_and_tells_of_failures():
     assert ("start", "monte-carlo", 4) in told and told[-1] == ("fail", "broken")
 
 
-def test_no_time_is_said_to_be_left_while_work_goes_on_after_its_last_realisation():
+def test_no_time_is_reported_to_be_left_while_work_goes_on_after_its_last_realisation():
     now, screen = [0.0], io.StringIO()
     lines = Lines(screen, clock=lambda: now[0])
     lines.start("aligned", 48)

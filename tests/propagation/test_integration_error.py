@@ -261,7 +261,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
     assert expected in page and "The integration error is at most" in page
 
 
-def test_what_does_not_vary_beyond_the_error_is_told_over_its_size():
+def test_what_does_not_vary_beyond_the_error_is_reported_over_its_size():
     """A driven angle has no spread to be compared with."""
     from uqmbd.results.assessment import integration_shares
 

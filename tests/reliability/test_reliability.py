@@ -160,7 +160,7 @@ def test_the_seed_decides_and_neither_workers_nor_resuming():
     assert one.identical(two)
 
 
-def test_what_cannot_be_done_is_said(monkeypatch):
+def test_what_cannot_be_done_is_reported(monkeypatch):
     monkeypatch.setattr(module, "available", lambda: True)
     x = normals()
     mechanism = spring({"low": x[0] <= 14, "high": x[0] >= 5}, x, lambda *v: sum(v))
@@ -182,7 +182,7 @@ def test_what_cannot_be_done_is_said(monkeypatch):
     Reliability(method="form")
 
 
-def test_a_target_that_is_not_reached_is_told():
+def test_a_target_that_is_not_reached_is_reported():
     x = normals()
     mechanism = spring({"low": sum(x) <= 37}, x, lambda *v: sum(v))
     with pytest.warns(UserWarning, match="target_cov=0.02 was not reached for low"):

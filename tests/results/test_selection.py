@@ -218,7 +218,7 @@ def test_a_plot_labels_itself():
     plt.close()
 
 
-def test_names_that_are_wrong_are_told_with_the_nearest():
+def test_names_that_are_wrong_are_reported_with_the_nearest():
     statistics, _ = two()
     for wrong, words in {("X",): "no output 'X'", ("x", "K"): "no input 'K'"}.items():
         with pytest.raises(uqmbd.StudyError, match=f"There is {words}; there are: '(x', 'F|k', 'c)'"):

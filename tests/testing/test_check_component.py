@@ -201,7 +201,7 @@ def test_values_may_be_given():
 
 
 @pytest.mark.thorough
-def test_values_for_what_there_is_not_are_told():
+def test_values_for_what_there_is_not_are_reported():
     with pytest.raises(AssertionError, match="given names 'lw', which is no parameter of Optional"):
         check_component(Optional, given={"lw": "whatever"}, propagators=())
 
@@ -313,12 +313,12 @@ class Sundial(Needle):
         (Talker, "displacement 'displacement' contains t; expected coordinates of the bodies"),
     ],
 )
-def test_motion_that_is_told_wrongly_is_found(component, words):
+def test_motion_that_is_reported_wrongly_is_found(component, words):
     with pytest.raises((AssertionError, uqmbd.StudyError), match=words):
         check_component(component, propagators=())
 
 
-def test_motion_that_is_told_well_passes():
+def test_motion_that_is_reported_well_passes():
     check_component(Sundial, propagators=())
 
 
@@ -350,6 +350,6 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(("component", "words"), MISTAKES.values(), ids=MISTAKES)
-def test_a_mistake_in_units_or_ranges_is_told_as_such(component, words):
+def test_a_mistake_in_units_or_ranges_is_reported_as_such(component, words):
     with pytest.raises(AssertionError, match=words):
         check_component(component, propagators=())

@@ -79,6 +79,6 @@ def test_base_that_is_no_number_is_refused():
     ("name", "told"),
     [("sobl", "sobl'; did you mean 'sobol'\\? Expected one of 'random', "), (3, "is 3; expected the name")],
 )
-def test_unknown_names_are_told_with_a_suggestion(name, told):
+def test_unknown_names_are_reported_with_a_suggestion(name, told):
     with pytest.raises(uqmbd.StudyError, match=told):
         uqmbd.extend.sampling_design(name)

@@ -110,7 +110,7 @@ def test_accuracy(integrate, problem):
         check_integrator(made(integrate=integrate))
 
 
-def test_an_error_that_does_not_fall_is_told():
+def test_an_error_that_does_not_fall_is_reported():
     with pytest.raises(AssertionError, match=r"accuracy: oscillator: the error falls from .*: is rtol used\?"):
         check_integrator(made(integrate=_loose), tolerance=1e9)
 

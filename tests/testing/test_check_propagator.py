@@ -362,7 +362,7 @@ def test_what_is_left_out_is_not_checked():
 
 
 @pytest.mark.thorough
-def test_obstacle_that_nobody_is_told_of():
+def test_obstacle_that_nobody_is_reported_of():
     class Mute(Collocated):
         def obstacle(self, study):
             return None

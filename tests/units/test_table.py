@@ -112,14 +112,14 @@ def test_ways_of_writing_one_unit(text, same):
         ("percent", "%"),
     ],
 )
-def test_other_spellings_are_understood_and_told(text, written):
+def test_other_spellings_are_understood_and_reported(text, written):
     assert f"write '{written}'" in advice_on(text)
     assert read_units(text) == read_units(written)
     assert advice_on(written) == ""
 
 
 @pytest.mark.parametrize("text", ["apples", "m/", "N (m", "m//s", "^2", "m^", ")", "0 m", "*m", "m m)", "1/0"])
-def test_what_is_no_unit_is_told(text):
+def test_what_is_no_unit_is_reported(text):
     assert "no unit that is known" in advice_on(text)
     assert read_units(text) is None
 
@@ -132,7 +132,7 @@ def test_what_is_no_unit_is_told(text):
         "m^-0", "(m/m)^(3/7)",
     ],
 )  # fmt: skip
-def test_what_is_out_of_range_is_told_as_any_other_text(text):
+def test_what_is_out_of_range_is_reported_as_any_other_text(text):
     unit, advice = read_units(text), advice_on(text)
     assert (unit is None) == bool(advice) and len(advice) < 400
     assert unit is None or (0 < unit.factor < math.inf and max(map(abs, unit.dimension)) <= 99)
@@ -166,14 +166,14 @@ PIECES = [
 
 @settings(deadline=None)
 @given(st.lists(st.sampled_from(PIECES), max_size=300).map("".join))
-def test_any_text_of_pieces_of_units_is_read_or_told(text):
+def test_any_text_of_pieces_of_units_is_read_or_reported(text):
     unit, advice = read_units(text), advice_on(text)
     assert unit is None or (0 < unit.factor < math.inf and isinstance(advice, str))
 
 
 @settings(deadline=None)  # the first one waits for pint
 @given(st.text(max_size=12))
-def test_any_text_is_read_or_told(text):
+def test_any_text_is_read_or_reported(text):
     """No text fails: it has a meaning, advice, or both; without letters and signs there is neither."""
     unit, advice = read_units(text), advice_on(text)
     assert unit is None or (isinstance(unit, Unit) and unit.factor > 0)

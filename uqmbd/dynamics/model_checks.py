@@ -108,7 +108,7 @@ def _redundant(a: Assembled) -> Iterator[Finding]:
     effect = effect or "The motion is not affected; some reactions are not unique (`uqmbd check` names them)."
     message = (
         f"mechanism {model.name!r}: {len(redundant)} of {model.layout.constraints} constraint equations "
-        f"are redundant and are dropped: {names}{more}"
+        f"are redundant and omitted: {names}{more}"
     )
     where = f"mechanism {model.name!r}"
     yield Finding(Severity.WARNING, where, message, effect.removesuffix("."), RedundantConstraintWarning)
@@ -127,7 +127,7 @@ def _moved(a: Assembled) -> Iterator[Finding]:
                 f"{bodies} {', '.join(repr(m.body) for m in some)}",
                 f"mechanism {a.mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, some))} from where "
                 f"{were} drawn",
-                f"Draw {it} closer to the pose that is meant (uqmbd check --figure shows the mechanism)",
+                f"Draw {it} closer to the intended pose (uqmbd check --figure shows the mechanism)",
             )
 
 
@@ -157,9 +157,9 @@ def _apart(a: Assembled) -> Iterator[Finding]:
     for names in apart(a.mechanism) if a.mechanism.components else ():
         every = ", ".join(map(repr, names))
         if len(names) == 1:
-            message = f"body {every} is connected to nothing: no component leads to another body or the ground"
+            message = f"body {every} is not connected: no component leads to another body or the ground"
         else:
-            message = f"bodies {every} are connected with each other only: no component leads to the ground"
+            message = f"bodies {every} are connected with each other, but not with the ground"
         yield Finding(Severity.NOTE, f"{'body' if len(names) == 1 else 'bodies'} {every}", message)
 
 
@@ -180,7 +180,7 @@ def _spread(a: Assembled) -> Iterator[Finding]:
                 f"body {name!r}",
                 f"body {name!r} has a radius of gyration of {gyration:.3g} m, {gyration / extent:.2g} times the extent "
                 f"of its known points, {extent:.3g} m",
-                "Look at the units of its mass (kg), inertia (kg m^2) and points (m)",
+                "Check the units of its mass (kg), inertia (kg m^2) and points (m)",
             )
 
 
@@ -198,7 +198,7 @@ def _scales(a: Assembled) -> Iterator[Finding]:
             short,
             f"the known points of {short} extend over {least:.3g} m, and those of {long} over {most:.3g} m: lengths "
             f"that differ by more than a factor of {SCALES:g}",
-            "Look at the units of its points: all lengths are in metres",
+            "Check the units of its points: all lengths are in metres",
         )
 
 
@@ -332,9 +332,9 @@ def _deep_contacts(a: Assembled) -> Iterator[Finding]:
                 yield Finding(
                     Severity.WARNING,
                     where,
-                    f"{where} starts {depth:.3g} m deep: bodies overlap before anything has happened, and are thrown "
-                    "apart",
-                    "Look at its points, normal and radii, and at the drawn poses",
+                    f"{where} starts {depth:.3g} m deep: bodies overlap at the start, and the contact force drives "
+                    "them apart",
+                    "Check its points, normal and radii, and the drawn poses",
                 )
 
 

@@ -31,8 +31,8 @@ OFTEN = 1e-4
 
 EFFECTS = {
     "fail": "these fail",
-    "sign": "these run, and are driven by what is to hold or to damp them",
-    "square": "these run with an impossible number, whose square hides it",
+    "sign": "these run, and a force that should hold or damp them drives them",
+    "square": "these run with an impossible number that only its square enters",
 }
 """Consequences for realisations in which a number leaves its range or changes its sign."""
 
@@ -120,7 +120,7 @@ def _finding(found: list[Risk], effect: str) -> Finding:
         Severity.WARNING,
         "; ".join([*(one.name for one in ordered[:NAMED]), *more]),
         f"{'; '.join([*parts, *more])}: {effect}. It follows from {', '.join(listed)}",
-        "Try a distribution that ends where the quantity does, as chaospy.Trunc(...), chaospy.LogNormal or "
+        "Try a distribution within the range of the quantity, such as chaospy.Trunc(...), chaospy.LogNormal or "
         "chaospy.Gamma",
     )
 

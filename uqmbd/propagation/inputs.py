@@ -195,9 +195,9 @@ class Existence:
         which = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
         outputs, verb = "output" if len(hit) == 1 else "outputs", "does" if len(missing) == 1 else "do"
         return (
-            f"the {which} of {outputs} {listed} {verb} not exist, unless what grows with input {cause!r} is bounded: "
-            f"moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, and so are "
-            "errors that come from them; quantiles are valid. For moments, truncate the input: "
+            f"the {which} of {outputs} {listed} {verb} not exist, unless the quantity that grows with input {cause!r} "
+            f"is bounded: moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, "
+            "and so are errors that depend on them; quantiles are valid. For moments, truncate the input: "
             "chaospy.Trunc(distribution, lower, upper)"
         )
 

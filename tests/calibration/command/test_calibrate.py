@@ -148,7 +148,7 @@ UNUSABLE = {
 
 
 @pytest.mark.parametrize("message", UNUSABLE)
-def test_what_cannot_be_used_is_said_and_the_status_is_two(folder, command, message):
+def test_what_cannot_be_used_is_reported_and_the_status_is_two(folder, command, message):
     Path("long.csv").write_text("time,way [mm]\n0,1\n")
     Path("used").mkdir()
     Path("used/results.nc").touch()

@@ -151,7 +151,7 @@ def test_long_records_are_searched_from_their_beginning():
 
 
 @pytest.mark.thorough
-def test_a_second_maximum_is_told():
+def test_a_second_maximum_is_reported():
     def function(z):
         return np.tile(z[:, :1] ** 2, (1, 40))
 

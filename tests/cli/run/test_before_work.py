@@ -16,7 +16,7 @@ study = uqmbd.Study("fall", mechanism, [0.0, 1.0], [MonteCarlo(samples=70, seed=
 """
 
 
-def test_nothing_to_go_on_with_is_told(command_line, tmp_path):
+def test_nothing_to_go_on_with_is_reported(command_line, tmp_path):
     (tmp_path / "fall.py").write_text(STUDY)
     (tmp_path / "results" / "unfinished").mkdir(parents=True)
     (tmp_path / "results" / "unfinished" / "asked.json").write_text(json.dumps({"study": "0" * 32, "methods": {}}))

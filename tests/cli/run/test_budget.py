@@ -29,7 +29,7 @@ def script(tmp_path):
 
 
 @pytest.mark.thorough
-def test_sizes_are_said_stored_and_shown(command_line, script, tmp_path):
+def test_sizes_are_reported_stored_and_shown(command_line, script, tmp_path):
     status, out, said = command_line("run", script, "--out", "r", "--accuracy", "20%")
     assert status == 0, said
     assert re.search(r"monte-carlo: samples=64 states \d\d % \(standard deviation of height at", said)

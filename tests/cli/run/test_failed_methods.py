@@ -48,7 +48,7 @@ def cli(command_line, tmp_path):
 
 
 @pytest.mark.thorough
-def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp_path):
+def test_methods_that_fail_are_reported_at_the_end_and_the_others_are_there(cli, tmp_path):
     status, out, err = cli("run", "fall.py", "--out", "r")
     assert status == 1 and "Traceback" not in err
     tree = results.load(tmp_path / "r" / "results.nc")
@@ -84,7 +84,7 @@ def test_results_with_failed_methods_are_reported_and_compared(cli, tmp_path, mo
 
 
 @pytest.mark.parametrize("methods", ["Unfit(), Broken()", "Broken(), Unfit()", "Unfit()", "Broken()"])
-def test_without_any_result_the_status_is_1_and_every_reason_is_told(cli, tmp_path, methods):
+def test_without_any_result_the_status_is_1_and_every_reason_is_reported(cli, tmp_path, methods):
     status, out, err = cli("run", "fall.py", "--out", "r", methods=methods)
     assert status == 1 and out == "" and "Traceback" not in err
     for label, reason in REASONS.items():

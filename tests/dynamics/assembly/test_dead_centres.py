@@ -280,7 +280,7 @@ def test_each_realisation_has_its_own_verdict(monkeypatch):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_equations_that_are_left_out_in_a_dead_centre_are_told_apart(count):
+def test_equations_that_are_left_out_in_a_dead_centre_are_distinguished(count):
     """Cranks that are parallel: drawn flat one equation is dropped that counts next to it.
 
     A third crank is redundant in any pose, which is no dead centre.

@@ -152,7 +152,7 @@ def test_random_length_that_breaks_a_redundant_loop_is_refused():
 @pytest.mark.parametrize("size", [100.0, 1.0, 1e-3, 1e-5])
 @pytest.mark.parametrize(("ratio", "rtol"), [(1.5, 1e-6), (1.001, 1e-6), (1.0001, 1e-8)])
 @pytest.mark.parametrize("integrator", ["dop853", "ida"])
-def test_drivers_that_contradict_each_other_later_are_told_at_any_size(size, ratio, rtol, integrator):
+def test_drivers_that_contradict_each_other_later_are_reported_at_any_size(size, ratio, rtol, integrator):
     """At the start, and until 1 s, one of them is redundant; the check knows the size of the mechanism."""
     mechanism = uqmbd.Mechanism("two", uqmbd.Translational())
     body = mechanism.body("body", mass=1, position=(0, 0))

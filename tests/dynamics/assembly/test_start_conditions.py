@@ -353,7 +353,7 @@ def wound(space, angle, stated=None, drawn=0.0):
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:.*assembly moved")
 @pytest.mark.parametrize("space", [uqmbd.Planar(), uqmbd.Spatial()], ids=["plane", "space"])
-def test_turns_that_a_driver_hides_are_told_and_may_be_stated(space):
+def test_turns_that_a_driver_hides_are_reported_and_may_be_stated(space):
     with pytest.warns(
         uqmbd.StudyWarning, match=r"driver 'drive' starts at 7 rad, more than half a turn from .*, 0 rad"
     ):

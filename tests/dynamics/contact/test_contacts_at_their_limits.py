@@ -13,7 +13,7 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.contact.coulomb import Touch
 from uqmbd.dynamics.contact.evaluator import ContactQuantities
 from uqmbd.dynamics.contact.limits import contacts_at_limit, slipping_together
-from uqmbd.dynamics.contact.persistent import Lasting, contact_motion
+from uqmbd.dynamics.contact.persistent import ContactModes, contact_motion
 from uqmbd.dynamics.contact.redundant import HELD, reserves, roomiest, unmoving
 from uqmbd_contact import PlaneContact, PlaneImpact
 from uqmbd_springs import PointForce
@@ -240,7 +240,7 @@ def test_which_of_two_contacts_slip_follows_from_the_rates(coupled):
     along = np.array([[1, coupled], [coupled, 1]])
     delassus = np.zeros((4, 4))
     delassus[np.ix_([0, 2], [0, 2])], delassus[np.ix_([1, 3], [1, 3])] = np.eye(2), along
-    held = Lasting({0: "stick", 1: "stick"}, {})
+    held = ContactModes({0: "stick", 1: "stick"}, {})
     for _ in range(60):
         normal, rates = np.array([2.0, 3.0]), rng.normal(size=4)
         force = np.array([normal[0], -HELD * mu[0] * normal[0], normal[1], -HELD * mu[1] * normal[1]])
@@ -266,11 +266,11 @@ def test_which_of_two_contacts_slip_follows_from_the_rates(coupled):
     assert len(counts) == 4
 
 
-def test_no_combination_that_satisfies_the_laws_is_told():
+def test_no_combination_that_satisfies_the_laws_is_reported():
     """Friction that accelerates what it should brake: neither sticking nor slipping is consistent."""
     delassus = np.diag([1.0, -1.0, 1.0, -1.0])
     mu, force = np.array([0.5, 0.5]), np.array([2.0, -1.0, 2.0, -1.0])
-    held, free = Lasting({0: "stick", 1: "stick"}, {}), -delassus @ force
+    held, free = ContactModes({0: "stick", 1: "stick"}, {}), -delassus @ force
     now = contacts_of(delassus, free, mu)
     ahead = contacts_of(delassus, free - 1e-7 * np.array([0, 1.0, 0, 1.0]), mu)
     assert slipping_together(now, ahead, held, contact_motion(now, held), [0, 1], ()) is None

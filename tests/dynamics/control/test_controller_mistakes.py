@@ -163,7 +163,7 @@ def test_arguments_are_looked_at(options, message):
         uqmbd.Controller(**options)
 
 
-def test_unknown_commands_and_states_are_told():
+def test_unknown_commands_and_states_are_reported():
     controller = uqmbd.Controller(measured=["x"], commanded=["force"], function=zero, state={"i": 0})
     with pytest.raises(uqmbd.StudyError, match="no command 'forse'; did you mean 'force'"):
         controller.command("forse")
@@ -195,14 +195,14 @@ def test_an_angle_that_is_wrapped_is_not_measured_by_its_name():
         uqmbd.simulate(mechanism, TIMES)
 
 
-def test_a_command_of_a_controller_that_was_not_added_is_told():
+def test_a_command_of_a_controller_that_was_not_added_is_reported():
     with pytest.raises(
         uqmbd.StudyError, match=r"PointForce 'motor': it contains controller.force, but .* was not added"
     ):
         uqmbd.simulate(cart(add=False), TIMES)
 
 
-def test_a_controller_without_effect_is_told():
+def test_a_controller_without_effect_is_reported():
     with pytest.warns(uqmbd.StudyWarning, match="its command 'force' is used nowhere"):
         uqmbd.simulate(cart(use=False), TIMES)
 

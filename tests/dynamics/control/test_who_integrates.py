@@ -173,7 +173,7 @@ def test_functions_of_all_kinds_can_be_used():
         assert float(found["statistics"]["mean"][0, -1]) == pytest.approx(float(expected[-1]), rel=1e-2)
 
 
-def test_a_function_that_cannot_be_sent_is_told():
+def test_a_function_that_cannot_be_sent_is_reported():
     lock = threading.Lock()
 
     def locked(time, measured):

@@ -52,7 +52,7 @@ class Row(uqmbd.Component):
         ((Look((2.0, 1)),), (Look((5.0, 1)),)),
     ],
 )
-def test_options_that_look_alike_are_told_apart(first, second):
+def test_options_that_look_alike_are_distinguished(first, second):
     mechanism = uqmbd.Mechanism("pulled", uqmbd.Translational())
     for name, size in (("a", first), ("b", second)):
         body = mechanism.body(name, mass=1.0)

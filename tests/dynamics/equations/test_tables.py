@@ -104,7 +104,7 @@ def test_a_table_over_random_times_keeps_the_tolerance(place, count, rtol):
     assert np.abs(found - expected).max() < 3 * rtol * np.abs(expected).max()
 
 
-def test_integrators_of_others_are_told_the_knots():
+def test_integrators_of_others_receive_the_knots():
     argument, line = shifted("slope")
     knots, shares = np.array([0, 0.5, 1.2, 2.0]), [0.95, 1.05]
     model = build(oscillator(uqmbd.spline(knots, [0, 1, -1, 0], ends="flat")(argument)))

@@ -136,7 +136,7 @@ def test_a_dropped_equation_between_velocities_that_contradicts_is_seen():
         uqmbd.simulate(mechanism, [0, 0.5, 1])
 
 
-def test_stated_velocities_that_contradict_are_told():
+def test_stated_velocities_that_contradict_are_reported():
     def terms(p):
         yield uqmbd.extend.VelocityConstraint(p.body.velocity[0], "speed")
 

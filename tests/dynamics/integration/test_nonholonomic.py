@@ -144,7 +144,7 @@ def test_an_axle_with_two_blades():
 
 
 @pytest.mark.thorough
-def test_a_disc_that_comes_to_lie_flat_is_told():
+def test_a_disc_that_comes_to_lie_flat_is_reported():
     """Without any turning it falls over: a singular pose, where the motion ends."""
     mechanism = uqmbd.Mechanism("disc", uqmbd.Spatial(gravity=(0, 0, -9.81)))
     lean = 1.2

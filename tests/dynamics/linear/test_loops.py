@@ -19,7 +19,7 @@ def kept(bodies, links):
     raise AssertionError
 
 
-def test_bodies_in_loops_are_told_apart():
+def test_bodies_in_loops_are_distinguished():
     rng = random.Random(1)
     for _ in range(400):
         bodies = rng.randint(1, 7)

@@ -217,7 +217,7 @@ def test_constraints_hold_at_equal_phase(rtol):
         assert np.abs(projected.project(left)).max() <= 100 * rtol
 
 
-def test_a_clock_that_stands_is_told_with_the_node():
+def test_a_clock_that_stands_is_reported_with_the_node():
     """A pendulum whose shortest rod does not turn over."""
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.9, 1.1))
     mechanism = uqmbd.Mechanism("bob", uqmbd.Translational(gravity=(0, -10)))

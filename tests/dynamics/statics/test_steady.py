@@ -308,7 +308,7 @@ def test_what_goes_round_has_no_value_in_steady_motion():
     ],
     ids=["accelerates", "gravity turns", "stiffness turns"],
 )
-def test_what_is_not_steady_is_told(angle, axis, message):
+def test_what_is_not_steady_is_reported(angle, axis, message):
     mechanism = uqmbd.Mechanism("unsteady", uqmbd.Spatial(gravity=(0, 0, -G)))
     shaft = mechanism.body("shaft", mass=1, inertia=(1, 1, 1), quaternion=(1, 0, 0, 0))
     arm = mechanism.body("arm", mass=1, inertia=(0.1, 0.1, 0.1), com=(0, 0, -1), quaternion=(1, 0, 0, 0))
@@ -458,7 +458,7 @@ def test_two_uneven_drivers_that_lead_along_a_circle_are_steady():
 
 
 @pytest.mark.thorough
-def test_a_load_that_begins_later_is_told():
+def test_a_load_that_begins_later_is_reported():
     """Balance at the start, and a force from 6 s on."""
     mechanism = uqmbd.Mechanism("load", uqmbd.Planar())
     table = mechanism.body("table", mass=1, inertia=1)

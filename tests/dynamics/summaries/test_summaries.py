@@ -390,7 +390,7 @@ def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
 
 
 @pytest.mark.thorough
-def test_a_motion_that_no_number_of_times_resolves_is_told(stages, monkeypatch):
+def test_a_motion_that_no_number_of_times_resolves_is_reported(stages, monkeypatch):
     monkeypatch.setattr(Stages, "integrate", drawn)
     model, values = build_observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
     with pytest.warns(UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 more.*another integrator"):
@@ -415,7 +415,7 @@ def test_a_realisation_that_fails_at_more_times_only_is_that_of_fewer(stages, mo
     assert got.messages == ("no", "no")
 
 
-def test_where_all_motions_fail_the_reason_is_told_and_not_that_there_is_nothing_to_sum_up():
+def test_where_all_motions_fail_the_reason_is_reported_and_not_that_there_is_nothing_to_sum_up():
     """A body on a string of 1 m is pulled aside from 0.5 m by 2 m/s: the string is taut after 0.25 s, whatever its mass."""
     mechanism = uqmbd.Mechanism("string", uqmbd.Planar())
     mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 2), units="kg")

@@ -145,7 +145,7 @@ def test_a_plugins_component_gets_the_same_check():
     )
 
 
-def test_a_range_that_means_nothing_is_told_at_its_declaration():
+def test_a_range_that_means_nothing_is_reported_at_its_declaration():
     with pytest.raises(uqmbd.StudyError, match="from minimum=1 to maximum=0"):
         uqmbd.Parameter("1", "share", minimum=1, maximum=0)
     with pytest.raises(uqmbd.StudyError, match="kind 'axis' has no range"):
@@ -285,7 +285,7 @@ def test_a_plugins_constraint_or_potential_with_a_velocity_is_refused():
         lambda ball: sympy.Derivative(ball.position[1], ball.position[0]),
     ],
 )
-def test_a_derivative_is_refused_and_what_to_write_instead_is_told(write):
+def test_a_derivative_is_refused_and_what_to_write_instead_is_reported(write):
     """To SymPy positions do not depend on time: what it makes of their derivatives is zero."""
     mechanism, ball = body_on_ground()
     expression = write(ball)

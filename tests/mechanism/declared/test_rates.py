@@ -44,7 +44,7 @@ def test_rates_of_what_moves_are_those_of_its_course():
             assert found[f"{name}_second"].values[inside] == pytest.approx(second, abs=1e-4 * np.abs(second).max())
 
 
-def test_what_has_no_rate_is_told():
+def test_what_has_no_rate_is_reported():
     mechanism = uqmbd.Mechanism("rod", uqmbd.Planar())
     rod = mechanism.body("rod", mass=1, inertia=1)
     mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (0, 0)))

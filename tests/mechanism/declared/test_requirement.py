@@ -46,7 +46,7 @@ def test_impossible_relations_are_refused():
         "the relation is always satisfied": sympy.Abs(x) >= 0,
         "the relation is never satisfied": sympy.Abs(x) < 0,
         "it was given 3": 3,
-        "what is random equals nothing": sympy.Eq(x, k),
+        "a random quantity equals a value with probability zero": sympy.Eq(x, k),
         "several relations": (x <= 1) & (x >= -1),
         "it was given the text 'x < 3'": "x < 3",
         "body 'elsewhere' is not in mechanism": other.position[0] <= 1,

@@ -90,7 +90,7 @@ def dimensions(call):
     return str(told[0].message)
 
 
-def test_outputs_of_another_dimension_are_told(mechanism):
+def test_outputs_of_another_dimension_are_reported(mechanism):
     crank, pin = mechanism.bodies["crank"], mechanism.components["pin"]
     text = dimensions(lambda: mechanism.output("x", crank.position[0] + pin.reaction_force[0], units="m"))
     assert "in N" in text and "in m" in text and "output 'x'" in text
@@ -225,7 +225,7 @@ def test_powers():
     assert read_units("m^1.5").dimension[0] == Fraction(3, 2)
 
 
-def test_all_findings_of_a_mechanism_are_told_together():
+def test_all_findings_of_a_mechanism_are_reported_together():
     mechanism = uqmbd.Mechanism("spring", uqmbd.Line())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", uqmbd.UnitsWarning)

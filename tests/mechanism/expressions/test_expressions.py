@@ -80,7 +80,7 @@ SLIPS = {
 
 
 @pytest.mark.parametrize(("slip", "words"), SLIPS.values(), ids=SLIPS)
-def test_a_slip_in_terms_is_told_with_its_line_and_what_to_write(slip, words):
+def test_a_slip_in_terms_is_reported_with_its_line_and_what_to_write(slip, words):
     class Slip(uqmbd.Component):
         bodies = ("body",)
         stiffness = uqmbd.Parameter("N/m", "spring rate")
@@ -97,7 +97,7 @@ def test_a_slip_in_terms_is_told_with_its_line_and_what_to_write(slip, words):
     assert re.search(words, str(caught.value))
 
 
-def test_a_component_without_terms_is_told():
+def test_a_component_without_terms_is_reported():
     class Silent(uqmbd.Component):
         bodies = ("body",)
 
@@ -140,7 +140,7 @@ def test_functions_of_numpy_name_those_of_sympy(make, word):
 
 
 @pytest.mark.parametrize("text", ["np.sin(2 * uqmbd.t)", "math.sin(uqmbd.t)"])
-def test_a_script_that_gives_an_expression_to_a_function_of_numbers_is_told_of_sympy(tmp_path, text):
+def test_a_script_that_gives_an_expression_to_a_function_of_numbers_is_referred_to_sympy(tmp_path, text):
     from uqmbd.propagation.studies.script import load_study
 
     script = tmp_path / "expression_study.py"

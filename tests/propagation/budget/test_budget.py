@@ -262,7 +262,7 @@ def test_a_refinement_is_bounded_and_ends_at_the_accuracy():
     assert tree["collocation"].attrs["realisations"] <= 400
 
 
-def test_a_method_without_sizes_runs_as_it_is_and_that_is_told():
+def test_a_method_without_sizes_runs_as_it_is_and_that_is_reported():
     said = []
     tree = fall(Collocation(nodes=5, order=2)).run(accuracy=0.5, planned=said.append)
     assert option(tree["collocation"], "nodes") == [5]

@@ -51,7 +51,7 @@ FUNCTIONS = {
         ("jump", 5, 2),
     ],
 )
-def test_it_is_as_accurate_as_told_by_few_integrations(name, most, accuracy):
+def test_it_is_as_accurate_as_reported_by_few_integrations(name, most, accuracy):
     problem = _Given(FUNCTIONS[name])
     found, told = uqmbd.extend.dense(problem, np.zeros((2, 1)), 10.0)
     at = np.random.default_rng(1).uniform(0.1, 9.9, 20_000)

@@ -119,7 +119,7 @@ def test_the_factor_covers_the_ratio(count, share):
     assert np.mean(inside) > share
 
 
-def test_what_few_realisations_do_not_know_is_said():
+def test_what_few_realisations_do_not_know_is_reported():
     """One of three that is far off: the factor is above two, and the verdict says so."""
     case = made("exponential")
     chaos = stated(case, VerificationPoints(np.array([[0.0], [0.1], [3.5]]), np.ones(3)))

@@ -96,7 +96,7 @@ def test_too_many_deaths_are_an_error():
         swing().run(Elsewhere(killers={0, 1, 2}))
 
 
-def test_other_types_of_machines_are_recorded_and_told(tmp_path):
+def test_other_types_of_machines_are_recorded_and_reported(tmp_path):
     """Also by a run that goes on with what they have computed."""
     with pytest.warns(uqmbd.StudyWarning, match="last bits may differ"):
         tree = swing().run(Elsewhere(machine="riscv64 glibc-2.40"), folder=tmp_path)
@@ -164,15 +164,15 @@ def kills(packed, piece):
 def test_processes_of_our_own_lose_nothing_but_what_kills():
     """Two killers among 200 pieces: those beside them are not told dead, and each kills two processes."""
     killers, lost = {3, 77}, {}
-    with pool(2) as staff:
+    with pool(2) as workers:
         found = through(
-            staff.processes, 200, Packed.of(killers), kills, lost=lambda piece, reason: lost.setdefault(piece)
+            workers.processes, 200, Packed.of(killers), kills, lost=lambda piece, reason: lost.setdefault(piece)
         )
         # a stopped process is no reason to wait: another one does its piece, and it ends
         assert [one and one[1] for one in found] == [None if k in killers else k for k in range(200)]
         assert set(lost) == killers
         os.kill(found[-1][0], signal.SIGSTOP)
-        again = through(staff.processes, 40, Packed.of(set()), kills, patience=0.3)
+        again = through(workers.processes, 40, Packed.of(set()), kills, patience=0.3)
         assert [k for _, k in again] == list(range(40))
 
 

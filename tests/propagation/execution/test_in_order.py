@@ -140,8 +140,8 @@ def work_on(packed, piece):
     return np.sin(packed.value()["factor"] * piece)
 
 
-class Kept:
-    """What is kept and lost."""
+class StoredResults:
+    """Stores the results of pieces, and the reasons of lost ones."""
 
     def __init__(self, known=()):
         self.known, self.kept, self.lost = set(known), [], {}
@@ -184,7 +184,7 @@ def test_whoever_computes_and_whatever_happens_results_are_those_of_one_process(
         stuck=st.sampled_from([0, 0, 0, 0, 1, 2]),
     )
     def check(pieces, workers, seed, killers, known, collateral, strangers, stuck):
-        one = Kept(known)
+        one = StoredResults(known)
         with Simulated(workers, seed, killers, 0.0, collateral, strangers, stuck) as executor:
             found = one.run(executor, pieces)
         computed = {k for k in range(pieces)} - known
@@ -201,7 +201,7 @@ def test_whoever_computes_and_whatever_happens_results_are_those_of_one_process(
 @settings(max_examples=60, deadline=None, database=None)
 @given(workers=st.integers(1, 30), seed=st.integers(0, 2**32), deaths=st.floats(0, 0.3), collateral=st.integers(0, 2))
 def test_workers_that_die_at_random_lose_only_what_they_did_twice(workers, seed, deaths, collateral):
-    one = Kept()
+    one = StoredResults()
     with Simulated(workers, seed, (), deaths, collateral) as executor:
         found = one.run(executor, 60)
     assert found == expected(60, one.lost)
@@ -215,21 +215,21 @@ def test_workers_that_die_at_random_lose_only_what_they_did_twice(workers, seed,
 def test_a_packed_object_does_not_travel_with_each_piece(workers):
     """Whoever has it may take what is meant for one who has not: some of 2000 go astray, how many is up to the machine."""
     with Simulated(workers, 1) as executor:
-        assert Kept().run(executor, 2000) == expected(2000)
+        assert StoredResults().run(executor, 2000) == expected(2000)
     assert workers <= executor.sent <= 1000
 
 
 def test_as_many_pieces_are_under_way_as_there_are_workers():
     """More than a hundred workers have work, though nobody says how many there are."""
     with Simulated(150, 2) as executor:
-        Kept().run(executor, 3000)
+        StoredResults().run(executor, 3000)
     # two for each are sent; how many of them are answered before the next is sent is up to the machine
     assert 150 <= executor.most <= 700
 
 
 def test_nobody_accepts():
     with Simulated(0, 3, strangers=3) as executor, pytest.raises(IntegrationError) as caught:
-        Kept().run(executor, 100)
+        StoredResults().run(executor, 100)
     for name in (1, 2, 3):
         assert f"simulated (process {name})" in str(caught.value)
     assert "uqmbd 0.0 instead of" in str(caught.value)
@@ -288,7 +288,7 @@ class Half(Executor):
 def test_a_slow_worker_does_not_stall():
     """The first piece is done by somebody else, after all others: nobody waits for the slow one while there is work."""
     executor = Half(threading.Event())
-    assert Kept().run(executor, 300, patience=0.2) == expected(300)
+    assert StoredResults().run(executor, 300, patience=0.2) == expected(300)
     assert executor.done[-1] == 0 and sorted(executor.done) == list(range(300))
     executor.threads.shutdown()
 

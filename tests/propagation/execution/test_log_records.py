@@ -76,7 +76,9 @@ def work(executor: Executor | None, function: Callable[[int], int], count: int) 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("made", [lambda: pool(2), others, threads], ids=["ours", "others", "threads"])
-def test_all_that_is_said_is_heard_once_in_the_order_of_the_pieces(made: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_all_that_is_reported_is_heard_once_in_the_order_of_the_pieces(
+    made: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     with made() as executor, caplog.at_level("INFO", logger="uqmbd"):
         assert work(executor, speak, 12) == list(range(12))
     heard = [record for record in caplog.records if record.name == "uqmbd.mine"]

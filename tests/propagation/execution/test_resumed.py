@@ -31,7 +31,9 @@ def fall(spread: float = 0.2, **options: Any) -> uqmbd.Study:
     ],
     ids=str,
 )
-def test_what_is_kept_of_something_else_is_told_once(tmp_path: Path, other: dict[str, Any], said: str | None) -> None:
+def test_what_is_kept_of_something_else_is_reported_once(
+    tmp_path: Path, other: dict[str, Any], said: str | None
+) -> None:
     fall().run(folder=tmp_path)
     for expected in (said, None):  # the second time it is that which is kept
         with warnings.catch_warnings(record=True) as found:

@@ -183,7 +183,7 @@ def test_full_disk_at_the_end_loses_nothing(tmp_path: Path, no_report: None) -> 
 
 
 @pytest.mark.thorough
-def test_full_disk_on_the_way_is_told(tmp_path: Path) -> None:
+def test_full_disk_on_the_way_is_reported(tmp_path: Path) -> None:
     pytest.importorskip("resource")
     out = tmp_path / "out"
     failed = uqmbd_run(script(tmp_path, samples=200, times=101), "--out", out, limit=20_000)

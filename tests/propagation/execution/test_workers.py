@@ -123,9 +123,9 @@ def test_threads_of_this_process(monkeypatch):
 @pytest.mark.filterwarnings("ignore::uqmbd.errors.UnusedInputWarning")
 def test_who_is_asked(integrator, about, who):
     """What is followed in Python, events and statics, is work for processes, whatever the integrator declares."""
-    staff = Both()
-    study(integrator, samples=8, **about).run(workers=staff)
-    assert set(staff.asked) == {who}
+    executor = Both()
+    study(integrator, samples=8, **about).run(workers=executor)
+    assert set(executor.asked) == {who}
 
 
 def test_statistics_are_computed_in_threads_of_this_process():
@@ -136,10 +136,10 @@ def test_statistics_are_computed_in_threads_of_this_process():
         meeting.wait(10)
         return piece, os.getpid()
 
-    with pool(2) as staff:
-        many = problem.using(executor=staff)
+    with pool(2) as executor:
+        many = problem.using(executor=executor)
         assert list(many.runner.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
-        assert not staff.started
+        assert not executor.started
         assert list(many.runner.each(lambda _: threading.current_thread(), [1])) == [threading.main_thread()]
     for executor in (None, RecordingExecutor()):
         alone = problem.using(executor=executor).runner.each(lambda _: threading.current_thread(), [1, 2])
@@ -148,11 +148,11 @@ def test_statistics_are_computed_in_threads_of_this_process():
 
 def test_work_of_methods_is_given_to_processes():
     """A method that hands out functions of its own does not know whether they hold the lock."""
-    with pool(2) as staff:
-        assert isinstance(staff, WorkerPool)
-        assert executor_for(staff, unlocked=False) is staff.processes
-        assert executor_for(staff, unlocked=True) is staff.threads
-        assert not staff.started
+    with pool(2) as executor:
+        assert isinstance(executor, WorkerPool)
+        assert executor_for(executor, unlocked=False) is executor.processes
+        assert executor_for(executor, unlocked=True) is executor.threads
+        assert not executor.started
     assert executor_for(None, unlocked=True) is None
     inline = RecordingExecutor()
     assert executor_for(inline, unlocked=True) is executor_for(inline, unlocked=False) is inline

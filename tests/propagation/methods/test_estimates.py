@@ -56,7 +56,7 @@ def remedy(words):
     ],
     ids=lambda m: f"{m.name}-{m.order}-{m.nodes}-{m.elements}-{m.rule}",
 )
-def test_many_inputs_work_or_are_told_what_works(method, count):
+def test_many_inputs_work_or_are_reported_what_works(method, count):
     study = loads(count)
     words = obstacle_of(method, study)
     if count == 4:

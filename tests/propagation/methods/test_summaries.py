@@ -126,7 +126,7 @@ def test_without_outputs_over_time():
 
 
 @pytest.mark.thorough
-def test_times_that_jump_between_peaks_are_told():
+def test_times_that_jump_between_peaks_are_reported():
     """Two pulses of a force, of which the larger one is either: the largest is kinked, its time jumps by 0.5 s."""
     height = uqmbd.RandomVariable("height", chaospy.Uniform(0.5, 1.5))
     mechanism = uqmbd.Mechanism("pulses", uqmbd.Translational())
@@ -150,7 +150,7 @@ def test_times_that_jump_between_peaks_are_told():
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::uqmbd.errors.SurrogateWarning")  # which the recommendation tells, too
-def test_what_is_wrong_without_a_time_is_told_with_the_recommendation():
+def test_what_is_wrong_without_a_time_is_reported_with_the_recommendation():
     """The position is a polynomial of the input, the kinked peak is none: the first line is about both."""
     height = uqmbd.RandomVariable("height", chaospy.Uniform(0.5, 1.5))
     mechanism = uqmbd.Mechanism("pulses", uqmbd.Line())
@@ -168,7 +168,7 @@ def test_what_is_wrong_without_a_time_is_told_with_the_recommendation():
 
 
 @pytest.mark.thorough
-def test_what_never_happens_is_told_as_that():
+def test_what_never_happens_is_reported_as_that():
     """Nothing has failed, and nothing is to be kept clear of."""
     mechanism = uqmbd.Mechanism("throw", uqmbd.Translational())
     speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2))

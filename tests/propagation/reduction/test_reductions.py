@@ -266,7 +266,9 @@ for limit in map(int, sys.argv[3:]):
 
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="the resource module is of Unix")
-def test_full_disk_is_told_and_costs_nothing_that_is_there(tmp_path: Path, whole: dict[bool, dict[str, bytes]]) -> None:
+def test_full_disk_is_reported_and_costs_nothing_that_is_there(
+    tmp_path: Path, whole: dict[bool, dict[str, bytes]]
+) -> None:
     """The disk takes no metadata, then no chunk, then not the whole journal."""
     limits = ["150", "900", "4000"]
     command = [sys.executable, "-c", FULL, str(Path(__file__).parent), str(tmp_path), *limits]

@@ -144,7 +144,7 @@ def test_the_others_run_and_their_bits_are_the_same(swing, alone, how, first):
 
 
 @pytest.mark.parametrize("how", [how for how in BAD if how.startswith(("returns", "forgets", "drops"))])
-def test_wrong_kind_of_result_is_told_by_the_name_of_the_method(swing, how):
+def test_wrong_kind_of_result_is_reported_by_the_name_of_the_method(swing, how):
     tree, _ = run_with(swing, GOOD, Own(how=how))
     assert f"{__name__}.Own" in json.loads(tree.attrs["failed"])["own"]
 
@@ -306,7 +306,7 @@ def test_comparison_that_fails_costs_nothing_but_itself(swing, tmp_path, monkeyp
     assert load(save(tree, tmp_path / "results.nc")).identical(tree)
 
 
-def test_reference_of_the_convergence_that_failed_is_told(swing):
+def test_reference_of_the_convergence_that_failed_is_reported(swing):
     study = uqmbd.Study(
         "s", swing.mechanism, TIMES, [GOOD, Own(how="raises")],
         convergence={"propagators": [MonteCarlo(seed=1)], "samples": [2, 4], "reference": "own"},

@@ -114,7 +114,7 @@ def test_a_start_in_equilibrium_has_the_same_status():
     assert found.status.tolist() == [Status.OK, Status.OUTSIDE_LIMITS]
 
 
-def test_rare_realisations_are_told_where_as_many_are_computed_that_one_may_come():
+def test_rare_realisations_are_reported_where_as_many_are_computed_that_one_may_come():
     """Of a deviation of 0.25 from 1 the tail below 0 is 3.2e-5: a twentieth of one among 1579 realisations."""
     mass = uqmbd.RandomVariable("mass", chaospy.Normal(1, 0.25), units="kg")
     mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=-9.81))
@@ -128,7 +128,7 @@ def test_rare_realisations_are_told_where_as_many_are_computed_that_one_may_come
         assert study.foretold() == study.predict_warnings()
 
 
-def test_a_method_that_is_run_alone_is_told_too():
+def test_a_method_that_is_run_alone_is_reported_too():
     damping = uqmbd.RandomVariable("damping", chaospy.Normal(0.2, 0.1), units="N s/m")
     mechanism = uqmbd.Mechanism("cart", uqmbd.Line())
     cart = mechanism.body("cart", mass=1, position=0.1)

@@ -190,7 +190,7 @@ def test_study_without_propagators_or_outputs(swing):
         uqmbd.Study("s", mechanism, TIMES, [MonteCarlo()]).run()
 
 
-def test_nothing_random_is_an_obstacle_that_can_be_told_beforehand():
+def test_nothing_random_is_an_obstacle_that_can_be_predicted():
     mechanism = uqmbd.Mechanism("m", uqmbd.Planar())
     mechanism.output("x", mechanism.body("b", mass=1, inertia=1).position[0])
     study = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo()])

@@ -76,7 +76,7 @@ def test_a_problem_warns_again_where_the_mechanism_has_changed() -> None:
 
 
 @pytest.mark.thorough
-def test_who_lists_findings_is_not_told_again() -> None:
+def test_who_lists_findings_is_not_reported_again() -> None:
     study = pendulum()
     assert redundant(lambda: uqmbd.findings(study)) == 0
     assert redundant(lambda: study.problem(METHODS[0])) == 0

@@ -105,12 +105,12 @@ def test_other_parameters_that_belong_to_no_distribution_are_refused(name, bad):
         (lambda: chaospy.J(chaospy.Normal(0, -1)), "all of its quantiles are"),
     ],
 )
-def test_what_is_wrong_with_a_distribution_is_told(make, words):
+def test_what_is_wrong_with_a_distribution_is_reported(make, words):
     with pytest.raises(uqmbd.StudyError, match=f"random variable 'x': no random number is .*{re.escape(words)}"):
         uqmbd.RandomVariable("x", make())
 
 
-def test_what_is_wrong_with_one_of_several_is_told():
+def test_what_is_wrong_with_one_of_several_is_reported():
     joint = chaospy.J(chaospy.Normal(0, 1), chaospy.Normal(0, -1))
     with pytest.raises(uqmbd.StudyError, match=r"random_vector \('a', 'b'\): no random number.*of component 2 all of"):
         uqmbd.random_vector(["a", "b"], joint)

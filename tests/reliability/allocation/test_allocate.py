@@ -160,7 +160,7 @@ def _method():
 
 
 @pytest.mark.thorough
-def test_what_cannot_be_reached_is_said_with_real_realisations():
+def test_what_cannot_be_reached_is_reported_with_real_realisations():
     """The mean gap is at the limit: however tight, half of the boxes are too small."""
     mechanism = uqmbd.Mechanism("stack", uqmbd.Planar())
     mechanism.body("part", mass=1, inertia=1)

@@ -37,7 +37,7 @@ def test_a_band_that_is_not_known_everywhere_has_gaps():
     assert len(parts) == 2 and parts[0].max() <= 0.5 and parts[1].min() >= 1
 
 
-def test_limits_are_drawn_or_told():
+def test_limits_are_drawn_or_reported():
     """A near one is a line with its name; one that would flatten the chart is stated in a note."""
     axes = drawn(np.sin(TIMES), limits={"near": 1.5, "far <away>": 1e6})
     said = [text.get_text() for text in axes.figure.legends[0].get_texts()]

@@ -239,7 +239,7 @@ def test_every_figure_is_a_file(tree: xr.DataTree, tmp_path: Path) -> None:
     assert "Event times" in page and "no. 1" in page
 
 
-def test_a_figure_that_cannot_be_drawn_is_told_and_costs_no_other(tmp_path: Path) -> None:
+def test_a_figure_that_cannot_be_drawn_is_reported_and_costs_no_other(tmp_path: Path) -> None:
     """A warning has its name, the folder and the reason; so has one of a film."""
     from uqmbd.report.drawing import write_images
 

@@ -59,7 +59,7 @@ def test_curves_that_turn_back_are_lines():
     np.testing.assert_allclose(axes.lines[-1].get_data(), 1.5 * np.array([np.sin(phase), np.cos(phase)]), atol=1e-12)
 
 
-def test_what_cannot_be_drawn_is_told():
+def test_what_cannot_be_drawn_is_reported():
     node = node_of(np.zeros((2, 3)), np.ones((2, 3)))
     with pytest.raises(uqmbd.StudyError, match="cannot be drawn over itself"):
         over_output(node, "x", over="x")
@@ -99,7 +99,7 @@ def test_every_method_and_the_report(tmp_path):
     assert page.count("height over way") >= 1
 
 
-def test_over_what_is_told_at_once():
+def test_over_what_is_reported_at_once():
     mechanism = thrown()
     stone = mechanism.bodies["stone"]
     with pytest.raises(uqmbd.StudyError, match=r"over is the text 'wy'; did you mean 'way'\? Expected the name of an"):

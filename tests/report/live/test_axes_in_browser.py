@@ -40,7 +40,7 @@ def point(page, part, share):
     page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"], steps=3)
 
 
-def test_densities_are_told_and_saved_with_the_quantity(opened, page_file, study):
+def test_densities_are_reported_and_saved_with_the_quantity(opened, page_file, study):
     page = opened(page_file)
     figure, seen = figure_of(page, "Probability densities")
     data = densities_data({name: study[name] for name in study.children if "samples" in study[name]}, "slider_x")
@@ -98,7 +98,7 @@ def test_numbers_of_samples_are_along_a_logarithmic_axis(opened, page_file, stud
     assert "standard deviation" in figure.locator(".view:not(.away) thead").inner_text()
 
 
-def test_orders_are_whole_and_told_as_such(opened, tmp_path):
+def test_orders_are_whole_and_reported_as_such(opened, tmp_path):
     node = falling(3)
     tree = results.study_tree([node], study="s", mechanism="m")
     page = opened(report.write_report(tree, tmp_path / "report.html"))

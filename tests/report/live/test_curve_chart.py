@@ -77,7 +77,7 @@ def test_peaks_of_each_of_many_times_are_kept():
         ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected two at most"),
     ],
 )
-def test_what_does_not_fit_together_is_told(times, curves, told):
+def test_what_does_not_fit_together_is_reported(times, curves, told):
     with pytest.raises(StudyError, match=re.escape(told)) as raised:
         chart_html("forces", times, curves, "", "")
     assert str(raised.value).startswith(("chart 'forces'", "chart_html: curves is "))

@@ -92,7 +92,7 @@ def test_elements_whose_error_is_not_known_have_no_shade(errors, node):
     assert json_script(steps)
 
 
-def test_the_box_that_is_pointed_at_is_told(node):
+def test_the_box_that_is_pointed_at_is_reported(node):
     chart = elements_data(made(four(), [0.001, 0.01, 0.1, 0.02]))
     lines = """
     const model = chartModel(given.chart);

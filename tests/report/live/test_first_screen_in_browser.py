@@ -68,7 +68,7 @@ def test_all_sliders_are_seen_and_what_matters_most_comes_first(opened, page_fil
     assert page.locator(".inputs-list").evaluate(hidden) <= 1 and page.locator(".inputs-box").evaluate(hidden) <= 1
 
 
-def test_a_limit_that_is_far_away_is_told_and_leaves_the_curve_its_height(opened, page_file):
+def test_a_limit_that_is_far_away_is_reported_and_leaves_the_curve_its_height(opened, page_file):
     page = opened(page_file)
     assert page.locator("#in-view .limits").inner_text().strip() == "limit: floor (\N{MINUS SIGN}0.53 m)"
     assert (
@@ -88,7 +88,7 @@ def test_a_limit_that_is_far_away_is_told_and_leaves_the_curve_its_height(opened
     assert rows > 0.4
 
 
-def test_without_poses_the_chart_has_the_width_and_the_reason_is_told(opened, made, tmp_path):
+def test_without_poses_the_chart_has_the_width_and_the_reason_is_reported(opened, made, tmp_path):
     page = opened(report.write_report(made.drop_nodes("motion"), tmp_path / "report.html"))
     assert "--no-report" in page.locator(".pictures > .soft").inner_text()
     box, whole = page.locator("#in-view canvas").bounding_box(), page.locator(".pictures").bounding_box()

@@ -58,7 +58,7 @@ def colour_at(page, part, across, down):
     return part.locator("canvas").first.evaluate(script, [across, down])
 
 
-def test_the_element_under_the_pointer_is_told_and_shaded_by_its_error(opened, page_file):
+def test_the_element_under_the_pointer_is_reported_and_shaded_by_its_error(opened, page_file):
     page = opened(page_file)
     figure = figure_of(page, "Elements in the plane")
     box = figure.locator(".u-over").bounding_box()

@@ -141,7 +141,7 @@ def test_failed_samples_are_drawn_at_their_inputs(count):
     assert status[samples[data["start"]]] == 2
 
 
-def test_marks_are_told_and_saved_with_both_values(node):
+def test_marks_are_reported_and_saved_with_both_values(node):
     data = error_cost_data(convergence(), "x")["views"][0]
     lines = (
         "const model = chartModel(given);\n"

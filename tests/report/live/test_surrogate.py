@@ -131,7 +131,7 @@ def test_outputs_without_times(node):
     np.testing.assert_allclose(found, shipped(chaos, data).evaluate_germs(germs), rtol=1e-12)
 
 
-def test_germs_beyond_the_domain_are_told(node):
+def test_germs_beyond_the_domain_are_reported(node):
     """Beyond the support: outside, and no value from elements; beyond the verification realisations: unverified."""
     space = space_of(["uniform", "normal"])
     chaos = chaos_of("elements", space, boxes_of(space, [(0, 0)]), 2, 0)

@@ -144,7 +144,7 @@ def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(t
 
 
 @pytest.mark.parametrize("count", [20, 400])
-def test_what_a_method_with_few_samples_says_is_not_believed(count):
+def test_what_a_method_with_few_samples_says_is_not_trusted(count):
     lines = results.assess(results.study_tree([sampled(count=count)], study="s", mechanism="m")).reliability
     # 1.96 standard errors of a standard deviation of normal samples are 1.39 of it over the root of their number
     assert {line.level for line in lines} == ({0} if count == 20 else {1})
@@ -203,7 +203,7 @@ def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
     assert row["method"] == "other" and float(row["spread"].removesuffix(" m")) == pytest.approx(0.2)
 
 
-def test_an_output_is_told_by_the_method_that_knows_it():
+def test_an_output_is_reported_by_the_method_that_knows_it():
     """A distance has a kink where it passes zero, which no polynomial of order 2 follows; the place itself is linear."""
     speed = uqmbd.RandomVariable("speed", chaospy.Normal(0, 1), units="m/s")
     mechanism = uqmbd.Mechanism("slide", uqmbd.Line())

@@ -138,7 +138,7 @@ def test_without_a_measured_error_the_tolerance_stands_in() -> None:
     assert not results.varies(results.study_tree([node], study="s", mechanism="m", attrs={"rtol": 1e-6})["a"], "y0")
 
 
-def test_a_mean_that_is_wrong_is_told_of_what_does_not_vary() -> None:
+def test_a_mean_that_is_wrong_is_reported_of_what_does_not_vary() -> None:
     """Without spread a difference of means is no part of it, and is no less wrong."""
     nodes = [synthetic(label, np.full((1, 4), mean), np.zeros((1, 4))) for label, mean in (("a", 1.0), ("b", 1.1))]
     verdict = results.compare(nodes, "a").sel({"method": "b"})

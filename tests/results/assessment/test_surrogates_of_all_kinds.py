@@ -130,7 +130,7 @@ def spoilt(node, path, change):
     ],
 )
 @pytest.mark.parametrize("kind", ["aligned", "composed"])
-def test_breaches_in_aligned_surrogates_are_told(kind, change, message):
+def test_breaches_in_aligned_surrogates_are_reported(kind, change, message):
     """Wherever one is stored: alone, or as a part of a composed one."""
     node = node_of(chaos(kind, ("x", "y"), 2, 1))
     path = "aligned" if kind == "aligned" else "composed/phase/aligned"

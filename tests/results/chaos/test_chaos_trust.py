@@ -156,7 +156,7 @@ def test_verdict_without_verification() -> None:
     assert "at some times from" in passing and "most of it in phase" in passing
 
 
-def test_the_largest_error_is_told_wherever_it_is() -> None:
+def test_the_largest_error_is_reported_wherever_it_is() -> None:
     """Also where the last one is above the limit: another number for the same thing stood beside it elsewhere."""
     error = np.array([0.001, 0.085, 0.019])
     assert error_words(error, np.array([0.0, 1.5, 2.0]), 0.01).endswith(" until 1.5 s, 8.5 % at 1.5 s")

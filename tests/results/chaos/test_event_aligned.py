@@ -195,7 +195,7 @@ def test_every_way_to_fit_follows_events(options, samples):
     assert np.sqrt((error**2).mean()) < 1e-4
 
 
-def test_a_mechanism_without_events_is_told():
+def test_a_mechanism_without_events_is_reported():
     mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -G)))
     body = mechanism.body("ball", mass=1, position=(0, HEIGHT))
     mechanism.output("height", body.position[1], units="m")
@@ -205,7 +205,7 @@ def test_a_mechanism_without_events_is_told():
 
 
 @pytest.mark.thorough
-def test_bounces_that_die_down_are_told():
+def test_bounces_that_die_down_are_reported():
     """Nearly endless sequences cannot be followed; the message says what to do."""
     study = ball(times=np.linspace(0, 6, 61), restitution=RESTITUTION)
     with pytest.raises(uqmbd.StudyError, match="bounces die down"):

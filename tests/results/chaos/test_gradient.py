@@ -189,7 +189,7 @@ def test_behind_the_last_landmark_nothing_is_known():
     assert np.isnan(short.gradient(points)).any()
 
 
-def test_an_input_outside_its_distribution_is_told():
+def test_an_input_outside_its_distribution_is_reported():
     chaos = made("polynomial", space_of(["uniform"]), 0)
     with pytest.raises(uqmbd.StudyError, match="'v0' is 3.5 in row 1, outside the support"):
         chaos.gradient(v0=[0.0, 3.5])

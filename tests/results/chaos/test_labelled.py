@@ -176,7 +176,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told(case):
+def test_what_is_wrong_is_reported(case):
     given_, words = WRONG[case]
     for function in (CHAOS.evaluate, CHAOS.gradient):
         with pytest.raises(uqmbd.StudyError, match=words):
@@ -188,7 +188,7 @@ def test_inputs_are_given_once():
         CHAOS.evaluate(POINTS, crank=0.15)
 
 
-def test_germs_outside_their_support_are_told():
+def test_germs_outside_their_support_are_reported():
     k = CHAOS.space.inputs.index("load")
     point = np.zeros((2, 3))
     point[1, k] = 1.2

@@ -149,7 +149,7 @@ def test_two_passes_are_enough_for_samples_like_the_first_ones() -> None:
     assert passes.count == 3  # and the first samples
 
 
-def test_what_cannot_be_is_told() -> None:
+def test_what_cannot_be_is_reported() -> None:
     x, good = np.zeros((4, 1)), np.ones(4, dtype=bool)
     with pytest.raises(StudyError, match="at least two successful samples; there are 1"):
         quantiles_of_chunks([Part(x, np.arange(4) == 2)])
@@ -172,7 +172,7 @@ def test_what_cannot_be_is_told() -> None:
         quantiles_of_chunks([Part(x, good)], [0.5, 0.5])
 
 
-def test_samples_that_change_between_passes_are_told() -> None:
+def test_samples_that_change_between_passes_are_reported() -> None:
     generator = np.random.default_rng(0)
 
     class Changing:

@@ -44,7 +44,7 @@ for limit in map(int, sys.argv[2:]):
 
 
 @pytest.mark.thorough
-def test_limit_on_files_is_told_and_leaves_what_was_there(tmp_path: Path) -> None:
+def test_limit_on_files_is_reported_and_leaves_what_was_there(tmp_path: Path) -> None:
     (tmp_path / "unfinished").mkdir()
     limits = [0, 3000, 100_000]
     command = [sys.executable, "-c", SCRIPT, str(tmp_path), *map(str, limits)]
@@ -61,7 +61,7 @@ def test_limit_on_files_is_told_and_leaves_what_was_there(tmp_path: Path) -> Non
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every write fails as on a full disk."""
     real = Path.open
 

@@ -67,14 +67,14 @@ def test_opened_results_are_those_that_are_loaded_with_all_samples(folder: Path,
             np.testing.assert_allclose(mean, loaded[f"{name}/statistics"]["mean"], rtol=1e-12)
 
 
-def test_samples_that_are_elsewhere_are_told(folder: Path) -> None:
+def test_samples_that_are_elsewhere_are_reported(folder: Path) -> None:
     shutil.rmtree(folder / "monte-carlo-samples.zarr")
     with pytest.warns(StudyWarning, match="not beside the result"), uqmbd.results.open(folder / "results.nc") as opened:
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
 @pytest.mark.parametrize("variable", ["response", "inputs"])
-def test_a_chunk_that_is_missing_is_told_though_their_number_is_right(folder: Path, variable: str) -> None:
+def test_a_chunk_that_is_missing_is_reported_though_their_number_is_right(folder: Path, variable: str) -> None:
     """Zarr reads what is missing as NaN, which means leave out."""
     chunk = sorted((folder / "monte-carlo-samples.zarr" / variable).glob("[0-9]*"))[-1]
     chunk.rename(chunk.with_name(f"9{chunk.name}"))
@@ -82,7 +82,7 @@ def test_a_chunk_that_is_missing_is_told_though_their_number_is_right(folder: Pa
         uqmbd.results.open(folder / "results.nc")
 
 
-def test_a_first_chunk_that_is_damaged_is_told(folder: Path) -> None:
+def test_a_first_chunk_that_is_damaged_is_reported(folder: Path) -> None:
     (folder / "monte-carlo-samples.zarr" / "response" / "0.0.0").write_bytes(bytes(1000))
     with pytest.raises(StudyError, match="damaged"):
         uqmbd.results.open(folder / "results.nc")

@@ -123,7 +123,7 @@ def test_a_flipped_bit_of_the_axes_is_noticed(store: SampleStore) -> None:
     SampleStore.open(store.folder)
 
 
-def test_length_that_a_chunk_states_is_not_believed(store: SampleStore) -> None:
+def test_length_that_a_chunk_states_is_not_trusted(store: SampleStore) -> None:
     path = store.folder / "response" / "1.0.0"
     content = bytearray(path.read_bytes())
     content[8:12] = (2**31 - 1).to_bytes(4, "little")

@@ -95,10 +95,12 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     margin = _over_time(_margin(where, relation))
     value = require_recordable(where, margin)
     if not value.free_symbols:
-        raise StudyError(f"{where}: the relation {relation} holds no quantity of the mechanism, nor a random variable.")
+        raise StudyError(
+            f"{where}: the relation {relation} contains neither a quantity of the mechanism nor a random variable."
+        )
     if value.free_symbols == {t}:
         raise StudyError(
-            f"{where}: the relation {relation} holds time alone, so that the mechanism has no effect on it; expected "
+            f"{where}: the relation {relation} contains time alone, so the mechanism has no effect on it; expected "
             "one of a quantity of the mechanism, or of a random variable."
         )
     require_known(mechanism, where, value, "output")
@@ -117,11 +119,11 @@ def _margin(where: str, relation: Any) -> sympy.Expr:
         raise StudyError(f"{where}: the relation is {shown(relation)}; {expected}.")
     if relation in (True, False, sympy.true, sympy.false):
         always = "always" if relation in (True, sympy.true) else "never"
-        raise StudyError(f"{where}: the relation is {always} satisfied, whatever the mechanism does; {expected}.")
+        raise StudyError(f"{where}: the relation is {always} satisfied, for every motion; {expected}.")
     if isinstance(relation, (sympy.Equality, sympy.Unequality)):
         raise StudyError(
-            f"{where}: the relation is {relation}, and what is random equals nothing; {expected}, or two requirements "
-            "for a band."
+            f"{where}: the relation is {relation}, and a random quantity equals a value with probability zero; "
+            f"{expected}, or two requirements for a band."
         )
     if isinstance(relation, (sympy.And, sympy.Or, sympy.Not)):
         raise StudyError(

@@ -130,7 +130,7 @@ class UnusedInputs:
         used = mechanism.used_inputs()
         for name in inputs.names:
             if name not in used:
-                message = f"the random input {name!r} enters nothing: it is declared together with others that do"
+                message = f"the random input {name!r} has no effect: it is declared together with inputs that have one"
                 yield Finding(Severity.NOTE, f"random input {name!r}", message)
         if not affordable(len(inputs), planned(study, study.propagators)):
             return
@@ -141,9 +141,9 @@ class UnusedInputs:
                 yield Finding(
                     Severity.WARNING,
                     f"random input {name!r}",
-                    f"no output depends on the random input {name!r}; changed alone, from {POINTS + 1} points, it "
-                    "changed nothing",
-                    "Leave it out, or observe what it changes",
+                    f"no output depends on the random input {name!r}; a change of this input alone, at {POINTS + 1} "
+                    "points, changed no output",
+                    "Remove it, or add an output that depends on it",
                     UnusedInputWarning,
                 )
 

@@ -27,9 +27,9 @@ class IntegrationShare:
     >>> from uqmbd.results.assessment import IntegrationShare
     >>> one = IntegrationShare("height", "m", error=2e-6, varies=True, share=1e-5)
     >>> one.of_what
-    'of the spread'
+    'of the standard deviation'
     >>> one.words()
-    '0.0010 % of the spread'
+    '0.0010 % of the standard deviation'
     """
 
     output: str
@@ -42,13 +42,13 @@ class IntegrationShare:
     @property
     def of_what(self) -> str:
         """Quantity that the share refers to."""
-        return "of the spread" if self.varies else "of the mean"
+        return "of the standard deviation" if self.varies else "of the mean"
 
     def words(self) -> str:
         """Return a short text.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
-        '0.00021 % of the spread'
+        '0.00021 % of the standard deviation'
         >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
         'unknown'
         """
@@ -60,7 +60,7 @@ class IntegrationShare:
         """State the error in the units of the output, and its share; or why it is not known.
 
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).sentence()
-        'The integration error is at most 2 × 10⁻⁸ m (0.00021 % of the spread).'
+        'The integration error is at most 2 × 10⁻⁸ m (0.00021 % of the standard deviation).'
         """
         if not np.isfinite(self.error):
             return f"The integration error is unknown: {self.reason}."
@@ -77,7 +77,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     >>> from uqmbd.extend import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
-    ['0.10 % of the spread']
+    ['0.10 % of the standard deviation']
     """
     if "integration_error" not in statistics:
         return []

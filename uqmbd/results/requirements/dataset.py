@@ -144,5 +144,5 @@ def requirements_dataset(
 
 def _silent(names: Sequence[str], error: Array) -> dict[str, str]:
     """Return the attribute that lists the requirements (R,) without a stated standard error."""
-    unknown = {name: "the method does not state it" for name, x in zip(names, error, strict=True) if np.isnan(x)}
+    unknown = {name: "the method states no standard error" for name, x in zip(names, error, strict=True) if np.isnan(x)}
     return {"unknown": json.dumps(unknown)} if unknown else {}

@@ -72,7 +72,7 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
         )
         return Violations.dataset(requirements, [Violations.of(running, samples["status"].values != Status.OK)], times)
     size = len(requirement_names(requirements))
-    how = "the method gives neither samples nor a surrogate, from which probabilities could be found"
+    how = "the method provides neither samples nor a surrogate, so no probability can be computed"
     return requirements_dataset(
         requirements,
         violation_probability=np.full(size, np.nan),

@@ -99,7 +99,7 @@ def sampled_requirements(
     about["how"] = f"{count} samples of the surrogate" + (
         f", whose error is that at {verification} verification realisations"
         if verified
-        else "; without verification realisations nothing is known of its error: give the method verify=16 or more"
+        else "; without verification realisations its error is unknown: use verify=16 or more"
     )
     if astray:
         about["how"] += f"; it does not follow {', '.join(astray)}, of which the signs of these alone tell"

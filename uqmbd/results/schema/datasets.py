@@ -347,7 +347,7 @@ def statistics_dataset(
         check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
         attrs = {"long_name": _LONG_NAMES[name]} | ({"comment": _COMMENTS[name]} if name in _COMMENTS else {})
         if name in silent:
-            attrs["unknown"] = json.dumps({EVERY: "the method does not state it"})
+            attrs["unknown"] = json.dumps({EVERY: "the method states no standard error"})
         variables[name] = ((*dims, *labels.dims), array, attrs)
     if stated_error is not None:
         variables |= stated_variables(labels, stated_error, variables["std"][1])

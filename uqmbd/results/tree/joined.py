@@ -160,7 +160,7 @@ def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
             continue
         sizes = {dim: found.sizes["output"] if dim == "output" else other.sizes[dim] for dim in other.dims}
         found[name] = (other.dims, np.full(tuple(sizes.values()), np.nan), other.attrs)
-        found[name] = with_reasons(found[name], {EVERY: "the method does not state it"})
+        found[name] = with_reasons(found[name], {EVERY: "the method states no standard error"})
     return found
 
 

@@ -140,8 +140,8 @@ def test_failure_keeps_the_other_results(tmp_path: Path) -> None:
     assert "Reason of the first failure: RuntimeError: out of paper" in text and "monte-carlo" in text
 
 
-class Told:
-    """Remembers what was computed, and stops at a label."""
+class RecordedProgress:
+    """Records the computed tasks, and stops at a label."""
 
     def __init__(self, stop: str = "") -> None:
         self.stop, self.done = stop, dict[str, int]()
@@ -168,9 +168,9 @@ def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     growth = {"propagators": MonteCarlo(seed=3), "samples": [30, 90], "reference": "monte-carlo"}
     whole = study(convergence=growth).run()
     with pytest.raises(KeyboardInterrupt):
-        study(convergence=growth).run(progress=Told("monte-carlo-90"), folder=tmp_path)
+        study(convergence=growth).run(progress=RecordedProgress("monte-carlo-90"), folder=tmp_path)
     assert len(list((tmp_path / "unfinished").rglob("*.npz"))) >= 2
-    again = study(convergence=growth).run(progress=Told(), folder=tmp_path, resume=True)
+    again = study(convergence=growth).run(progress=RecordedProgress(), folder=tmp_path, resume=True)
     same = ["mean_error_l2", "std_error_l2", "realisations"]
     xr.testing.assert_identical(again["convergence"].to_dataset()[same], whole["convergence"].to_dataset()[same])
     assert not (tmp_path / "unfinished").exists()
