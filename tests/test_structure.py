@@ -22,7 +22,7 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 776,
+    "uqmbd": 800,
     "uqmbd.arguments": 500,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 275,
@@ -32,7 +32,7 @@ STATEMENTS = {
     "uqmbd.extend": 153,
     "uqmbd.mechanism": 4540,
     "uqmbd.new": 230,
-    "uqmbd.plugins": 368,
+    "uqmbd.plugins": 385,
     "uqmbd.progress": 390,
     "uqmbd.propagation": 6335,
     "uqmbd.randomness": 5240,
@@ -42,7 +42,7 @@ STATEMENTS = {
     "uqmbd.units": 285,
     "uqmbd_calibration": 3220,
     "uqmbd_collocation": 3559,
-    "uqmbd_contact": 275,
+    "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
     "uqmbd_galerkin": 820,
     "uqmbd_joints": 610,

@@ -16,11 +16,26 @@ Examples
 
 from __future__ import annotations
 
+import functools
+from typing import Any
+
 import sympy
 
+from uqmbd.arguments import typechecked
 from uqmbd.mechanism import law_at, law_values
+from uqmbd.plugins import contact_law
 
-__all__ = ["depth", "depth_rate", "distance", "law_at", "law_values", "length", "rate", "speed"]
+__all__ = [
+    "depth",
+    "depth_rate",
+    "distance",
+    "law_at",
+    "law_values",
+    "length",
+    "rate",
+    "registered_contact_law",
+    "speed",
+]
 
 length = sympy.Symbol("length", real=True)
 """Length of a spring (m), or its angle (rad)."""
@@ -39,3 +54,37 @@ depth_rate = sympy.Symbol("depth_rate", real=True)
 
 speed = sympy.Symbol("speed", real=True)
 """Of sliding, m/s."""
+
+
+@typechecked
+def registered_contact_law(name: str) -> Any:  # noqa: ANN401 - a law of the package that has the contacts
+    """Return the law of contact that a plugin registers by a name, by the hook ``uqmbd_contact_laws``.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"hertz"``.
+
+    Returns
+    -------
+    object
+        What the method ``law()`` of the registered class returns: the same object each time.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If no plugin registers it: the message lists those that are installed.
+
+    Examples
+    --------
+    >>> from uqmbd.laws import depth, registered_contact_law
+    >>> depth in registered_contact_law("hertz").normal.free_symbols
+    True
+    """
+    return _made_law(contact_law(name))
+
+
+@functools.cache
+def _made_law(kind: Any) -> Any:
+    """Return the law of a registered class, made once."""
+    return kind().law()

@@ -6,7 +6,7 @@ import uqmbd
 from uqmbd_contact.contacts import ClearanceJoint, PlaneContact, RoadContact, SphereContact
 from uqmbd_contact.geometry import distance
 from uqmbd_contact.impacts import PlaneImpact, RoadImpact, SphereImpact
-from uqmbd_contact.laws import ContactLaw, damping, depth, depth_rate, exponent, friction, speed, stiffness
+from uqmbd_contact.laws import REGISTERED, ContactLaw, damping, depth, depth_rate, exponent, friction, speed, stiffness
 
 __all__ = [
     "ClearanceJoint",
@@ -32,3 +32,9 @@ __all__ = [
 def uqmbd_components() -> list[type[uqmbd.Component]]:
     """Return the contacts of this package."""
     return [ClearanceJoint, PlaneContact, PlaneImpact, RoadContact, RoadImpact, SphereContact, SphereImpact]
+
+
+@uqmbd.hookimpl
+def uqmbd_contact_laws() -> list[type]:
+    """Return the laws of contact of this package."""
+    return REGISTERED

@@ -22,12 +22,13 @@ class _Contact(uqmbd.extend.TypedComponent):
 
     body_i: uqmbd.extend.NamedFrame
     body_j: uqmbd.extend.NamedFrame
-    law: uqmbd.Parameter[LawName | ContactLaw] = uqmbd.Parameter(
+    law: uqmbd.Parameter[LawName | str | ContactLaw] = uqmbd.Parameter(
         "N",
         "law of the normal force",
         kind="option",
         default="hertz",
         choices=(*LAWS, ContactLaw),
+        registered="contact_laws",
         example="hunt-crossley",
     )
     # bodies that are tried in random poses may overlap deeply: softly
@@ -130,14 +131,14 @@ class ClearanceJoint(_Contact, InBearing):
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector,
-            radius: Quantity, clearance: Quantity, law: LawName | ContactLaw = "hertz",
+            radius: Quantity, clearance: Quantity, law: LawName | str | ContactLaw = "hertz",
             stiffness: Quantity = 1e6, exponent: Quantity = 1.5, damping: Quantity = 0, friction: Quantity = 0,
             slow: Quantity = 1e-3,
         ) -> None: ...  # fmt: skip
         @overload
         def __init__(
             self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, radius: Quantity,
-            clearance: Quantity, law: LawName | ContactLaw = "hertz", stiffness: Quantity = 1e6,
+            clearance: Quantity, law: LawName | str | ContactLaw = "hertz", stiffness: Quantity = 1e6,
             exponent: Quantity = 1.5, damping: Quantity = 0, friction: Quantity = 0, slow: Quantity = 1e-3,
         ) -> None: ...  # fmt: skip
         def __init__(self, *arguments: Any, **keywords: Any) -> None: ...

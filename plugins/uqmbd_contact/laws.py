@@ -9,11 +9,12 @@ import sympy
 from sympy.logic.boolalg import Boolean
 
 import uqmbd
-from uqmbd.laws import depth, depth_rate, law_values, speed
+from uqmbd.laws import depth, depth_rate, law_values, registered_contact_law, speed
 
 __all__ = [
     "LAWS",
     "NUMBERS",
+    "REGISTERED",
     "SYMBOLS",
     "ContactLaw",
     "LawName",
@@ -126,6 +127,26 @@ zero depth, pulls at last; for a damping ratio of 0.1 its restitution is 0.729, 
 """
 
 
-def law_named(law: LawName | ContactLaw) -> ContactLaw:
+_NAMED: dict[str, ContactLaw] = {str(name): law for name, law in LAWS.items()}
+
+
+def law_named(law: str | ContactLaw) -> ContactLaw:
     """Return the law of a name; a law is returned unchanged."""
-    return LAWS[law] if isinstance(law, str) else law
+    if not isinstance(law, str):
+        return law
+    found = _NAMED[law] if law in _NAMED else registered_contact_law(law)
+    if not isinstance(found, ContactLaw):
+        raise uqmbd.StudyError(
+            f"The contact law {law!r} of a plugin is {found!r:.80}; expected that its method law() returns a "
+            "uqmbd_contact.ContactLaw."
+        )
+    return found
+
+
+def _registered(name: str) -> type:
+    """Return the class by which a law of this package is registered."""
+    return type(name, (), {"__doc__": f"The law {name!r}.", "name": name, "law": lambda _: _NAMED[name]})
+
+
+REGISTERED = [_registered(name) for name in LAWS]
+"""Classes of the laws of this package, for the hook ``uqmbd_contact_laws``."""

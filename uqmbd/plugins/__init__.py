@@ -1,6 +1,6 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
-A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of eight
+A plugin package names a module (or an object) in the entry-point group ``uqmbd``. That module implements any of nine
 hooks, each of which returns classes::
 
     import uqmbd
@@ -28,6 +28,8 @@ from uqmbd.plugins.registry import (
     commands,
     component,
     components,
+    contact_law,
+    contact_laws,
     designs,
     installed,
     integrator,
@@ -52,6 +54,8 @@ __all__ = [
     "commands",
     "component",
     "components",
+    "contact_law",
+    "contact_laws",
     "designs",
     "hookimpl",
     "installed",

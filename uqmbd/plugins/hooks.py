@@ -50,6 +50,13 @@ class _Hooks:
         """
 
     @_hookspec
+    def uqmbd_contact_laws(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Offer laws of contact with a name: classes made without arguments, known by their attribute ``name``.
+
+        The method ``law()`` returns the law that contacts use for ``law="name"``.
+        """
+
+    @_hookspec
     def uqmbd_readers(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer readers of model files, known by their class attribute ``name``, the format, such as ``"urdf"``.
 
@@ -155,6 +162,7 @@ KINDS = {
         ("independent", "extendable"),
         ("random", "latin-hypercube", "sobol", "halton"),
     ),
+    "contact_laws": HookKind("uqmbd_contact_laws", "contact law", None, True, "law"),
     "readers": HookKind("uqmbd_readers", "reader of model files", None, True, "read"),
     "report_sections": HookKind("uqmbd_report_sections", "report section", None, False, "render"),
     "checks": HookKind("uqmbd_checks", "check of studies", None, False, "find"),

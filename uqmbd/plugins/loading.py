@@ -29,12 +29,13 @@ class PluginInfo:
     # ``"incomplete"``: something that the plugin offers could not be used, the rest is there
     status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
     hooks: tuple[str, ...] = ()  # hooks that the plugin implements
-    # components, propagators, integrators, designs, readers, report_sections, checks, surrogates, commands: names that
-    # the plugin registered
+    # components, propagators, integrators, designs, contact_laws, readers, report_sections, checks, surrogates,
+    # commands: names that the plugin registered
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
     designs: tuple[str, ...] = ()
+    contact_laws: tuple[str, ...] = ()
     readers: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()

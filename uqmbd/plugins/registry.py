@@ -16,6 +16,8 @@ __all__ = [
     "commands",
     "component",
     "components",
+    "contact_law",
+    "contact_laws",
     "designs",
     "installed",
     "integrator",
@@ -50,6 +52,16 @@ def integrators() -> dict[str, type]:
 def designs() -> dict[str, type]:
     """Return the sampling designs that plugins offer by registered name; those of the core are not among them."""
     return dict(registered().classes["designs"])
+
+
+def contact_laws() -> dict[str, type]:
+    """Return the laws of contact that plugins offer by registered name."""
+    return dict(registered().classes["contact_laws"])
+
+
+def contact_law(name: str) -> type:
+    """Return the law of contact of this name; a `uqmbd.StudyError` lists those that are installed."""
+    return _find("contact_laws", name)
 
 
 def reader(name: str) -> type:

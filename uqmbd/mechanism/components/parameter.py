@@ -12,6 +12,7 @@ import numpy as np
 from uqmbd.arguments import Bounds, OrInfinite, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
+from uqmbd.plugins import contact_laws
 
 __all__ = ["Parameter", "range_text"]
 
@@ -91,6 +92,8 @@ class Parameter(Generic[Given]):
     dimensions : int
         How many the space must have for it to make sense, as friction across a normal takes two; in spaces of fewer it
         stays at its default, and another value is an error.
+    registered : str
+        Hook of plugins whose names are choices of an option as well: ``contact_laws``; empty: none.
     name : str
         Set by the class that declares it.
 
@@ -122,6 +125,7 @@ class Parameter(Generic[Given]):
     about: str = field(default="", kw_only=True)
     axes: Literal["world", "body"] = field(default="world", kw_only=True)
     dimensions: Annotated[int, Bounds(1, 3)] = field(default=1, kw_only=True)
+    registered: Literal["", "contact_laws"] = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         if self.dimensions > 1 and self.required:
@@ -217,7 +221,13 @@ class Parameter(Generic[Given]):
         """Return whether an option can have a value."""
         types = tuple(x for x in self.choices if isinstance(x, type))
         same = any(isinstance(value, type(x)) and value == x for x in self.words)
-        return not self.choices or same or isinstance(value, types)
+        if not self.choices or same or isinstance(value, types):
+            return True
+        return isinstance(value, str) and value in self.names_of_plugins()
+
+    def names_of_plugins(self) -> tuple[str, ...]:
+        """Return the names that installed plugins add to the choices; they are loaded to know them."""
+        return tuple(sorted(set(contact_laws()) - set(self.words))) if self.registered else ()
 
     def allows(self, value: float) -> bool:
         """Return whether a number is within the range."""

@@ -15,6 +15,7 @@ from uqmbd.mechanism.components.component import Component, Parameter
 from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
 from uqmbd.mechanism.expressions import check_dimensions, flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
+from uqmbd.plugins import unusable
 from uqmbd.randomness import RandomVariable
 from uqmbd.units import Dimension, read_units, without_quantities
 
@@ -124,8 +125,11 @@ def _value(
         )
     if parameter.kind == "option":
         if not parameter.offers(value):
-            listed = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in parameter.choices)
-            raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.")
+            choices = [*parameter.words, *parameter.names_of_plugins()]
+            choices += [x for x in parameter.choices if isinstance(x, type)]
+            listed = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in choices)
+            unloaded = f" {unusable()}" if parameter.registered and unusable() else ""
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.{unloaded}")
         _require_usable(where, key, value)
         return value
     if parameter.kind == "turning_axis" and size == 0:
