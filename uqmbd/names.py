@@ -108,7 +108,7 @@ def check_name(name: object, what: str) -> str:
     if mark:
         raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
     if name in (".", ".."):
-        raise StudyError(f"{what} {name!r}: that name stands for a folder; choose one that says what it is.")
+        raise StudyError(f"{what} {name!r}: that name denotes a folder; choose another one.")
     if name == "time":
         raise StudyError(f"{what} 'time': that name is taken by the time axis of the results; choose another.")
     return name

@@ -123,7 +123,7 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
     if individual and (nameless := [record.name for record in records if not record.machine]):
         raise uqmbd.StudyError(
             f"calibrate: individual={list(individual)!r} draws inputs for each machine anew, and record "
-            f"{nameless[0]!r} does not say of which machine it is; give it one, as machine='rig 2'."
+            f"{nameless[0]!r} does not name its machine; give it one, as machine='rig 2'."
         )
     for variable in inputs.variables:
         names = set(variable.joint.names)
@@ -148,7 +148,7 @@ def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
     for name in bias:
         if name not in recorded:
             raise uqmbd.StudyError(
-                f"calibrate: bias names {name!r}, which no record holds; they hold {', '.join(recorded)}."
+                f"calibrate: bias names {name!r}, which no record contains; records contain {', '.join(recorded)}."
             )
 
 

@@ -117,7 +117,7 @@ class Regression:
                     f"Reason of the failure: {reason}"
                 )
             warnings.warn(
-                f"{self.label}: {failed} of {len(every)} samples failed and are left out of the fit; where the "
+                f"{self.label}: {failed} of {len(every)} samples failed and are omitted from the fit; where the "
                 f"mechanism fails the chaos is an extrapolation. Reason of the failure: {reason}",
                 stacklevel=2,
             )

@@ -227,7 +227,7 @@ class Collocation(uqmbd.extend.Propagator):
                 if isinstance(given := getattr(self, name), np.ndarray):
                     raise uqmbd.StudyError(
                         f"Collocation: {name} is an array of the shape {given.shape}; expected {what} for each input, "
-                        "or an expansion that goes with it: expansion=."
+                        "or its expansion: expansion=."
                     )
             return
         for name, usual in (("order", (None, DEFAULT_ORDER)), ("transform", (Collocation.transform,))):

@@ -77,7 +77,7 @@ def warn_of_failures(verification: uqmbd.extend.Verification, label: str) -> Non
     if verification.failures:
         warnings.warn(
             f"{label}: {verification.failures} of {verification.asked} verification realisations failed; the stated "
-            f"error comes from the others. By their weights they stand for about {max(verification.lost, 1e-6):.1g} of "
+            f"error comes from the others. By their weights they represent about {max(verification.lost, 1e-6):.1g} of "
             f"the probability. Reason of the failure: {verification.reason}",
             stacklevel=3,
         )

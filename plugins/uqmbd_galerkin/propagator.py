@@ -158,7 +158,7 @@ class Galerkin(uqmbd.extend.Propagator):
         if any(wrong.values()):
             name = next(x for x, given in wrong.items() if given)
             raise uqmbd.StudyError(
-                f"Galerkin: {name}={getattr(self, name)!r} does not go with alignment='phase', which integrates one "
+                f"Galerkin: {name}={getattr(self, name)!r} contradicts alignment='phase', which integrates one "
                 f"expansion explicitly, by DOP853; leave {name} out, or use collocation with alignment='phase'."
             )
 
@@ -277,7 +277,7 @@ class Galerkin(uqmbd.extend.Propagator):
             warnings.warn(
                 f"{problem.label}: {verification.failures} of {self.verify} verification realisations fail, so the "
                 "response does not exist, or not for all times, in part of the support of the inputs; an expansion "
-                "over all of it means little. By their weights they stand for about "
+                "over all of it means little. By their weights they represent about "
                 f"{max(verification.lost, 1e-6):.1g} of the probability. Truncate the distributions. "
                 f"Reason: {verification.reason}",
                 stacklevel=2,

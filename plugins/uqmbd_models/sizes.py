@@ -119,7 +119,7 @@ def _require(where: str, what: str, found: float, most: float) -> None:
     """Raise if there are too many."""
     if found > most:
         raise uqmbd.StudyError(
-            f"{where} asks for {found:.4g} {what}; expected at most {most:,.0f}. Take fewer, or leave the element out."
+            f"{where} requires {found:.4g} {what}; expected at most {most:,.0f}. Take fewer, or leave the element out."
         )
 
 

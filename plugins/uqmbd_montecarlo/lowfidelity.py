@@ -238,7 +238,7 @@ def _of_kind(made: uqmbd.extend.Problem, problem: uqmbd.extend.Problem, names: t
         return replace(made, model=replace(made.model, scalars=None))
     if problem.kind == "requirements":
         raise uqmbd.StudyError(
-            f"{problem.label}: a study controls outputs, and there are none besides requirements; leave out control."
+            f"{problem.label}: a study controls outputs, and the study has only requirements; omit control."
         )
     if made.model.scalars is None:
         raise uqmbd.StudyError(

@@ -304,7 +304,7 @@ class MonteCarlo(uqmbd.extend.Propagator):
         if sobol is not None and sobol.failures:
             warnings.warn(
                 f"{problem.label}: {sobol.failures} of {sobol.realisations} further realisations for Sobol' "
-                f"indices failed; {sobol.dropped} rows are left out. Most frequent reason: "
+                f"indices failed; {sobol.dropped} rows are omitted. Most frequent reason: "
                 f"{sobol.reason or 'an output is not finite'}",
                 stacklevel=2,
             )

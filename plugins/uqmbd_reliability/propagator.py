@@ -385,7 +385,7 @@ class Reliability(uqmbd.extend.Propagator):
         if missed and self.method != "subset":
             warnings.warn(
                 f"{problem.label}: target_cov={self.target_cov:g} was not reached for {', '.join(missed)} with "
-                f"{runs.count} realisations; the intervals say so. Increase max_realisations.",
+                f"{runs.count} realisations; the intervals are wider. Increase max_realisations.",
                 stacklevel=3,
             )
         return {"reliability_summary": "; ".join([*text, *found.notes])}

@@ -340,7 +340,7 @@ def discrete():
         ({"bias": {"y": Bias(sd=1)}}, "bias names 'y'; the study has the outputs x"),
         ({"bias": {"x": 1.0}}, r"expected a mapping as .*Bias\(sd=0.5\)"),
         ({"individual": ["dampin"]}, "individual names 'dampin'"),
-        ({"individual": ["damping"]}, "does not say of which machine"),
+        ({"individual": ["damping"]}, "does not name its machine"),
         ({"surrogate": "collocation"}, "expected a method, as Collocation"),
         ({"on": "mechanism"}, "takes [0-9]* realisations at least"),
     ],
@@ -353,7 +353,7 @@ def test_what_cannot_be_used_is_refused(options, said):
 def test_options_that_nothing_takes_are_refused():
     damped = oscillator(damping=uqmbd.RandomVariable("damping", chaospy.Normal(1.0, 0.1), units="N s/m"))
     damped.mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
-    with pytest.raises(uqmbd.StudyError, match="bias names 'frequency', which no record holds; they hold x"):
+    with pytest.raises(uqmbd.StudyError, match="bias names 'frequency', which no record contains; records contain x"):
         calibrate(damped, record(), bias={"frequency": Bias(sd=0.1)})
     known = Record("run 1", record().series, known={"damping": 1.0}, machine="rig 1")
     with pytest.raises(uqmbd.StudyError, match="individual names 'damping', which all records know"):

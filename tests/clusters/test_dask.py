@@ -177,7 +177,7 @@ def test_what_is_finished_when_the_scheduler_is_killed_is_not_computed_again(clu
 
     with connected(cluster, workers=1) as client:
         executor = watched(client, told)
-        with pytest.raises(uqmbd.IntegrationError, match="has given up .* go on with --resume"):
+        with pytest.raises(uqmbd.IntegrationError, match="has ended .* go on with --resume"):
             monte_carlo().run(executor, folder=tmp_path / "run")
     rest, resumed = pieces(monte_carlo(), folder=tmp_path / "run", resume=True)
     assert 0 < rest <= alone()[0] - 5

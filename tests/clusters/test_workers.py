@@ -121,5 +121,5 @@ class TestDask:
     def test_a_queue_without_its_commands_is_named(self, monkeypatch: pytest.MonkeyPatch):
         pytest.importorskip("dask_jobqueue")
         monkeypatch.setenv("PATH", "")
-        with pytest.raises(uqmbd.StudyError, match="no command 'qsub' here"):
+        with pytest.raises(uqmbd.StudyError, match="the command 'qsub', which submits jobs, is not available"):
             _at_work(uqmbd.Workers(dask="pbs"))()

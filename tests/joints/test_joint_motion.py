@@ -432,7 +432,7 @@ def test_a_joint_tells_its_motion_once_it_is_added():
     mechanism = uqmbd.Mechanism("any", uqmbd.Planar())
     body = mechanism.body("body", 1, 1)
     joint = Revolute("joint", mechanism.ground, body, O2, O2)
-    with pytest.raises(uqmbd.StudyError, match=r".angle is asked for before it was added to a mechanism"):
+    with pytest.raises(uqmbd.StudyError, match=r".angle is used before it was added to a mechanism"):
         joint.angle  # noqa: B018 - asking is what raises
     mechanism.add(joint)
     other = uqmbd.Mechanism("other", uqmbd.Planar())

@@ -13,19 +13,19 @@ from uqmbd_models.sizes import COPIES, require_sizes
 WORLD = '<worldbody><body name="a"><joint name="q"/><geom size="0.1"/></body>{}</worldbody>'.format
 
 ABSURD = {
-    "replicate": (WORLD('<replicate count="1000000000"><body><joint/><geom size="0.1"/></body></replicate>'), "<replicate> asks for 1e+09 copies"),
-    "replicates in replicates": (WORLD('<replicate count="2000">\n<replicate count="2000"><geom size="1"/></replicate></replicate>'), "line 2: <replicate> asks for 4e+06 copies"),
-    "a count that is no integer of the machine": (WORLD(f'<replicate count="{10**30}"/>'), "<replicate> asks for 1e+30 copies"),
-    "bodies in replicates": (WORLD('<replicate count="9000"><body/><body/></replicate>'), "<body> asks for 1.8e+04 bodies so far"),
-    "flexible grid": (WORLD('<flexcomp type="grid" count="100000 100000 100" name="f"/>'), "<flexcomp> asks for 1e+12 bodies"),
-    "composite": (WORLD('<body><composite type="cable" count="1000000000 1 1"/></body>'), "<composite> asks for 1e+09 bodies"),
-    "height field": ('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>' + WORLD(""), "<hfield> asks for 1e+10 entries"),
-    "texture": ('<asset><texture name="t" builtin="flat" width="1000000" height="1000000"/></asset>' + WORLD(""), "<texture> asks for 1e+12 entries"),
-    "memory": ('<size memory="1000T"/>' + WORLD(""), "<size>: memory asks for 1.1e+15 bytes"),
-    "keyframes": ('<size nkey="2000000000"/>' + WORLD(""), "<size>: nkey asks for 2e+09 entries"),
-    "numbers of each body": ('<size nuser_body="20000000"/>' + WORLD(""), "<size>: nuser_body asks for 2e+07 entries"),
-    "numbers of a user": ('<size nuserdata="1e18"/>' + WORLD(""), "<size>: nuserdata asks for 1e+18 entries"),
-    "sensor": (WORLD("") + '<sensor><user dim="2000000000"/></sensor>', "<user> asks for 2e+09 entries"),
+    "replicate": (WORLD('<replicate count="1000000000"><body><joint/><geom size="0.1"/></body></replicate>'), "<replicate> requires 1e+09 copies"),
+    "replicates in replicates": (WORLD('<replicate count="2000">\n<replicate count="2000"><geom size="1"/></replicate></replicate>'), "line 2: <replicate> requires 4e+06 copies"),
+    "a count that is no integer of the machine": (WORLD(f'<replicate count="{10**30}"/>'), "<replicate> requires 1e+30 copies"),
+    "bodies in replicates": (WORLD('<replicate count="9000"><body/><body/></replicate>'), "<body> requires 1.8e+04 bodies so far"),
+    "flexible grid": (WORLD('<flexcomp type="grid" count="100000 100000 100" name="f"/>'), "<flexcomp> requires 1e+12 bodies"),
+    "composite": (WORLD('<body><composite type="cable" count="1000000000 1 1"/></body>'), "<composite> requires 1e+09 bodies"),
+    "height field": ('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>' + WORLD(""), "<hfield> requires 1e+10 entries"),
+    "texture": ('<asset><texture name="t" builtin="flat" width="1000000" height="1000000"/></asset>' + WORLD(""), "<texture> requires 1e+12 entries"),
+    "memory": ('<size memory="1000T"/>' + WORLD(""), "<size>: memory requires 1.1e+15 bytes"),
+    "keyframes": ('<size nkey="2000000000"/>' + WORLD(""), "<size>: nkey requires 2e+09 entries"),
+    "numbers of each body": ('<size nuser_body="20000000"/>' + WORLD(""), "<size>: nuser_body requires 2e+07 entries"),
+    "numbers of a user": ('<size nuserdata="1e18"/>' + WORLD(""), "<size>: nuserdata requires 1e+18 entries"),
+    "sensor": (WORLD("") + '<sensor><user dim="2000000000"/></sensor>', "<user> requires 2e+09 entries"),
     "elements in elements": (WORLD("<body>" * 20000 + "</body>" * 20000), "nested more than 500 deep"),
 }  # fmt: skip
 
@@ -47,7 +47,7 @@ def test_absurd_sizes_of_an_included_file_are_found_there(tmp_path):
     path.write_text(
         f"<mujoco>{WORLD('<replicate count=' + chr(34) + '100' + chr(34) + '><include file=' + chr(34) + 'parts/grid.xml' + chr(34) + '/></replicate>')}</mujoco>"
     )
-    with pytest.raises(uqmbd.StudyError, match=r"grid\.xml: line 2: <replicate> asks for 3e\+04 copies"):
+    with pytest.raises(uqmbd.StudyError, match=r"grid\.xml: line 2: <replicate> requires 3e\+04 copies"):
         uqmbd.from_mjcf(path)
     path.write_text('<mujoco><include file="model.xml"/><include file="absent.xml"/></mujoco>')
     require_sizes(str(path), parse("test", str(path), "mjcf").root)
@@ -80,7 +80,7 @@ def test_random_replicates_are_counted_as_by_recursion(tmp_path):
             require_sizes(str(path), root)
             continue
         refused += 1
-        with pytest.raises(uqmbd.StudyError, match="asks for"):
+        with pytest.raises(uqmbd.StudyError, match="requires"):
             require_sizes(str(path), root)
     assert 20 < refused < 280
 
@@ -134,6 +134,6 @@ def test_random_includes_are_counted_as_by_recursion(tmp_path):
             require_sizes(path, root)
             continue
         refused += 1
-        with pytest.raises(uqmbd.StudyError, match="asks for"):
+        with pytest.raises(uqmbd.StudyError, match="requires"):
             require_sizes(path, root)
     assert 5 < refused < 55

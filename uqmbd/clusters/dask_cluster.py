@@ -59,8 +59,8 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
                 client.register_plugin(StudyFiles.of(files).plugin())
             except Exception as error:  # that of a worker, whose type does not always come along
                 raise StudyError(
-                    f"--dask {asked}: a worker cannot import, or write, what it needs ({error}). Workers start in an "
-                    "environment where this version of uqmbd, and the plugins of the study, are installed."
+                    f"--dask {asked}: a worker cannot import or write the files that it needs ({error}). Workers start "
+                    "in an environment where this version of uqmbd, and the plugins of the study, are installed."
                 ) from error
         # the same piece again, after its worker was lost, is new work and no result of before
         yield client.get_executor(pure=False)
@@ -123,7 +123,7 @@ def _queue(asked: str) -> Any:
     cluster = getattr(dask_jobqueue, QUEUES[asked])
     submit = cluster.job_cls.submit_command.split()[0]
     if shutil.which(submit) is None:
-        raise StudyError(f"--dask {asked}: there is no command {submit!r} here, by which jobs are submitted.")
+        raise StudyError(f"--dask {asked}: the command {submit!r}, which submits jobs, is not available here.")
     try:
         return cluster()
     except ValueError as error:

@@ -281,7 +281,7 @@ class Ensemble:
         """
         if self.model.system is None or self.model.system.programs is None:
             raise StudyError(
-                f"mechanism {self.model.name!r} has too many equations to put states onto the constraints."
+                f"mechanism {self.model.name!r} has too many equations to project states onto the constraints."
             )
         times = np.broadcast_to(np.asarray(time, dtype=float), (len(states),))
         q, v = excess(self.model, states, times, self.block)

@@ -76,7 +76,7 @@ def to_arviz(results: Any, draws: Count | None = None, seed: Seed | None = None)
         )
     if tree.attrs.get("kind") == "calibration":
         if draws is not None or seed is not None:
-            raise StudyError("to_arviz: a calibration has draws of its own; leave draws= and seed= out.")
+            raise StudyError("to_arviz: a calibration already contains draws; omit draws= and seed=.")
         groups = {name: tree.children[name].to_dataset() for name in GROUPS if name in tree.children}
         return _tree(groups, {name: tree.attrs[name] for name in ("study", "mechanism") if name in tree.attrs})
     nodes = propagator_nodes(tree)

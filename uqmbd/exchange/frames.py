@@ -70,7 +70,7 @@ def to_frame(results: xr.DataTree | xr.DataArray, outputs: Sequence[str] | str |
             if "statistics" in part.children:
                 parts += [(label, data) for data in [part.children["statistics"].to_dataset()] if data.sizes["output"]]
     if not parts:
-        raise StudyError("to_frame: there are no statistics in it; expected the result of a study or of one method.")
+        raise StudyError("to_frame: it contains no statistics; expected the result of a study or of one method.")
     chosen = _chosen("to_frame", outputs, [str(x) for _, data in parts for x in data["output"].values])
     frames = []
     for label, data in parts:

@@ -69,7 +69,7 @@ def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
 
     def refuse(self: Any, *others: Any) -> NoReturn:
         raise StudyError(
-            f"numpy.{name} was given {self}, which stands for a quantity and is no number: NumPy computes with numbers "
+            f"numpy.{name} was given {self}, which represents a quantity and is no number: NumPy computes with numbers "
             f"alone; write {write}."
         )
 

@@ -26,6 +26,6 @@ def checked_records(records: Record | Sequence[Record], study: uqmbd.Study) -> t
     for name in names:
         if names.count(name) > 1:
             raise uqmbd.StudyError(
-                f"two records are called {name!r}; give each a name of its own: Record.read(..., name='run 2')."
+                f"two records are called {name!r}; give each a different name: Record.read(..., name='run 2')."
             )
     return tuple(one.checked_against(study) for one in records)

@@ -236,7 +236,7 @@ def _allocated(
         if tight and checked.lower > probability:
             raise uqmbd.StudyError(
                 f"{where}: tightening does not reach a probability of {probability:g}: with all tolerances at "
-                f"{narrowest:g} of what they are it is still {checked.probability:.3g}. Move the nominal values, "
+                f"{narrowest:g} of their present width it is still {checked.probability:.3g}. Move the nominal values, "
                 "tighten other inputs too, or allow more."
             )
         if abs(off) <= max(CLOSE * probability, checked.std_error / 2) or (loose and off < 0):

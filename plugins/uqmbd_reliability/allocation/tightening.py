@@ -104,7 +104,7 @@ def tightened(where: str, problem: uqmbd.extend.Problem, cost: Cost | None, loos
 def _named(where: str, cost: Any, names: list[str]) -> list[str]:
     if not isinstance(cost, Mapping) or not cost:
         raise uqmbd.StudyError(
-            f"{where}: cost is {cost!r}; expected what a tolerance costs by the name of the input: a number c for "
+            f"{where}: cost is {cost!r}; expected the cost of a tolerance by the name of the input: a number c for "
             f"c / tolerance, or a function of the tolerance, as in {{{names[0]!r}: 1.0}}."
         )
     for name in cost:

@@ -222,7 +222,7 @@ def test_commands_have_their_places():
 
 def test_names_are_shared_with_bodies_and_components():
     mechanism = cart()
-    with pytest.raises(uqmbd.StudyError, match="the name is taken by Controller 'controller'"):
+    with pytest.raises(uqmbd.StudyError, match="the name belongs to Controller 'controller'"):
         mechanism.body("controller", mass=1)
     with pytest.raises(uqmbd.StudyError, match="has been added to mechanism 'cart' already"):
         mechanism.add(mechanism.controllers["controller"])

@@ -103,7 +103,7 @@ def test_what_is_wrong_with_a_point_mass(given, words):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("rod", ["the name is taken by body 'rod'"]),
+        ("rod", ["the name belongs to body 'rod'"]),
         ("ground", ["belongs to the ground"]),
         ("", ["the name is empty"]),
         ("a/b", ["cannot contain '/'"]),

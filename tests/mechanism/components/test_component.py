@@ -166,9 +166,9 @@ def test_names_are_shared_by_bodies_and_components(plane):
     rod = plane.bodies["rod"]
     force = plane.add(PointForce("F", rod, (0, 0), (1, 0)))
     refused(lambda: plane.add(force), "has been added to mechanism 'machine' already")
-    refused(lambda: plane.add(PointForce("F", rod, (0, 0), (1, 0))), "the name is taken by PointForce 'F'")
-    refused(lambda: plane.add(PointForce("rod", rod, (0, 0), (1, 0))), "the name is taken by body 'rod'")
-    refused(lambda: plane.body("F", mass=1, inertia=1), "the name is taken by PointForce 'F'")
+    refused(lambda: plane.add(PointForce("F", rod, (0, 0), (1, 0))), "the name belongs to PointForce 'F'")
+    refused(lambda: plane.add(PointForce("rod", rod, (0, 0), (1, 0))), "the name belongs to body 'rod'")
+    refused(lambda: plane.body("F", mass=1, inertia=1), "the name belongs to PointForce 'F'")
 
 
 def test_add_returns_the_component_with_its_values(plane):

@@ -27,7 +27,7 @@ WRONG = {
     "a constant of the ground": (lambda m, rod: m.ground.position[0], "it depends on nothing"),
     "what vanishes": (lambda m, rod: rod.angle - rod.angle, "is the constant 0; it depends on nothing"),
     "a condition": (lambda m, rod: rod.position[0] > 0, "is true or false"),
-    "a method": (lambda m, rod: rod.point, "the function point; record what it returns"),
+    "a method": (lambda m, rod: rod.point, "the function point; record its result"),
     "a class": (lambda m, rod: Revolute, "is the function Revolute|is the class Revolute"),
     "infinite": (lambda m, rod: rod.angle * sympy.zoo, "not finite"),
     "complex": (lambda m, rod: sympy.I * rod.angle, "not real"),

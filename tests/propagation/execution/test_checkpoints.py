@@ -126,7 +126,7 @@ def test_what_lies_there_instead_of_a_chunk_is_computed_again(tmp_path: Path) ->
 
 def test_executor_that_gives_up_says_that_the_work_is_kept(tmp_path: Path) -> None:
     """As that of Dask does when its scheduler dies."""
-    with pytest.raises(IntegrationError, match=r"given up \(CancelledError\).*kept.*--resume"):
+    with pytest.raises(IntegrationError, match=r"has ended \(CancelledError\).*kept.*--resume"):
         swing().run(Counting(gives_up_after=2), folder=tmp_path)
     rest = Counting()
     swing().run(rest, folder=tmp_path, resume=True)

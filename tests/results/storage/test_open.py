@@ -69,7 +69,10 @@ def test_opened_results_are_those_that_are_loaded_with_all_samples(folder: Path,
 
 def test_samples_that_are_elsewhere_are_reported(folder: Path) -> None:
     shutil.rmtree(folder / "monte-carlo-samples.zarr")
-    with pytest.warns(StudyWarning, match="not beside the result"), uqmbd.results.open(folder / "results.nc") as opened:
+    with (
+        pytest.warns(StudyWarning, match="not next to the result"),
+        uqmbd.results.open(folder / "results.nc") as opened,
+    ):
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
@@ -176,7 +179,7 @@ def test_samples_are_not_looked_for_elsewhere(folder: Path, name: str) -> None:
     tree = load(folder / "results.nc")
     tree["monte-carlo"].attrs["all_samples"] = name
     save(tree, folder / "results.nc")
-    with pytest.raises(StudyError, match="expected the name of a store beside the result"):
+    with pytest.raises(StudyError, match="expected the name of a store next to the result"):
         uqmbd.results.open(folder / "results.nc")
 
 

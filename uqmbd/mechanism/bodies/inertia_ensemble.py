@@ -96,7 +96,7 @@ def random_inertia(mean: Any, dispersion: float, name: str = "inertia") -> Any:
     given = _numbers(where, "mean", mean, inertia_entries(where, Planar() if planar else Spatial(), mean))
     if planar:
         if given[0] <= 0:
-            raise StudyError(f"{where}: the mean is {given[0]:g} kg m^2; expected more than 0, or nothing varies.")
+            raise StudyError(f"{where}: the mean is {given[0]:g} kg m^2; expected more than 0.")
         delta = _dispersion(where, dispersion, 1, VARYING[1])
         return given[0] * random_factor(name, delta)
     if not any(given):

@@ -336,7 +336,7 @@ def motion_quantity(component: HasMotion, name: str) -> sympy.Expr:
         raise AttributeError(f"{kind!r} object has no attribute {name!r}{near}", obj=component)
     if not component.settled:
         raise StudyError(
-            f"{kind} {component.name!r}: .{name} is asked for before it was added to a mechanism; call "
+            f"{kind} {component.name!r}: .{name} is used before it was added to a mechanism; call "
             "mechanism.add(...) with it first."
         )
     raise AttributeError(f"{kind} {component.name!r} has no .{name}: {in_words(found)}.")
@@ -373,7 +373,7 @@ def motion_values(
 
     def put(name: str, value: sympy.Expr, units: str) -> None:
         if name in found:
-            raise StudyError(f"{where}: motion() tells {name!r} twice; give each its own name, and its speed, too.")
+            raise StudyError(f"{where}: motion() states {name!r} twice; give each motion and each speed its own name.")
         found[name] = value, units
 
     for name, told in motion.items():

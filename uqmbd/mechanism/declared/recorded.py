@@ -67,7 +67,7 @@ def require_recordable(where: str, expression: Any) -> sympy.Expr:
     if callable(expression) and not isinstance(expression, sympy.Basic):
         name = getattr(expression, "__name__", "it")
         raise StudyError(
-            f"{where}: the expression is the function {name}; record what it returns, e.g. body.{name}(...)[0]."
+            f"{where}: the expression is the function {name}; record its result, e.g. body.{name}(...)[0]."
         )
     if isinstance(expression, sympy.logic.boolalg.Boolean) and not isinstance(expression, sympy.Expr):
         raise StudyError(f"{where}: the expression {expression} is true or false; expected one that is a number.")

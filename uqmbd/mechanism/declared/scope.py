@@ -108,9 +108,7 @@ def require_free(mechanism: Described, name: str, where: str) -> None:
     taken = mechanism.bodies.get(name) or mechanism.components.get(name) or mechanism.controllers.get(name)
     if taken is not None:
         kind = "body" if isinstance(taken, Body) else type(taken).__name__
-        raise StudyError(
-            f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
-        )
+        raise StudyError(f"{where}: the name belongs to {kind} {name!r}; bodies and components need different names.")
 
 
 def require_measured(mechanism: Described, controller: Controller) -> None:
@@ -124,7 +122,7 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
     if scope == "number":
         raise StudyError(
             f"{where}: it contains {symbol}, which changes while the mechanism moves; "
-            "only numbers and random variables can stand here."
+            "only numbers and random variables are possible here."
         )
     if scope in ("law", "start") and isinstance(symbol, AuxiliarySymbol):
         owner = f"{type(symbol.component).__name__} {symbol.component.name!r}"

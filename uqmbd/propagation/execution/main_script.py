@@ -102,7 +102,7 @@ def refuse_workers_of_workers() -> None:
         frame = frame.f_back
     if isinstance(sys.modules.get("__main__"), _Deferred):
         raise StudyError(
-            "A worker process cannot start workers of its own. A module that a study needs must start studies only "
+            "A worker process cannot start further workers. A module that a study needs must start studies only "
             'when it is run itself: put that line under if __name__ == "__main__":'
         )
 

@@ -125,8 +125,8 @@ def explained(executor: Executor | None) -> Iterator[None]:
             ) from error
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
         raise IntegrationError(
-            f"The executor that does the work has given up ({reason}); perhaps its scheduler, or its workers, have "
-            "ended. Finished work is kept where the run has a folder: start them again, and go on with --resume (in "
+            f"The executor has ended ({reason}); perhaps its scheduler or its workers have stopped. Finished results "
+            "are kept if the run has a folder: start the workers again, and go on with --resume (in "
             "Python: resume=True)."
         ) from error
 

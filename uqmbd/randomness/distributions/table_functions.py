@@ -62,7 +62,7 @@ def tabulated(normal: ArrayLike, values: ArrayLike, correlation: ArrayLike | Non
     if np.any(np.diff(at) <= 0) or np.any(np.diff(columns, axis=0) < 0) or np.any(columns[0] >= columns[-1]):
         raise StudyError("tabulated: a table does not increase; expected quantiles in order.")
     if not np.isfinite(at).all() or not np.isfinite(columns).all():
-        raise StudyError("tabulated: a table holds what is no finite number.")
+        raise StudyError("tabulated: a table contains a value that is not finite.")
     marginals = [TabulatedDistribution(at, column) for column in columns.T]
     if not several:
         return marginals[0]

@@ -23,7 +23,7 @@ __all__ = ["advice", "loose", "recommend", "recommended"]
 SAME = 1e-9
 """Differences of results, over the largest standard deviation, that are rounding."""
 
-AS_DEAR, AS_DEAR_TO_RUN = 1.25, 2.0
+SIMILAR_COST, SIMILAR_WALL_TIME = 1.25, 2.0
 """Ratios of costs up to which none is cheaper: of any, and of wall times for equal numbers of realisations."""
 
 AS_GOOD = 1.5
@@ -62,7 +62,7 @@ class _RatedMethod:
         """Test whether two methods that agree have the same error and the same cost, but for chance."""
         if self.same and other.same:
             return True
-        ratio = AS_DEAR_TO_RUN if self.realisations == other.realisations else AS_DEAR
+        ratio = SIMILAR_WALL_TIME if self.realisations == other.realisations else SIMILAR_COST
         errors = sorted((self.error, other.error))
         close = errors[1] <= EXACT or errors[1] <= AS_GOOD * errors[0]
         return self.cost <= ratio * other.cost and math.isfinite(errors[1]) and close

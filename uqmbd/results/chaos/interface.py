@@ -646,7 +646,7 @@ class Surrogate(SurrogateContainer):
         if found[0] is None or found[1] is None or found[2] is None:
             raise StudyError(
                 "This chaos has no verification realisations, so it cannot state its error; give the propagator "
-                "verify=16, or see 'verdicts' for what the coefficients tell."
+                "verify=16, or see 'verdicts' for the decay of the coefficients."
             )
         return found[0], found[1], found[2]
 

@@ -190,7 +190,7 @@ def labels(
         if not (isinstance(output.turn, (int, float)) and 0 <= output.turn < np.inf):
             raise StudyError(
                 f"Output {output.name!r}: the length of a turn is {output.turn!r}; a positive number is expected, "
-                "or 0 for what is no angle."
+                "or 0 if it is no angle."
             )
     if times is None:
         return Labels(given_outputs, given_inputs, None)

@@ -193,7 +193,7 @@ def _angles(node: xr.DataTree) -> None:
     coord = node.coords["output_angle"]
     _require(coord.dims == ("output",), f"{node.path}/output_angle", f"the dimensions {coord.dims}", "('output',)")
     usable = coord.dtype.kind in "fiu" and bool(np.all(np.isfinite(coord.values) & (coord.values >= 0)))
-    _require(usable, f"{node.path}/output_angle", f"{coord.values}", "lengths of a turn, or 0 for what is no angle")
+    _require(usable, f"{node.path}/output_angle", f"{coord.values}", "lengths of a turn, or 0 if it is no angle")
 
 
 def _increasing(node: xr.DataTree, name: str) -> None:

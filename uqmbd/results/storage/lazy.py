@@ -129,10 +129,10 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     """Open all samples of a method, whose node contains the stored ones."""
     place = folder / name
     if Path(name).name != name or name in ("", ".", ".."):
-        raise StudyError(f"{node.path}: all_samples is {name!r}; expected the name of a store beside the result.")
+        raise StudyError(f"{node.path}: all_samples is {name!r}; expected the name of a store next to the result.")
     if not place.exists():
         warnings.warn(
-            f"{node.path}: all its samples are in {name}, which is not beside the result; those that were kept are "
+            f"{node.path}: all its samples are in {name}, which is not next to the result; the stored ones are "
             "shown. Put it there, or take uqmbd.results.load.",
             StudyWarning,
             stacklevel=3,
@@ -159,8 +159,8 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         raise StudyError(f"{str(place)!r} cannot be read as samples; it is damaged: {error}") from error
     if not same:
         warnings.warn(
-            f"{node.path}: {name} beside the result has samples of another run; those that were kept are shown. Put "
-            "the store of this run there: each run belongs in a folder of its own.",
+            f"{node.path}: {name} next to the result has samples of another run; the stored part is shown. Put "
+            "the store of this run there: each run needs a separate folder.",
             StudyWarning,
             stacklevel=3,
         )

@@ -60,7 +60,7 @@ def check_memory(declared: int, path: Path) -> None:
     if declared > memory > 0:
         raise StudyError(
             f"{str(path)!r} holds {declared / 1e9:.3g} GB; this computer has {memory / 1e9:.3g} GB of memory. "
-            "uqmbd.results.open reads only what is computed with."
+            "uqmbd.results.open reads only the required part."
         )
 
 

@@ -106,9 +106,9 @@ def _check(place: Path) -> None:
         found = [place]
     if found:
         raise StudyError(
-            f"{found[0]} is in the way: uqmbd keeps what it has computed so far in {place}, and did not write this. It "
-            "is left as it is, and nothing was computed. Move or rename it, or give another folder (--out DIR; in "
-            "Python: folder=)."
+            f"{found[0]} is in the way: uqmbd stores unfinished results in {place}, and did not write this. It was "
+            "not changed, and nothing was computed. Move or rename it, or give another folder (--out DIR; in Python: "
+            "folder=)."
         )
 
 

@@ -176,7 +176,7 @@ def _together(arrays: Sequence[xr.DataArray], infos: Sequence[InputInfo], beside
             said = ", ".join(f"{name}: {size}" for name, size in sizes.items())
             raise StudyError(
                 f"Inputs have different numbers of values along {dim!r} ({said}); expected the same, single numbers, "
-                "or arrays of xarray with dimensions of their own, of which all combinations are taken."
+                "or arrays of xarray with different dimensions, of which all combinations are taken."
             )
     try:
         aligned = xr.align(*arrays, join="exact")
