@@ -91,8 +91,10 @@ def collocate_elements(
     an element.
     """
     begin = problem.clock()
-    plans.plan(space, plans.order).check(space)
-    work = _ElementSplitting(plans, announced_once(problem, plans.max_realisations))
+    planned = plans.plan(space, plans.order)
+    planned.check(space)
+    most = limits.computed * len(planned.nodes) + limits.verified(plans.verify)
+    work = _ElementSplitting(plans, announced_once(problem, min(most, plans.max_realisations)))
     with problem.timed("fitting"):
         refined = uqmbd.extend.refine_elements(
             space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable

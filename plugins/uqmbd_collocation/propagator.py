@@ -322,7 +322,11 @@ class Collocation(uqmbd.extend.Propagator):
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
             return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
         return uqmbd.extend.Estimate(
-            boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive, disk=disk
+            boxes * nodes + self._limits.verified(self.verify),
+            8 * boxes * one,
+            detail,
+            at_most=self._limits.uncertain,
+            disk=disk,
         )
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:

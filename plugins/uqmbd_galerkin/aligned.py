@@ -81,7 +81,7 @@ def galerkin_in_phase(
     """
     times, label = problem.times, problem.label
     rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)
-    problem.progress.start(label, 1)
+    problem.progress.start(label, len(rule))
     path = _started(problem, projected, rates)
     box = uqmbd.extend.GermBox.whole(space)
     end, length = float(times[-1]), float(times[-1] - times[0])
@@ -120,6 +120,7 @@ def galerkin_in_phase(
         **verification.known,
     ).reached()
     last = float(np.asarray(chaos.labels.times)[-1])
+    problem.progress.advance(label, len(rule))
     problem.progress.finish(label)
     return problem.node(
         propagator,

@@ -87,6 +87,8 @@ class _GalerkinElements:
         known = problem.realise(boxes[0].space.to_inputs(np.concatenate([own.germs for own in points])))
         chaoses, start = [], 0
         results = self._values(bases, tasks) if problem.timeless else problem.run(solve_element, tasks)
+        if not problem.timeless:  # values at nodes are realisations, which report themselves
+            problem.progress.start(problem.label, sum(len(task[2]) for task in tasks))
         for box, own, terms, task in zip(boxes, points, bases, tasks, strict=True):
             try:
                 found = next(results)
@@ -103,7 +105,8 @@ class _GalerkinElements:
             self.unknowns = max(self.unknowns, int(found["unknowns"]))
             self.terms = max(self.terms, found["coefficients"].shape[0])
             self.failed.append(int(found.get("failed", 0)))
-            problem.progress.advance(problem.label)
+            if not problem.timeless:
+                problem.progress.advance(problem.label, len(task[2]))
         return chaoses
 
     def _values(self, bases: list[Index], tasks: list[tuple[Any, ...]]) -> Iterator[dict[str, NDArray[Any]]]:
@@ -140,9 +143,7 @@ def galerkin_elements(
 
     `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
-    quiet = problem.using(progress=_Quiet(problem.progress))
-    problem.progress.start(problem.label, uqmbd.extend.AtMost(limits.computed))
-    work = _GalerkinElements(quiet, *how)
+    work = _GalerkinElements(problem, *how)
     refined = uqmbd.extend.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
     problem.progress.finish(problem.label)
     chaos = refined.chaos
@@ -198,24 +199,3 @@ def galerkin_elements(
             **({} if count == len(problem.times) else {"ends_at": float(problem.times[count - 1])}),
         },
     )
-
-
-@dataclass
-class _Quiet:
-    """Progress of elements alone: that of single realisations is omitted."""
-
-    inner: uqmbd.extend.Progress
-    depth: int = 0
-
-    def start(self, label: str, total: int) -> None:
-        """Show nothing until the realisations are computed."""
-        self.depth += 1
-
-    def advance(self, label: str, count: int = 1) -> None:
-        """Pass on progress of other tasks than realisations."""
-        if not self.depth:
-            self.inner.advance(label, count)
-
-    def finish(self, label: str) -> None:
-        """Listen again."""
-        self.depth -= 1

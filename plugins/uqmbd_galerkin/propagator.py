@@ -193,7 +193,7 @@ class Galerkin(uqmbd.extend.Propagator):
         # an element is solved at a time, and leaves its coefficients
         memory += 8 * (boxes - 1) * terms * times * outputs
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        count = boxes * nodes + self.verify
+        count = boxes * nodes + self._limits.verified(self.verify)
         if self.alignment is not None and outputs:
             # nobody knows yet at how many times the clock must be known
             pilots = max(self.verify, PILOTS)
@@ -201,7 +201,7 @@ class Galerkin(uqmbd.extend.Propagator):
             detail += f", {pilots} realisations for the clock, again where their splines need more times"
         # of each output at each time the coefficients, and some forty statistics and errors
         disk = 8 * (40 + boxes * terms) * (times * outputs + len(study.mechanism.scalars))
-        return uqmbd.extend.Estimate(count, memory, detail, at_most=self._limits.adaptive, disk=disk, together=True)
+        return uqmbd.extend.Estimate(count, memory, detail, at_most=self._limits.uncertain, disk=disk, together=True)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order."""
@@ -297,7 +297,7 @@ class Galerkin(uqmbd.extend.Propagator):
             return bool(horizons(respond(coefficients, finished(coefficients)), limit, problem.rtol))
 
         limit = self.stop_at or np.inf
-        problem.progress.start(problem.label, 1)
+        problem.progress.start(problem.label, len(rule))
         with problem.timed("integration"):
             found = projected.integrate(
                 problem.times,
@@ -320,6 +320,7 @@ class Galerkin(uqmbd.extend.Propagator):
                 )
             chaos = respond(found.coefficients, count)
         wall_time = problem.clock() - begin
+        problem.progress.advance(problem.label, len(rule))
         problem.progress.finish(problem.label)
         warn(problem, chaos, found.message, stopped, self.order, self.stop_at)
         children = {

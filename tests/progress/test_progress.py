@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
+from collections import Counter
 
 import chaospy
+import numpy as np
 import pytest
 from rich.console import Console
 
 import uqmbd
 from uqmbd.progress import Board, Lines, expected, failed
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 
@@ -140,3 +145,76 @@ def test_no_time_is_reported_to_be_left_while_work_goes_on_after_its_last_realis
     lines.beat()
     assert screen.getvalue().splitlines()[-1] == "aligned: 48 of 48, evaluating ... 10 s"
     assert lines.board.works["aligned"].clock(10.0) == "10 s"
+
+
+class Counted:
+    """Receiver that counts what is announced, begun and done, by label."""
+
+    def __init__(self):
+        self.announced, self.begun, self.done = {}, Counter(), Counter()
+
+    def expect(self, totals):
+        self.announced = dict(totals)
+
+    def start(self, label, total):
+        self.begun[label] += total
+
+    def advance(self, label, count=1):
+        self.done[label] += count
+
+    def finish(self, label):
+        pass
+
+
+def swinging(outputs, scalars, requirements):
+    """A pendulum of random length, with outputs over time, without a time, or requirements."""
+    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    length = uqmbd.RandomVariable("length", chaospy.Uniform(0.48, 0.52), units="m")
+    rod = mechanism.body("rod", mass=1, inertia=0.1, position=(length, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length, 0)))
+    if outputs:
+        mechanism.output("height", rod.position[1], units="m")
+    if scalars:
+        mechanism.output("lowest", uqmbd.minimum(rod.position[1]), units="m")
+    if requirements:
+        mechanism.require("deep", rod.position[1] >= -0.51)
+    return mechanism
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "kinds", [(True, False, False), (True, True, True), (False, True, False), (False, False, True)]
+)
+def test_what_is_announced_is_what_is_done(kinds):
+    """Announced, begun, reported as done, and stored with the results: the same number, or not above a maximum."""
+    adaptive = {"elements": "adaptive", "max_elements": 4, "threshold": 1e-9}
+    methods = [MonteCarlo(samples=20, seed=1)]
+    methods += [kind(order=2, label=kind.__name__) for kind in (Collocation, Galerkin)]
+    for elements in ({"elements": 2}, {"elements": 3}, adaptive):
+        name = elements["elements"]
+        methods += [kind(order=2, label=f"{kind.__name__} {name}", **elements) for kind in (Collocation, Galerkin)]
+    seen = Counted()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # the threshold is not met
+        tree = uqmbd.Study("s", swinging(*kinds), np.linspace(0, 1, 11), methods).run(progress=seen)
+    assert len(seen.announced) == len(methods) == 9
+    for label, announced in seen.announced.items():
+        done = tree.children[label].attrs["realisations"]
+        assert seen.done[label] == done > 0
+        assert (
+            done <= announced if isinstance(announced, uqmbd.extend.AtMost) else done == announced == seen.begun[label]
+        )
+
+
+@pytest.mark.parametrize("parts", [(32,), (16, 16), (16, 8, 8), (16,), (40,)])
+def test_parts_of_a_method_add_up_to_what_was_announced(parts):
+    """The table begins with the announced number, grows beyond it only if more is begun, and ends at what was done."""
+    board = Board()
+    board.expect({"a": 32, "b": 5})
+    for k, part in enumerate(parts):
+        work = board.begun("a", part, float(k))
+        assert work.total == max(32, sum(parts[: k + 1]))
+        board.moved("a", part)
+    board.ended("a", "done", 9.0)
+    assert board.works["a"].count() == str(sum(parts)) and board.works["a"].begin == 0.0
+    assert board.whole().total == sum(parts) + 5 and board.whole().done == sum(parts)

@@ -59,6 +59,7 @@ class TaskProgress:
     total: int | None = None  # number of steps; None: unknown
     at_most: bool = False  # whether the task may end with fewer steps
     done: int = 0  # completed steps
+    begun: int = 0  # steps of all parts that have begun
     state: State = "waiting"
     begin: float = 0.0  # s
     end: float = 0.0  # s
@@ -77,7 +78,7 @@ class TaskProgress:
         if realisations:
             return f"{'at most ' if self.at_most else ''}{self.total} realisation{'s' * (self.total != 1)}"
         if self.state == "done":
-            return f"{self.done if self.at_most else max(self.done, self.total)}"
+            return f"{self.done or self.total}"
         if self.state == "waiting":
             return f"{'at most ' if self.at_most else ''}{self.total}"
         return f"{self.done} of {'at most ' if self.at_most else ''}{self.total}"
@@ -127,13 +128,17 @@ class Board:
             self.ended(label, "done", now)
 
     def begun(self, label: str, total: int, now: float) -> TaskProgress:
-        """Begin work: that which goes on grows, that which has ended starts again."""
+        """Begin work or a part of it: announced work grows beyond its total only; work that has ended starts again."""
         work = self.works.get(label)
-        if work is not None and work.state == "running":
-            work.total = (work.total or 0) + total
-            work.at_most = work.at_most or isinstance(total, AtMost)
-        else:
-            work = self.works[label] = TaskProgress(int(total), isinstance(total, AtMost), state="running", begin=now)
+        if work is None or work.state not in ("running", "waiting"):
+            work = self.works[label] = TaskProgress()
+        if work.state == "waiting":
+            work.state, work.begin = "running", now
+        work.begun += total
+        # of an announced maximum a smaller one is known now
+        smaller = work.at_most and work.begun == total and isinstance(total, AtMost)
+        work.total = int(total) if smaller else max(work.total or 0, work.begun)
+        work.at_most = work.at_most or isinstance(total, AtMost)
         return work
 
     def moved(self, label: str, count: int) -> None:
@@ -162,7 +167,7 @@ class Board:
             found = TaskProgress(len(parts), done=sum(ended))
         else:
             # of what has ended, what there was
-            early = [part.state == "failed" or (part.state == "done" and part.at_most) for part in parts]
+            early = [part.state == "failed" or (part.state == "done" and part.done > 0) for part in parts]
             totals = [part.done if end else part.total or 0 for part, end in zip(parts, early, strict=True)]
             steps = [total if end else part.done for total, part, end in zip(totals, parts, ended, strict=True)]
             at_most = any(part.at_most and not end for part, end in zip(parts, ended, strict=True))

@@ -98,17 +98,19 @@ class UntilTheEnd:
     """
 
     receiver: Progress  # receives the reports
+    names: Mapping[str, str] = field(default_factory=dict)  # labels under which others are reported
     begun: list[str] = field(default_factory=list)  # labels
 
     def start(self, label: str, total: int) -> None:
         """Say that it begins, or that it goes on."""
+        label = self.names.get(label, label)
         if label not in self.begun:
             self.begun.append(label)
         self.receiver.start(label, total)
 
     def advance(self, label: str, count: int = 1) -> None:
         """Pass it on."""
-        self.receiver.advance(label, count)
+        self.receiver.advance(self.names.get(label, label), count)
 
     def finish(self, label: str) -> None:
         """Wait: another part may follow."""

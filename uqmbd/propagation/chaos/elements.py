@@ -5,6 +5,7 @@ Length: what is public has examples, which need a mechanism each.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +15,10 @@ from typing import Any, Generic, Literal, TypeVar, overload
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import Positive, returned, typechecked
+from uqmbd.arguments import Positive, Size, returned, typechecked
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.logs import refinement
+from uqmbd.propagation.chaos.verification import FEWEST
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
@@ -106,6 +108,38 @@ class ElementLimits:
     def computed(self) -> int:
         """Most elements that are computed, those that are replaced too."""
         return 2 * self.count - 1
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether only the largest number of realisations is known before the elements are split."""
+        return self.adaptive or self.count > 2
+
+    def verified(self, count: Size) -> int:
+        """Return the most verification realisations of all elements that are computed.
+
+        Parameters
+        ----------
+        count : int
+            Verification realisations of the whole germ space; an element has its share, and three at least.
+
+        Returns
+        -------
+        int
+            Their number, if elements are split into equal halves.
+
+        Examples
+        --------
+        >>> ElementLimits(None).verified(16), ElementLimits(2).verified(16), ElementLimits(4).verified(16)
+        (16, 32, 48)
+        """
+        if not count:
+            return 0
+        found, left, halves = max(FEWEST, count), self.count - 1, 2
+        while left:  # the largest elements are split first: the halves of the whole, then their halves
+            split = min(left, halves // 2)
+            found += split * 2 * max(FEWEST, math.ceil(count / halves))
+            left, halves = left - split, 2 * halves
+        return found
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from uqmbd.results.chaos import weighted_std
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Verification", "VerificationPoints"]
+__all__ = ["FEWEST", "Verification", "VerificationPoints"]
 
 
 FEWEST = 3

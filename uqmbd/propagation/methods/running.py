@@ -126,7 +126,8 @@ def _run_all(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTr
     nodes: dict[Kind, xr.DataTree] = {}
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
-        run = partial(_run, propagator, check=check and one.kind != "requirements")
+        announced = problem.label if one is asked[0] else ""
+        run = partial(_run, propagator, check=check and one.kind != "requirements", announced=announced)
         with problem.runner.spending.whole(problem.clock) as spent:
             found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
         found.attrs.update(spent)
@@ -267,9 +268,12 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
     return own, xr.DataTree.from_dict(parts, name=node.name)
 
 
-def _run(propagator: Propagator, problem: Problem, check: bool) -> xr.DataTree:
-    """Run a method on one kind of outputs; however many parts it computes, its progress ends once."""
-    progress = UntilTheEnd(problem.progress)
+def _run(propagator: Propagator, problem: Problem, check: bool, announced: str = "") -> xr.DataTree:
+    """Run a method on one kind of outputs; however many parts it computes, its progress ends once.
+
+    `announced`: the label of the announced method whose realisations these are; empty: that of the problem.
+    """
+    progress = UntilTheEnd(problem.progress, {problem.label: announced or problem.label})
     problem = problem.using(progress=progress)
     with one_thread():
         node = _checked(propagator, problem, propagator.propagate(problem))

@@ -116,7 +116,7 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     >>> for sentence in recommend(compare([node("many", 1.0, 10000, 0.01), node("few", 0.99, 1000, 0.02)])):
     ...     print(sentence)
     Use few: it agrees with many, its stated error is at most 4.0 % of the standard deviation (at 0 s), and it is 10
-    times cheaper than many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
+    times cheaper than many (10 s instead of 1 min 40 s for the whole method; 1000 realisations instead of 10000).
     """
     return advice(comparison)[1]
 
@@ -260,7 +260,7 @@ def _reasons(
 def _compared(one: _RatedMethod, other: _RatedMethod) -> str:
     said = []
     if all(math.isfinite(t) and t > 0 for t in (one.wall_time, other.wall_time)):
-        said.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)}")
+        said.append(f"{_duration(one.wall_time)} instead of {_duration(other.wall_time)} for the whole method")
     said.append(f"{one.realisations} realisations instead of {other.realisations}")
     return "; ".join(said)
 
