@@ -162,12 +162,12 @@ def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(ma
     assert "one, two: ten times as many realisations" in words[-1]
 
 
-def test_a_page_of_samples_alone_says_why_it_has_no_sliders(tmp_path):
+def test_a_page_of_samples_alone_shows_the_nearest_realisation_and_says_so(tmp_path):
     def page(node):
         tree = results.study_tree([node], study="s", mechanism="m")
         return report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
 
-    assert "This report has no sliders for the inputs: The results contain samples, but no surrogate" in page(sampled())
+    assert "There is no surrogate, so outputs and charts show the nearest of" in page(sampled())
     alone = sampled()
     assert 'id="explore"' not in page(alone.drop_nodes("samples"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report.live.explorer_data import collect_explorer_data
+from uqmbd.report.live.nearest import collect_nearest_data
 from uqmbd.report.live.page import PageScripts, cell_html, joined_modules, page_scripts
 from uqmbd.report.live.player_data import collect_player_data
 from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
@@ -12,6 +13,7 @@ __all__ = [
     "PageScripts",
     "cell_html",
     "collect_explorer_data",
+    "collect_nearest_data",
     "joined_modules",
     "live_method",
     "live_poses",

@@ -107,7 +107,8 @@ export function makeChart(figure, model) {
     refresh();
   });
   seen.setAttribute("aria-pressed", "true");
-  seen.append(lineSample(chosen), element("span", {}, chosen.label));
+  const chosenName = element("span", {}, chosen.label);
+  seen.append(lineSample(chosen), chosenName);
   const chosenValue = element("td", { class: "number" });
   const chosenError = element("td", { class: "number", colspan: heads.length - 1 || 1 });
   const chosenRow = element("tr", {}, element("th", { scope: "row" }, seen), chosenValue, chosenError);
@@ -206,7 +207,7 @@ export function makeChart(figure, model) {
       const spread = model.methods[0].columns[0].values[index];
       chosenRow.classList.toggle("hidden-method", !chosen.shown);
       chosenValue.textContent = formatNumber(chosen.values[index], spread);
-      chosenError.textContent = chosen.rms ? `stated error ${unbroken(formatError(chosen.rms[index], model.units))}` : "its error is unknown";
+      chosenError.textContent = chosen.rms ? `stated error ${unbroken(formatError(chosen.rms[index], model.units))}` : chosen.note;
     }
     space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
@@ -350,6 +351,7 @@ export function makeChart(figure, model) {
   }
   function follow(inputs) {
     takeChosen(chosen, model.time, inputs && inputs.outputs.get(model.output));
+    chosenName.textContent = chosen.label;
     if (chosen.values === null) chosenRow.remove();
     else body.append(chosenRow);
     // before it is drawn for the first time it has no scale

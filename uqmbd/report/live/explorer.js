@@ -7,6 +7,7 @@ import { announceInputs } from "./inputs_bus.js";
 import { inputRow } from "./input_row.js";
 import { limitAt, marginAt } from "./limits.js";
 import { formatError, formatNumber, formatQuantity, nearestIndex, unbroken } from "./numbers.js";
+import { NearestRealisation } from "./nearest.js";
 import { LiveSurrogate } from "./surrogate.js";
 import { onTime, pageTime } from "./time_bus.js";
 
@@ -22,7 +23,7 @@ function verifiedOf(surrogates, k) {
 /** Make sliders and table of a panel. */
 export function makeExplorer(panel, data) {
   const kinds = [data.histories, data.scalars].filter((one) => one !== null);
-  const parts = kinds.map((one) => ({ surrogate: new LiveSurrogate(one.surrogate), about: known(one) }));
+  const parts = kinds.map((one) => ({ surrogate: one.surrogate.nearest ? new NearestRealisation(one.surrogate) : new LiveSurrogate(one.surrogate), about: known(one) }));
   const margins = data.margins && new LiveSurrogate(data.margins.surrogate);
   const surrogates = [...parts.map((part) => part.surrogate), ...(margins ? [margins] : [])];
   const [surrogate] = surrogates;
@@ -61,7 +62,8 @@ export function makeExplorer(panel, data) {
 
   // the outputs
   const caption = element("caption");
-  const heads = ["Output", "At these inputs", "Mean ± standard deviation", "Stated error"];
+  const at = data.nearest ? "Nearest realisation" : "At these inputs";
+  const heads = ["Output", at, "Mean ± standard deviation", data.nearest ? "Five nearest" : "Stated error"];
   const cells = [];
   const body = element("tbody");
   parts.forEach(({ surrogate: own }, p) =>
@@ -93,7 +95,7 @@ export function makeExplorer(panel, data) {
     verdicts.push({ find, cell, row: element("tr", {}, element("th", { scope: "row" }, name), element("td", { class: "text" }, meaning), cell) });
   }
   if (verdicts.length) {
-    const titles = ["Requirement", "Condition", "At these inputs"].map((text) => element("th", { scope: "col" }, text));
+    const titles = ["Requirement", "Condition", at].map((text) => element("th", { scope: "col" }, text));
     const notes = [];
     if (data.limits.length) notes.push("Limits of outputs are compared with these outputs, at the output times.");
     if (margins) notes.push(`${data.limits.length ? "Other requirements are" : "Requirements are"} evaluated by a surrogate of the smallest margin over the whole motion, in the units of the limit.`);
@@ -105,7 +107,8 @@ export function makeExplorer(panel, data) {
   function read() {
     const { times } = parts.find(({ surrogate: own }) => own.times)?.surrogate ?? {};
     const index = times ? nearestIndex(times, time ?? times[times.length - 1]) : 0;
-    caption.textContent = times ? `At ${formatNumber(times[index], (times[times.length - 1] - times[0]) / 10)} s, by the surrogate of ${data.method}` : `By the surrogate of ${data.method}`;
+    const source = data.nearest ? `of the nearest realisation, sample ${surrogate.numbers[surrogate.row]} of ${data.method}` : `by the surrogate of ${data.method}`;
+    caption.textContent = times ? `At ${formatNumber(times[index], (times[times.length - 1] - times[0]) / 10)} s, ${source}` : `${source[0].toUpperCase()}${source.slice(1)}`;
     for (const { p, o, row } of cells) {
       const { surrogate: own, about } = parts[p];
       const at = o * own.count + (own.times ? index : 0);
@@ -113,7 +116,8 @@ export function makeExplorer(panel, data) {
       const spread = about.std[at];
       row[0].textContent = unbroken(formatQuantity(own.values[at], units, spread));
       row[1].textContent = unbroken(`${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`);
-      row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "unknown");
+      if (own.nearest) row[2].textContent = unbroken(own.rangeAt(at).map((x) => formatNumber(x, spread)).join(" to "));
+      else row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "unknown");
     }
   }
 
@@ -123,7 +127,7 @@ export function makeExplorer(panel, data) {
     for (const { surrogate: own } of parts) {
       own.outputs.forEach(({ name }, o) => {
         const part = (all) => all && all.subarray(o * own.count, (o + 1) * own.count);
-        outputs.set(name, { times: own.times, values: part(own.values), rms: part(own.statedRms) });
+        outputs.set(name, { times: own.times, values: part(own.values), rms: part(own.statedRms), nearest: own.nearest ?? false });
       });
     }
     return outputs;
@@ -135,6 +139,12 @@ export function makeExplorer(panel, data) {
       cell.textContent = `${{ met: "✓", violated: "✗", near: "?", unknown: "–" }[kind]} ${words}`;
       cell.className = `text verdict-${kind}`;
     }
+  }
+
+  /** Which realisation is shown in place of the chosen inputs. */
+  function whichIsNearest() {
+    const inputs = Array.from(surrogate.point, (x, k) => `${surrogate.inputs[k].name} = ${formatQuantity(x, surrogate.inputs[k].units, surrogate.scales[k])}`);
+    return `There is no surrogate. The values are those of the nearest of ${data.nearest} stored realisations, sample ${surrogate.numbers[surrogate.row]}: ${inputs.join(", ")}.`;
   }
 
   const evaluate = oncePerPicture(() => {
@@ -151,6 +161,7 @@ export function makeExplorer(panel, data) {
     const said = [];
     if (beyond.outside.size) said.push(`Outside the distribution: ${names(beyond.outside)}.`);
     if (beyond.unverified.size) said.push(`Outside the verification realisations, so the error is unknown: ${names(beyond.unverified)}.`);
+    if (data.nearest) said.push(whichIsNearest());
     status.textContent = said.join(" ");
     read();
     judge(outputs);
@@ -170,6 +181,7 @@ export function makeExplorer(panel, data) {
   surrogates.forEach((own) => own.evaluate(germs));
   const inputs = surrogate.inputsAt(germs);
   rows.forEach((row, k) => row.show(germs, inputs[k]));
+  if (data.nearest) status.textContent = whichIsNearest();
   read();
   judge(valuesNow());
 }

@@ -141,7 +141,7 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   function refused(wanted) {
     const share = germ.support.includes(null) ? ", except for a share of 10⁻¹²" : "";
     const condition = given.length ? `, given ${given.join(", ")}` : "";
-    return `${formatNumber(wanted)}${units} is refused. The distribution of ${input.name} has values from ${between(germ.reach)}${share}${condition}.`;
+    return `${formatNumber(wanted)}${units} is refused. ${surrogate.nearest ? "The realisations have values" : "The distribution has values"} of ${input.name} from ${between(germ.reach)}${share}${condition}.`;
   }
 
   function show(germs, now) {

@@ -160,8 +160,8 @@ def _in_words(name: str, one: Indices) -> str:
 def explore(result: StudyResult) -> Content | None:
     """Return the data of the sliders, or why there are none; None where the results hold no inputs.
 
-    Return ``explorer``, JSON, or None; ``moving``, whether there is a mechanism to draw; ``notes``, what does not
-    follow the inputs, and why.
+    Return ``explorer``, JSON, or None; ``nearest``: how many realisations stand for a surrogate, or 0; ``moving``,
+    whether there is a mechanism to draw; ``notes``, what does not follow the inputs, and why.
     """
     if not live.live_method(result.tree) and not _sampled(result):
         return None
@@ -171,14 +171,28 @@ def explore(result: StudyResult) -> Content | None:
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
         found = {"reason": f"{type(error).__name__}: {error}"}
     if "reason" in found:
+        found = _nearest(result) or found
+    if "reason" in found:
         notes = [f"This report has no sliders for the inputs: {found['reason']}"]
-        return {"explorer": None, "moving": moving, "notes": notes}
+        return {"explorer": None, "nearest": 0, "moving": moving, "notes": notes}
     notes = [f"Some outputs are not evaluated at the chosen inputs: {reason}" for reason in found["missing"]]
     if found["still"]:
         names = ", ".join(found["still"])
         why = f"{found['method']} has no surrogate of their margins"
         notes.append(f"These requirements are not evaluated at the chosen inputs: {names}; {why}.")
-    return {"explorer": json_script(found), "moving": moving, "notes": notes}
+    return {"explorer": json_script(found), "nearest": found.get("nearest", 0), "moving": moving, "notes": notes}
+
+
+def _nearest(result: StudyResult) -> Content | None:
+    """Return stored realisations of the first method with samples of inputs; None if there is none."""
+    for label, method in result.methods.items():
+        names = [name for name in most_uncertain(result) if name in method.names]
+        with contextlib.suppress(StudyError, ValueError):
+            if found := live.collect_nearest_data(method.node, label, names, result.limits):
+                rest = len(method.names) - len(names)
+                missing = [f"the page stores the {len(names)} most uncertain ones."] if rest > 0 else []
+                return found | {"missing": missing}
+    return None
 
 
 def _sampled(result: StudyResult) -> bool:
