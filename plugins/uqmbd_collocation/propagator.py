@@ -321,13 +321,8 @@ class Collocation(uqmbd.extend.Propagator):
             count = 2 * boxes * nodes * len(aligned) + alone + self.verify
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
             return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
-        return uqmbd.extend.Estimate(
-            boxes * nodes + self._limits.verified(self.verify),
-            8 * boxes * one,
-            detail,
-            at_most=self._limits.uncertain,
-            disk=disk,
-        )
+        count = boxes * nodes + self._limits.verified(self.verify)
+        return uqmbd.extend.Estimate(count, 8 * boxes * one, detail, at_most=self._limits.uncertain, disk=disk)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""
