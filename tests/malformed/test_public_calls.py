@@ -359,3 +359,24 @@ def test_impossible_arguments_are_refused_with_what_is_expected(name):
     call, words = CASES[name]
     with pytest.raises(uqmbd.StudyError, match=words):
         call()
+
+
+DEFAULTS = {
+    *("minus one", "zero", "1e307", "half", "None", "empty list", "list", "nested", "deep", "None in list", "range"),
+    *("foreign symbol", "unknown symbol", "empty array", "flat array", "four axes", "matrix"),
+}
+"""Defaults that may stand for numbers, by hand; whether their count is right depends on the space."""
+
+
+@pytest.mark.parametrize("key", ["default", "example"])
+def test_a_default_of_a_number_is_finite(key):
+    accepted = set()
+    for name, value in HOSTILE.items():
+        uqmbd.Parameter("m", kind="option", **{key: value})
+        try:
+            uqmbd.Parameter("m", kind="numbers", **{key: value})
+        except uqmbd.StudyError as error:
+            assert f"{key} is " in str(error) and "expected finite numbers" in str(error)
+        else:
+            accepted.add(name)
+    assert accepted == DEFAULTS

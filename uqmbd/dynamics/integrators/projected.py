@@ -206,9 +206,9 @@ class ProjectedEnsemble(ProjectedEquations):
 def _increasing(what: str, times: Array) -> Array:
     """Return output times (T,), s; raise StudyError unless they are finite and strictly increasing."""
     grid = np.asarray(times, dtype=float)
-    if grid.ndim != 1 or not grid.size or not np.isfinite(grid).all() or not (np.diff(grid) > 0).all():
+    if grid.ndim != 1 or grid.size < 2 or not np.isfinite(grid).all() or not (np.diff(grid) > 0).all():
         raise StudyError(
-            f"ProjectedEnsemble.{what}: times is {shown(times)}; expected finite, strictly increasing times (T,)."
+            f"ProjectedEnsemble.{what}: times is {shown(times)}; expected two or more finite times, strictly increasing."
         )
     return grid
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
 
 import numpy as np
+import sympy
 
 from uqmbd.arguments import Bounds, OrInfinite, fits, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
 from uqmbd.plugins import contact_laws
+from uqmbd.typing import Array
 
 __all__ = ["Parameter", "range_text"]
 
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     Given = _TypeVar("Given", default=Any)
 else:
     Given = TypeVar("Given")
+
+
+MOST = 10_000
+"""Most numbers of a default."""
 
 
 class _Required:
@@ -249,12 +254,18 @@ class Parameter(Generic[Given]):
 
 
 def _usable(value: Any) -> bool:
-    """Return whether a default may stand for numbers: a text or truth value, NaN and infinity may not."""
-    if isinstance(value, (tuple, list, np.ndarray)):
-        return all(map(_usable, value))
-    if isinstance(value, (str, bytes, bool, complex, np.bool_)):
-        return False
-    return not isinstance(value, Real) or fits(value, float)
+    """Return whether a default may stand for numbers: None, finite numbers and expressions, and rows of these."""
+    if value is None or value is _REQUIRED:
+        return True
+    if isinstance(value, np.ndarray):
+        return (
+            value.size <= MOST and value.dtype.kind in "biuf" and fits(value, Array) and bool(np.isfinite(value).all())
+        )
+    if isinstance(value, (tuple, list, range)):
+        return len(value) <= MOST and all(map(_usable, value))
+    if isinstance(value, (sympy.Basic, sympy.MatrixBase)):
+        return not value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo)
+    return fits(value, float)
 
 
 def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:

@@ -262,7 +262,7 @@ class SurrogateContainer:
         >>> chaos.evaluate([[-0.5], [0.5]]).ravel().tolist()
         [-1.0, 1.0]
         """
-        if not chaoses or len(chaoses) != len(boxes) or any(type(x) is not type(chaoses[0]) for x in chaoses):
+        if not len(chaoses) or len(chaoses) != len(boxes) or any(type(x) is not type(chaoses[0]) for x in chaoses):
             raise StudyError(
                 f"{cls.__name__}.joined: {len(chaoses)} surrogates and {len(boxes)} boxes are given; expected "
                 "surrogates of one kind, at least one, and a box for each."
