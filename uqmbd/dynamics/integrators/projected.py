@@ -208,7 +208,7 @@ def _increasing(what: str, times: Array) -> Array:
     grid = np.asarray(times, dtype=float)
     if grid.ndim != 1 or grid.size < 2 or not np.isfinite(grid).all() or not (np.diff(grid) > 0).all():
         raise StudyError(
-            f"ProjectedEnsemble.{what}: times is {shown(times)}; expected two or more finite times, strictly increasing."
+            f"ProjectedEnsemble.{what}: times is {shown(times)}; expected two or more finite, increasing times."
         )
     return grid
 
