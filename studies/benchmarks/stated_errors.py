@@ -690,6 +690,31 @@ GROUPS: Mapping[str, Sequence[str]] = {
 """Kinds of errors in each picture."""
 
 
+def page_table(rows: Sequence[Row]) -> str:
+    """Return the table of the page: a line for each kind of error, as Markdown."""
+    of_intervals = "intervals that contain the true value"
+    heads = (
+        "stated error",
+        "mechanisms",
+        "repetitions",
+        "stated over true",
+        "0.5 to 2",
+        of_intervals,
+        "within the limits",
+    )
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for row in summary([one for one in rows if one.error != "alignment"]):
+        own = [one for one in rows if one.error == row.error and one.holds]
+        ratio = f"{row.ratio:.2f} ({row.lowest:.2g} to {row.highest:.2g})"
+        within = f"{row.within:.0%}".replace("%", " %") if np.isfinite(row.within) else ""
+        covered = ""
+        if TITLES[row.error] not in ("integration", "surrogate", "alignment"):
+            covered = f"{100 * row.share:.1f} % ({100 * row.share_low:.0f} to {100 * row.share_high:.0f})"
+        cells = (row.error, str(len(own)), str(row.seeds), ratio, within, covered, row.mechanism)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def chart(rows: Sequence[Row], group: Sequence[str]) -> Chart:
     """Chart stated over true errors of the mechanisms: the median, two quantiles and the range."""
     own = {error: np.array([row.ratio for row in rows if row.error == error]) for error in group}
@@ -698,7 +723,12 @@ def chart(rows: Sequence[Row], group: Sequence[str]) -> Chart:
         np.array([np.quantile(of, q) for of in ratios.values()]) for q in (0, 0.1, 0.5, 0.9, 1)
     )
     curves = [
-        Curve("median", middle, (Band("all mechanisms", low, high, bars=True),), drawn="points"),
+        Curve(
+            "median; bar: range over mechanisms",
+            middle,
+            (Band("all mechanisms", low, high, bars=True),),
+            drawn="points",
+        ),
         Curve("one of ten mechanisms is below", below, drawn="points"),
         Curve("one of ten mechanisms is above", above, drawn="points"),
     ]
@@ -727,7 +757,7 @@ def main() -> None:
     rows = stored(given.out)
     if given.table:
         show(rows)
-        show(summary(rows))
+        print(page_table(rows))
         for name, group in GROUPS.items():
             chart_figure(chart(rows, group)).savefig(PICTURES / name, bbox_inches="tight", dpi=110)
         return

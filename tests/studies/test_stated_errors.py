@@ -140,3 +140,17 @@ def test_the_stored_table_covers_thirty_mechanisms_of_all_kinds(table):
     assert len({row.kind for row in rows}) >= 9
     sampled = [row.seeds for row in rows if table.TITLES[row.error] in ("sampling", "indices")]
     assert min(sampled) >= 20
+
+
+def test_the_stored_table_covers_thirty_mechanisms_of_all_kinds(table):
+    rows = table.stored(table.STORED)
+    for error in table.TITLES:
+        least = {"first index": 25, "total index": 25, "posterior": 4}.get(error, 30)
+        assert len({row.mechanism for row in rows if row.error == error}) >= least, error
+    assert len({row.kind for row in rows}) >= 9
+    assert min(row.seeds for row in rows if table.TITLES[row.error] in ("sampling", "indices", "posterior")) >= 20
+
+
+def test_the_page_shows_the_stored_table(table):
+    page = (ROOT / "docs" / "explanation" / "stated_errors.md").read_text(encoding="utf-8")
+    assert table.page_table(table.stored(table.STORED)) in page
