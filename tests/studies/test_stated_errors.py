@@ -134,17 +134,6 @@ def test_rows_that_hold_in_the_stored_table_hold_with_fewer_seeds(error, table):
 def test_the_stored_table_covers_thirty_mechanisms_of_all_kinds(table):
     rows = table.stored(table.STORED)
     for error in table.TITLES:
-        own = [row for row in rows if row.error == error]
-        least = {"posterior": 15, "first index": 25, "total index": 25}.get(error, 30)
-        assert len({row.mechanism for row in own}) >= least, error
-    assert len({row.kind for row in rows}) >= 9
-    sampled = [row.seeds for row in rows if table.TITLES[row.error] in ("sampling", "indices")]
-    assert min(sampled) >= 20
-
-
-def test_the_stored_table_covers_thirty_mechanisms_of_all_kinds(table):
-    rows = table.stored(table.STORED)
-    for error in table.TITLES:
         least = {"first index": 25, "total index": 25, "posterior": 4}.get(error, 30)
         assert len({row.mechanism for row in rows if row.error == error}) >= least, error
     assert len({row.kind for row in rows}) >= 9
