@@ -125,7 +125,7 @@ def check_label(label: object) -> str:
     name = check_name(label, "label")
     if name in RESERVED_LABELS:
         raise StudyError(
-            f"label {name!r}: that name belongs to a part of the results; choose another, none of "
+            f"label {name!r}: that name belongs to a part of the results; choose another; reserved are "
             f"{', '.join(sorted(RESERVED_LABELS))}."
         )
     if len(name.encode()) > LONGEST_LABEL:

@@ -286,6 +286,6 @@ def _dispersion(where: str, dispersion: Any, size: int, what: str) -> float:
     if not number or not 0 < float(dispersion) < largest:
         raise StudyError(
             f"{where}: dispersion is {dispersion!r}; expected more than 0 and less than {largest:.4g} for {what}, such "
-            "as 0.1: beyond, its inverse has no finite variance, and so have accelerations."
+            "as 0.1. For larger values the variance of accelerations is infinite."
         )
     return float(dispersion)
