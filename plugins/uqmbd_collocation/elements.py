@@ -5,13 +5,13 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PolynomialChaos, Status
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, Status
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of
@@ -77,6 +77,29 @@ class _ElementSplitting:
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
+    def verified(self, chaos: PiecewiseChaos, kept: Sequence[int]) -> PiecewiseChaos:
+        """Verify elements, by their numbers in the order of computation, at further points where errors are large."""
+        if not self.plans.verify:
+            return chaos
+        room = self.plans.max_realisations - self.spent
+        points = uqmbd.extend.VerificationPoints.of_errors(chaos, self.spent, self.plans.seed, STREAM)
+        if not 0 < sum(map(len, points)) <= room:
+            return chaos
+        wanted = [self.done[k].runs.space.to_inputs(own.germs) for k, own in zip(kept, points, strict=True)]
+        found = self.problem.realise(np.concatenate(wanted))
+        self.counters.update(found.counters)
+        start, elements = 0, []
+        for k, own, element in zip(kept, points, chaos.elements, strict=True):
+            one, more = self.done[k], found[start : start + len(own)]
+            start += len(own)
+            if len(own):
+                both = one.runs.joined(own.germs, more)
+                known = one.verification.joined(uqmbd.extend.Verification.of(element.space, own, more))
+                self.done[k] = replace(one, runs=both, verification=known)
+                element = known.chaos(one.fit.coefficients, one.fit.multi_index, self.problem.labels)
+            elements.append(element)
+        return PiecewiseChaos(tuple(elements), chaos.boxes)
+
 
 def collocate_elements(
     propagator: uqmbd.extend.Propagator,
@@ -99,6 +122,7 @@ def collocate_elements(
         refined = uqmbd.extend.refine_elements(
             space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
         )
+        chaos = work.verified(refined.chaos, refined.kept)
     problem.progress.finish(problem.label)
     kept = [work.done[k] for k in refined.kept]
     for text in dict.fromkeys(text for one in kept for text in one.warned):
@@ -112,12 +136,12 @@ def collocate_elements(
         )
     return problem.node(
         propagator,
-        refined.chaos.statistics(),
+        chaos.statistics(),
         realisations=work.spent,
         wall_time=problem.clock() - begin,
         counters=dict(work.counters),
         children={
-            "chaos": refined.chaos.to_dataset(),
+            "chaos": chaos.to_dataset(),
             "nodes": _nodes(work, refined.kept),
             "elements": refined.steps,
         },
@@ -125,8 +149,8 @@ def collocate_elements(
             "failures": sum(int((one.runs.status != Status.OK).sum()) for one in work.done),
             "failed_share": _failed_share(kept),
             "fit": f"{len(kept)} elements, each by {work.done[0].fit.how}",
-            "terms": len(refined.chaos.multi_index),
-            "highest_degree": int(refined.chaos.multi_index.max()),
+            "terms": len(chaos.multi_index),
+            "highest_degree": int(chaos.multi_index.max()),
             "nodes": sum(len(np.unique(one.fit.where)) + one.fit.failed for one in kept),
             "verification": sum(len(one.verification) for one in kept),
             "elements": len(kept),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -81,6 +81,19 @@ class CollocationRuns:
         rows = runs.missing(germs)
         runs._add(germs[rows], found[rows])
         return runs
+
+    def joined(self, germs: Array, found: uqmbd.extend.Realisations) -> CollocationRuns:
+        """Return the runs with further realisations at `germs` (K, d), other points than those before."""
+        more = replace(
+            self,
+            counters=Counter(self.counters),
+            _where=dict(self._where),
+            _germs=[*self._germs],
+            _parts=[*self._parts],
+        )
+        rows = more.missing(germs)
+        more._add(germs[rows], found[rows])
+        return more
 
     def __len__(self) -> int:
         return len(self._where)

@@ -50,6 +50,7 @@ class EventTrajectories:
     spent: int = 0  # realisations so far
     counters: Counter[str] = field(default_factory=Counter)
     _known: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
+    _verified: dict[bytes, uqmbd.extend.History] = field(default_factory=dict)
 
     points: ClassVar[int] = POINTS
     failures: ClassVar[int] = 0
@@ -159,6 +160,25 @@ class EventTrajectories:
                 begin, end = self.problem.times[[0, -1]]
                 self.longer = min(float((last - begin) / (end - begin)) + MARGIN, LONGEST)
         return [self._known[key] for key in keys]
+
+    def event_times(self, values: Array, sequence: tuple[str, ...]) -> Array:
+        """Return times (K, S) at which segments end in verification realisations at inputs (K, d), s.
+
+        NaN where another event ends one, or the realisation fails. They change nothing that is known of nodes.
+        """
+        keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
+        missing = [k for k, key in enumerate(keys) if key not in self._verified and key not in self._known]
+        if missing:
+            known = self.problem.watching().histories(values[missing], 2, len(sequence), self.longer)
+            self.spent += len(missing)
+            self._verified.update((keys[k], history) for k, history in zip(missing, known, strict=True))
+        found = np.full((len(keys), len(sequence)), np.nan)
+        for row, key in zip(found, keys, strict=True):
+            history = self._verified.get(key) or self._known[key]
+            pairs = list(zip(history.labels, sequence, strict=False))
+            count = next((k for k, (own, other) in enumerate(pairs) if own != other), len(pairs))
+            row[:count] = history.edges[1 : count + 1]
+        return found
 
     @property
     def _end(self) -> float:

@@ -12,7 +12,7 @@ from uqmbd.arguments import NotNegative, Seed, Share, Size, shown, typechecked
 from uqmbd.errors import StudyError
 from uqmbd.propagation.execution import Realisations
 from uqmbd.randomness import GermBox, GermSpace, TailMixture
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PiecewiseChaos, PolynomialChaos
 from uqmbd.results.chaos import weighted_std
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index, Mask
@@ -22,6 +22,9 @@ __all__ = ["FEWEST", "Verification", "VerificationPoints"]
 
 FEWEST = 3
 """Verification realisations that every element gets, however improbable."""
+
+FURTHER = 0.15
+"""Further verification realisations where elements are wrong, over all realisations so far."""
 
 
 @typechecked
@@ -100,6 +103,61 @@ class VerificationPoints:
             share = max(FEWEST, math.ceil(count * box.probability)) if count else 0
             own = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
             found.append(cls.drawn(box.local, share, own, stream))
+        return found
+
+    @classmethod
+    def of_errors(cls, chaos: PiecewiseChaos, realisations: Size, seed: Seed, stream: Seed) -> list[VerificationPoints]:
+        """Return further points of elements, by what these contribute to the stated error, as local germs.
+
+        Few points of an element that a jump or a kink crosses determine its error poorly, though most of the error of
+        the whole is there. Elements that differ from their neighbours at common faces count as crossed.
+
+        Parameters
+        ----------
+        chaos : PiecewiseChaos
+            With the verification realisations so far.
+        realisations : int
+            All that were computed so far; the further points are at most 15 % as many.
+        seed : int
+            Of the method.
+        stream : int
+            Of the seed, for this use.
+
+        Returns
+        -------
+        list of VerificationPoints
+            Of each element; some have none.
+
+        Examples
+        --------
+        Of two constants, which approximate the sign of a germ and one more jump, the second one is wrong:
+
+        >>> import chaospy, numpy as np, uqmbd
+        >>> from uqmbd.results import PiecewiseChaos, PolynomialChaos
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), uqmbd.extend.labels(["y"], ["a"], [0.0])
+        >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
+        >>> seen = {"verification_germs": [[-0.5], [0.5]], "verification_response": [[[1.0]], [[2.0]]]}
+        >>> parts = [PolynomialChaos([[[-1.0]]], [[0]], boxes[0].local, axes)]
+        >>> parts.append(PolynomialChaos([[[1.0]]], [[0]], boxes[1].local, axes, **seen))
+        >>> chaos = PiecewiseChaos(tuple(parts), boxes)
+        >>> [len(points) for points in VerificationPoints.of_errors(chaos, 40, seed=0, stream=1)]
+        [0, 6]
+        """
+        known = [
+            np.zeros(chaos.labels.shape) if e.verification_germs is None else e.verification_rms()
+            for e in chaos.elements
+        ]
+        squares = chaos.probabilities[:, None] * np.stack(known).reshape(len(known), -1) ** 2
+        total = squares.sum(axis=0)
+        shares = np.divide(squares, total, out=np.zeros_like(squares), where=total > 0).mean(axis=1)
+        counts = np.floor(FURTHER * realisations * shares / max(shares.sum(), 1e-300)).astype(int)
+        found = []
+        for number, (box, count) in enumerate(zip(chaos.boxes, counts.tolist(), strict=True)):
+            own = int(np.random.SeedSequence([seed, number, 1]).generate_state(1)[0])
+            found.append(cls.drawn(box.local, count, own, stream))
         return found
 
     def __len__(self) -> int:
@@ -185,6 +243,40 @@ class Verification:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def joined(self, other: Verification) -> Verification:
+        """Return these realisations and others of the same germ space, each of which counts by its weight.
+
+        Parameters
+        ----------
+        other : Verification
+            Of the same germ space.
+
+        Returns
+        -------
+        Verification
+            Of both.
+
+        Examples
+        --------
+        >>> import chaospy, numpy as np, uqmbd
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))
+        >>> mechanism = uqmbd.Mechanism("inputs", uqmbd.Line())
+        >>> mechanism.output("a", a)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+        >>> points = uqmbd.extend.VerificationPoints.drawn(space, 4, seed=0, stream=1)
+        >>> one = uqmbd.extend.Verification(space, points, points.germs[:, :, None], asked=4)
+        >>> len(one.joined(one)), one.joined(one).asked
+        (8, 8)
+        """
+        asked = self.asked + other.asked
+        both = VerificationPoints(
+            np.concatenate([self.points.germs, other.points.germs]),
+            np.concatenate([self.points.weights, other.points.weights]),
+        )
+        response = np.concatenate([self.response, other.response])
+        lost = (self.asked * self.lost + other.asked * other.lost) / max(asked, 1)
+        return replace(self, points=both, response=response, asked=asked, reason=self.reason or other.reason, lost=lost)
 
     @property
     def known(self) -> dict[str, Array]:

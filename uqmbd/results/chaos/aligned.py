@@ -282,6 +282,15 @@ class AlignedChaos(Surrogate):
         count = max(int(np.count_nonzero(self._times <= self._times[-1] - late)), 1)
         return self.selected(times=range(count))
 
+    @cached_property
+    def _unseen(self) -> Array:
+        """Root mean squares (O, T) of errors in thin layers: at events, and by faces of elements."""
+        layers = sum(
+            element.box.probability * element._layer_mean_squares(element.box.local, self.multi_index, self._times)
+            for element in self.elements
+        )
+        return np.asarray(np.sqrt(super()._unseen ** 2 + layers))
+
     @property
     def _times(self) -> Array:
         return np.asarray(self.labels.times)

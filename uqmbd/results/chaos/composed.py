@@ -385,6 +385,10 @@ class ComposedChaos(Surrogate):
         return self._gathered(lambda part: part._stated_error, 0)
 
     @cached_property
+    def _unseen(self) -> Array:
+        return self._gathered(lambda part: part._unseen, 0)
+
+    @cached_property
     def _constant(self) -> Mask:
         return np.asarray(self._gathered(lambda part: part._constant.astype(float), 0) > 0)
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from uqmbd.arguments import Bounds, Count, Seed, typechecked
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
+from uqmbd.results.chaos.boxes import face_mean_squares, rows_of_boxes
 from uqmbd.results.chaos.container import SurrogateContainer
 from uqmbd.results.chaos.labelled import DERIVATIVE, VALUE, Named, labelled_array, points_of, surrogate_statistics
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
@@ -577,7 +578,7 @@ class Surrogate(SurrogateContainer):
         [[0.0707]]
         """
         germs, response, weights = self._verified
-        return root_mean_square(self.evaluate_germs(germs) - response, weights)
+        return np.asarray(np.maximum(root_mean_square(self.evaluate_germs(germs) - response, weights), self._unseen))
 
     def verification_std(self) -> Array:
         """Return the standard deviation (O, T) of the outputs by the weighted verification realisations.
@@ -637,7 +638,19 @@ class Surrogate(SurrogateContainer):
             self.std.reshape(shape),
             weights,
             terms=self._moments.summands,
+            unseen=self._unseen.reshape(shape),
         )
+
+    @cached_property
+    def _unseen(self) -> Array:
+        """Root mean squares (O, T) of errors in thin layers that verification points miss: by faces of elements."""
+        if len(self._boxes) < 2:
+            return np.zeros(self.labels.shape)
+        # the outermost of n Gauss nodes is about 1 / n^2 of the probability away from a face
+        known = np.full(len(self._boxes), (int(self.multi_index.max()) + 1) ** 2)
+        if self.verification_germs is not None:
+            known = np.maximum(known, [len(rows) for rows in rows_of_boxes(self._boxes, self.verification_germs)])
+        return np.sqrt(face_mean_squares(self._boxes, self._evaluate, known.tolist()))
 
     @property
     def _verified(self) -> tuple[Array, Array, Array]:

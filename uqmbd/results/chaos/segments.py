@@ -15,11 +15,12 @@ from uqmbd.arguments import Bounds, shown, typechecked
 from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
+from uqmbd.results.chaos.sampling import basis_values, spread_germs
 from uqmbd.results.schema import fixed_width
-from uqmbd.typing import Array, Mask
+from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
-    from uqmbd.randomness import GermBox
+    from uqmbd.randomness import GermBox, GermSpace
 
 __all__ = ["AlignedElement", "Markers", "SampledSegments", "Segmented"]
 
@@ -32,6 +33,9 @@ NOISE = 1e-10
 
 AT_ONCE = 64
 """Samples that are differentiated at once."""
+
+DENSITY_SAMPLES, NARROW = 4096, 0.0625
+"""Samples from which the density of event times is estimated, and its bandwidth over their standard deviation."""
 
 MOST_POINTS = 10_000
 """Points of a segment, at most."""
@@ -57,6 +61,8 @@ class AlignedElement(GermElement):
         Coefficients of the outputs in Chebyshev polynomials of each segment's normalised time.
     landmarks : {"events", "phase", "time"}
         Where segments end: at events, at equal phases of a clock, or at equal times.
+    event_errors : tuple of float, length S
+        Mean absolute error of the time at which each segment ends, s, where an event ends it; NaN: unknown.
 
     Examples
     --------
@@ -82,6 +88,82 @@ class AlignedElement(GermElement):
     edges: Array
     segments: Array
     landmarks: Markers = "events"
+    event_errors: tuple[float, ...] = ()
+
+    def _layer_mean_squares(self, space: GermSpace, terms: Index, times: Array) -> Array:
+        """Return the mean square (O, T) of errors between predicted and true times of events, by local germs, s.
+
+        There the output has already jumped in one of surrogate and mechanism. Such a layer is thinner than the
+        distance of verification realisations, so that these do not see it: its probability is that of an event within
+        the mean error of its time.
+        """
+        found = np.zeros((self.segments.shape[2], len(times)))
+        jumping = [s for s, error in enumerate(self.event_errors[:-1]) if self.events[s] and error > 0]
+        if not jumping:
+            return found
+        germs = spread_germs(space, DENSITY_SAMPLES, 0)
+        basis, growth = basis_values(space, germs, terms), _growth(space, germs, terms)
+        edges = self.table.edges_at(basis)
+        signs = (-1.0) ** np.arange(self.segments.shape[-1])
+        for s in jumping:
+            at, error = edges[:, s + 1], self.event_errors[s]
+            before, after = self.segments[:, s].sum(axis=-1), self.segments[:, s + 1] @ signs
+            squares = growth[:, None] * (basis @ (after - before)) ** 2  # (M, O)
+            # times of events (M,) within a bandwidth of each time, in order
+            order = np.argsort(at)
+            at, squares = at[order], squares[order]
+            summed = np.concatenate([np.zeros((1, squares.shape[1])), np.cumsum(squares, axis=0)])
+            width = max(error / 2, NARROW * float(at.std()))
+            low, high = (np.searchsorted(at, times + side * width) for side in (-1, 1))
+            found += error * ((summed[high] - summed[low]) / (2 * width * len(at))).T
+        return found
+
+    @typechecked
+    def verified(self, space: GermSpace, terms: Index, germs: Array, weights: Array, ends: Array) -> Self:
+        """Return it with the errors of its event times, from realisations that did not enter it.
+
+        Parameters
+        ----------
+        space : GermSpace
+            Conditional distribution in its box.
+        terms : array of int, shape (P, d)
+            Degrees of the terms.
+        germs, weights : array, shape (V, d) and (V,)
+            Verification points, and what each counts.
+        ends : array, shape (V, S)
+            Times at which their segments end, s; NaN: unknown.
+
+        Returns
+        -------
+        AlignedElement
+            With `event_errors`.
+
+        Examples
+        --------
+        >>> import chaospy
+        >>> import numpy as np
+        >>> import uqmbd
+        >>> from uqmbd.extend import AlignedElement
+        >>> speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 3), units="m/s")
+        >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line())
+        >>> stone = mechanism.body("stone", mass=1, velocity=speed)
+        >>> space = uqmbd.extend.GermSpace.of(mechanism.inputs)
+        >>> whole, terms = uqmbd.extend.GermBox.whole(space), np.array([[0]])
+        >>> values = np.zeros((1, 2, 1, 3))
+        >>> element = AlignedElement.through(whole, ("stop", ""), np.array([[0.0, 1.0, 2.0]]), values, "events")
+        >>> ends = np.array([[1.1, 2.0], [0.9, 2.0]])
+        >>> found = element.verified(space, terms, np.array([[-0.5], [0.5]]), np.ones(2), ends)
+        >>> np.round(found.event_errors, 2).tolist()  # a polynomial of order 1 is half as large there as on average
+        [0.1, nan]
+        """
+        wrong = np.abs(self.table.edges_at(basis_values(space, germs, terms))[:, 1:] - ends)
+        known = np.isfinite(wrong) & np.array([bool(event) for event in self.events])
+        counted = np.where(known, weights[:, None], 0.0)
+        # errors are as large on average as at these points, where the next polynomials are as large as on average
+        size = _growth(space, germs, terms) @ counted
+        total = (np.where(known, wrong, 0.0) * counted).sum(axis=0)
+        errors = np.divide(total, size, out=np.full(size.shape, np.nan), where=size > 0)
+        return replace(self, event_errors=tuple(errors.tolist()))
 
     @staticmethod
     def points(count: Annotated[int, Bounds(2, MOST_POINTS)]) -> Array:
@@ -191,6 +273,18 @@ class SampledSegments(SampledPiece):
         return edges, moving
 
 
+def _growth(space: GermSpace, germs: Array, terms: Index) -> Array:
+    """Return the size (K,) of the polynomials of the next degree, which errors of terms (P, d) follow, of mean one."""
+    degree = int(terms.max(initial=0)) + 1
+    free = [k for k, germ in enumerate(space.germs) if germ.values is None or degree < germ.values]
+    if not free:
+        return np.ones(len(germs))
+    following = degree * np.eye(space.dimension, dtype=np.int64)[free]
+    both = np.concatenate([spread_germs(space, DENSITY_SAMPLES, 0), germs])
+    found = np.sqrt((basis_values(space, both, following) ** 2).sum(axis=1))
+    return np.asarray(found[-len(germs) :] / found[: -len(germs)].mean())
+
+
 def _chebyshev_slopes(x: Array, powers: int) -> Array:
     """Return the derivatives (..., N) of the first N Chebyshev polynomials."""
     found = np.zeros((*x.shape, powers))
@@ -221,12 +315,18 @@ class Segmented(OverTime):
         most, powers = (max(e.segments.shape[k] for e in elements) for k in (1, 3))
         edges = np.full((len(elements), terms, most + 1), np.nan)
         segments = np.zeros((len(elements), terms, most, outputs, powers))
+        errors = np.full((len(elements), most), np.nan)
         events = [["" for _ in range(most)] for _ in elements]
         for k, e in enumerate(elements):
             count = e.segments.shape[1]
             edges[k, :, : count + 1], segments[k, :, :count, :, : e.segments.shape[3]] = e.edges, e.segments
             events[k][:count] = e.events
-        return {
+            errors[k, : len(e.event_errors)] = e.event_errors
+        stated = {}
+        if any(e.event_errors for e in elements):
+            about = {"long_name": "mean absolute error of event times", "units": "s"}
+            stated["event_error"] = (("element", "segment"), errors, about)
+        return stated | {
             "edge_coefficients": (
                 ("element", "term", "edge"),
                 edges,
@@ -266,6 +366,7 @@ class Segmented(OverTime):
                 data["edge_coefficients"].values[k, :, : count + 1],
                 segments[k, :, :count],
                 kinds[k],
+                tuple(data["event_error"].values[k, :count].tolist()) if "event_error" in data else (),
             )
             for k, (box, count) in enumerate(zip(boxes, data["segments"].values.tolist(), strict=True))
         ]

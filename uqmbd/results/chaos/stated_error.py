@@ -32,13 +32,23 @@ KNOWN = 2.0
 
 
 def compute_stated_error(
-    surrogate: Array, response: Array, mean: Array, std: Array, weights: Array, *, terms: int = 1
+    surrogate: Array,
+    response: Array,
+    mean: Array,
+    std: Array,
+    weights: Array,
+    *,
+    terms: int = 1,
+    unseen: Array | float = 0.0,
 ) -> Array:
-    """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`."""
+    """Return the weighted root mean square (O, T) of surrogate minus response (V, O, T), over `reference_spread`.
+
+    At least `unseen` (O, T), an error that the realisations miss.
+    """
     # An output that does not vary in the chaos at any time is compared with the root mean square of the responses about
     # its mean: 1, the surrogate misses all.  A difference that is rounding of the mean counts as 0; the standard
     # deviation comes from so many terms, for its rounding.
-    error = root_mean_square(surrogate - response, weights)
+    error = np.maximum(root_mean_square(surrogate - response, weights), unseen)
     constant = constant_columns(mean, std, terms)
     missed = root_mean_square(response - mean, weights)
     # a time at which nothing is known does not make the output vary
