@@ -146,9 +146,9 @@ class _AlignedElements(ElementFits):
         """
         element = chaos.elements[0]
         events = np.array([bool(label) for label in element.events])
-        if isinstance(self.source, PhasePaths) or not events.any() or not len(points):
+        if isinstance(self.source, PhaseTrajectories) or not events.any() or not len(points):
             return chaos
-        paths = self.source.events if isinstance(self.source, CombinedPaths) else self.source
+        paths = self.source.events if isinstance(self.source, CombinedTrajectories) else self.source
         few = points[: min(len(points), max(int(FOLLOWED * (nodes + len(points))), 1))]
         ends = np.full((len(few), len(events)), np.nan)
         ends[:, events] = paths.event_times(box.space.to_inputs(few.germs), tuple(x for x in element.events if x))
