@@ -109,8 +109,7 @@ class VerificationPoints:
     def of_errors(cls, chaos: PiecewiseChaos, realisations: Size, seed: Seed, stream: Seed) -> list[VerificationPoints]:
         """Return further points of elements, by what these contribute to the stated error, as local germs.
 
-        Few points of an element that a jump or a kink crosses determine its error poorly, though most of the error of
-        the whole is there. Elements that differ from their neighbours at common faces count as crossed.
+        Most of the error is in elements that a jump or a kink crosses. Few points determine it poorly. Elements that differ from their neighbours at common faces count as crossed.
 
         Parameters
         ----------
