@@ -109,7 +109,7 @@ class VerificationPoints:
     def of_errors(cls, chaos: PiecewiseChaos, realisations: Size, seed: Seed, stream: Seed) -> list[VerificationPoints]:
         """Return further points of elements, by what these contribute to the stated error, as local germs.
 
-        Most of the error is in elements that a jump or a kink crosses. Few points determine it poorly. Elements that differ from their neighbours at common faces count as crossed.
+        Most of the error is in elements that a jump or a kink crosses. Few points determine it poorly.
 
         Parameters
         ----------
