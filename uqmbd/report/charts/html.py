@@ -91,8 +91,8 @@ def chart_figure(*charts: Chart) -> Figure:
 def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str = "Chart") -> str:
     """Return charts of which one is seen at a time, for a section of the report, as HTML.
 
-    They are what `chart_html` says, along any axis; buttons with their titles choose. Without scripts a note stands
-    there. On paper all of them are drawn. All texts are plain text, and are escaped here.
+    They are what `chart_html` says, along any axis; buttons with their titles choose. Without scripts a figure
+    of all charts stands there. On paper all of them are drawn. All texts are plain text, and are escaped here.
 
     Parameters
     ----------
@@ -127,8 +127,7 @@ def charts_html(charts: Sequence[Chart], alt: str, caption: str, *, choose: str 
     titles = [chart.title for chart in charts]
     if len(set(titles)) < len(titles):
         raise StudyError(f"charts_html: the charts have the titles {titles}; expected a different title for each.")
-    views = Views([checked_chart(chart) for chart in charts], choose)
-    return image_html({"source": "", "alt": alt, "caption": caption, "problem": ""}, json_script(page_data(views)))
+    return still_html(Views([checked_chart(chart) for chart in charts], choose), alt, caption)
 
 
 @typechecked

@@ -16,7 +16,7 @@ const legendText = ({ methods, limits, boxes, title }) =>
 
 /** Make the charts of a figure: data are `choose` (what is chosen), `seen` (which is first) and `views`, each with a title. */
 export function makeViews(figure, { choose, seen, views }) {
-  const described = figure.dataset.alt ?? "";
+  const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small") ? " small" : "";
   const sharesLegend = new Set(views.map(legendText)).size === 1 && views.length > 1;
   const parts = views.map((view, k) => {
