@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.charts import packed
+from uqmbd.report.charts import Kind, packed
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
 from uqmbd.wording import typeset_units
@@ -46,11 +46,9 @@ def collect_nearest_data(
     `collect_explorer_data`. Return the same data, with realisations (`nearest`) in place of surrogates.
     """
     inner = node.children.get("scalars")
-    parts = {"histories": node, "scalars": inner}
+    parts = {"histories": node} | ({} if inner is None else {"scalars": inner})
     samples = {
-        kind: part.children["samples"].to_dataset()
-        for kind, part in parts.items()
-        if part is not None and "samples" in part.children
+        kind: part.children["samples"].to_dataset() for kind, part in parts.items() if "samples" in part.children
     }
     samples = {kind: data for kind, data in samples.items() if data.sizes.get("output") and data.sizes.get("input")}
     if not samples or len({data.sizes["sample"] for data in samples.values()}) > 1:
@@ -67,7 +65,7 @@ def collect_nearest_data(
     for kind, data in samples.items():
         chosen = data.sel(output=names[kind]) if kind in names else data
         places = _places(chosen, len(rows))
-        statistics = parts[kind].children["statistics"].to_dataset().sel(output=chosen["output"].values)  # type: ignore[union-attr]
+        statistics = parts[kind].children["statistics"].to_dataset().sel(output=chosen["output"].values)
         found[kind] = {"surrogate": _part(chosen, rows, places)} | {
             name: packed(_along(statistics[name], places)) for name in ("mean", "std")
         }
@@ -104,7 +102,7 @@ def _part(data: xr.Dataset, rows: Index, places: Index | None) -> dict[str, Any]
     origin = response[0]
     with np.errstate(over="ignore"):
         distance = response - origin
-    kind = "float32" if np.abs(distance).max(initial=0.0) < np.finfo(np.float32).max else "float64"
+    kind: Kind = "float32" if np.abs(distance).max(initial=0.0) < np.finfo(np.float32).max else "float64"
     columns = zip(*(_texts(data, name) for name in ("input", "input_units", "input_description")), strict=True)
     return {
         "nearest": True,
