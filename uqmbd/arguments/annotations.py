@@ -82,7 +82,8 @@ class Bounds:
 
     def __post_init__(self) -> None:
         """Refuse bounds that no number is within."""
-        ends = all(isinstance(x, Real) and not isinstance(x, bool) and bool(x == x) for x in (self.least, self.most))
+        pair: tuple[Any, ...] = (self.least, self.most)
+        ends = all(isinstance(x, Real) and not isinstance(x, bool) and bool(x == x) for x in pair)
         if not ends or not isinstance(self.above, bool) or not self.least <= self.most:
             raise StudyError(
                 f"Bounds: least is {str(self.least)[:40]}, most is {str(self.most)[:40]} and above is "

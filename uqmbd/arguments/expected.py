@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import types
@@ -58,8 +59,8 @@ def returned(function: str, value: Returned, annotation: Any) -> Returned:
 def _finite(value: Any) -> bool:
     """Return whether a number, and each number of a row or a mapping, is neither NaN nor infinite."""
     entries = list(value.values()) if isinstance(value, Mapping) else each(value)
-    floats = [x for x in entries[:MANY] if isinstance(x, (float, np.floating))]
-    return all(abs(x) <= sys.float_info.max for x in floats)
+    floats = [float(x) for x in entries[:MANY] if isinstance(x, (float, np.floating))]
+    return all(map(math.isfinite, floats))
 
 
 def _literals(annotation: Any) -> list[Any]:
