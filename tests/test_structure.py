@@ -22,12 +22,12 @@ MOST_LINES = 420
 """Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
 
 STATEMENTS = {
-    "uqmbd": 800,
+    "uqmbd": 810,
     "uqmbd.arguments": 500,
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2020,
-    "uqmbd.dynamics": 13460,
+    "uqmbd.dynamics": 13490,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 153,
     "uqmbd.mechanism": 4550,

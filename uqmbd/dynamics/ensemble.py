@@ -1,4 +1,7 @@
-"""The ensemble: K realisations of one model, the numerical heart that every propagator shares."""
+"""The ensemble: K realisations of one model, the numerical heart that every propagator shares.
+
+Length: it is one class, whose methods are the whole protocol of integrators.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from uqmbd.arguments import shown, typechecked
 from uqmbd.dynamics.assembly import Start, assemble, gradient_lengths
 from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
 from uqmbd.dynamics.control import Sampling
-from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration import Interval, pace
 from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.dynamics.observation import energies, observe, observe_along
@@ -256,6 +259,59 @@ class Ensemble:
         q, s, v = self.model.layout.split(states)
         a, _, rates = accelerations(self.model, q, s, v, time, self.block)
         return np.concatenate([v, rates, a], axis=1)
+
+    def accelerations(self, time: Array | float, states: Array) -> tuple[Array, Array]:
+        """Solve the equations of motion for accelerations and multipliers.
+
+        Parameters
+        ----------
+        time : float, or array, shape (K,)
+            s.
+        states : array, shape (K, 2 coordinate + state)
+            As for `rates`.
+
+        Returns
+        -------
+        tuple of array, shapes (K, coordinate) and (K, kept)
+            Accelerations of all coordinates, and the multipliers of the kept `equations`; NaN where the equations are
+            singular.
+        """
+        return accelerations(self.model, *self.model.layout.split(states), time, self.block)[:2]
+
+    def equations_of_motion(self, time: Array | float, states: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the numbers of ``M a + D^T lambda = f`` and ``D a = g`` for the kept `equations`.
+
+        Parameters
+        ----------
+        time : float, or array, shape (K,)
+            s.
+        states : array, shape (K, 2 coordinate + state)
+            As for `rates`; they need not be on the constraints.
+
+        Returns
+        -------
+        tuple of array
+            The mass matrix M (K, coordinate, coordinate), the forces f (K, coordinate) with those of inertia, the
+            Jacobian D of the constraints (K, kept, coordinate), and g (K, kept).
+        """
+        model = self.model
+        found = model.evaluate("acceleration", state_arguments(time, *model.layout.split(states)), self.block)
+        kept = model.layout.kept
+        return found["mass"], found["force"], found["d"][:, kept], found["gamma"][:, kept]
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Names of the kept constraint equations, in the order of multipliers: redundant ones are left out."""
+        return tuple(self.model.equations[k] for k in self.model.layout.kept)
+
+    @property
+    def unknowns(self) -> dict[str, slice]:
+        """Parts of the unknowns ``y`` of `residual`, by letter: ``q``, ``s``, ``v``, and multipliers ``l``, ``m``.
+
+        ``q`` and ``v`` are the coordinates that no constraint freezes, and ``l`` and ``m`` the kept equations without
+        those that freeze one.
+        """
+        return dict(self.model.layout.slices)
 
     def on_constraints(self, time: Array | float, states: Array) -> Array:
         """Project states that are nearly on the constraints onto them, in position and velocity, by the least change.

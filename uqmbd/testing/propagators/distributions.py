@@ -60,7 +60,7 @@ def _count(node: xr.DataTree, known: ReferenceSolution) -> float:
     if stored_surrogates(node):
         return np.inf
     if "samples" in node.children:
-        return float((node.children["samples"]["status"].values == 0).sum())
+        return float(np.count_nonzero(node.children["samples"]["status"].values == 0))
     statistics = node.children["statistics"].to_dataset()
     if "std_error_mean" in statistics:
         error = statistics["std_error_mean"].values
