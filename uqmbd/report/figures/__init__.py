@@ -5,6 +5,7 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 
 from __future__ import annotations
 
+from uqmbd.report.figures.approaches import Approach, OutputLimit, closest_approach, deviation_chart
 from uqmbd.report.figures.decay import (
     LARGEST,
     coefficient_decay,
@@ -79,12 +80,14 @@ from uqmbd.report.figures.timeless import (
 )
 
 __all__ = [
+    "Approach",
     "ENOUGH",
+    "FailureGroup",
+    "Indices",
     "LARGEST",
     "MOST_SCALARS",
     "OF_GERMS",
-    "Indices",
-    "FailureGroup",
+    "OutputLimit",
     "Results",
     "Samples",
     "automatic_times",
@@ -94,12 +97,14 @@ __all__ = [
     "changing_with_time",
     "chaos_nodes",
     "chaos_of",
+    "closest_approach",
     "coefficient_decay",
     "convergence",
     "cost_chart",
     "decay_chart",
     "densities_chart",
     "design_of",
+    "deviation_chart",
     "difference_chart",
     "differences",
     "earliest_events",

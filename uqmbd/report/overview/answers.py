@@ -11,11 +11,12 @@ import xarray as xr
 
 from uqmbd.names import ANY
 from uqmbd.report import figures, live
-from uqmbd.report.charts import Chart, Views, charted, json_script, several
+from uqmbd.report.charts import Chart, Views, charted, json_script
 from uqmbd.report.drawing import still_image
 from uqmbd.report.figures import band_edges
 from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
+from uqmbd.report.overview.margins import chart_in_view, margin_words, tightening, yield_words
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
@@ -54,7 +55,15 @@ def asked(result: StudyResult) -> Content:
         more = len(rows) - ROWS
         shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
         words = "" if allowed is None else format_probability(float(allowed))
-        return {"kind": "requirements", "rows": shown, "more": max(more, 0), "allowed": words}
+        whole = rows[-1]["name"]  # any of several, or the only one
+        return {
+            "kind": "requirements",
+            "rows": shown,
+            "more": max(more, 0),
+            "allowed": words,
+            "yield": yield_words(answer_of(result, whole), len(rows) > 1),
+            "margins": any(row["margin"][0] for row in shown),
+        }
     if names := result.histories:
         every = [one for name in ranked(result, names) for one in result.assessment.of(name)]
         found = _alike(
@@ -105,6 +114,7 @@ def _requirement(result: StudyResult, name: str) -> Content:
         "sign": sign,
         "verdict": verdict,
         "sign_level": level,
+        "margin": margin_words(result, name, one.method),
         "because": _because(of_requirement(result, name)) if name != ANY else "",
         "method": one.method,
     }
@@ -248,7 +258,7 @@ def content(result: StudyResult) -> Content:
         "mechanism": mechanism_picture(result),
         "picture": _picture(result, name),
         "in_view": name,
-        "matters": None if found is None else _bars(found, of_what),
+        "matters": None if found is None else _bars(found, of_what) | _tightened(result, shown, found, of_what),
         "untold": _untold(result, shown),
         "reliability": lines[:LINES],
         "more_lines": max(len(lines) - LINES, 0),
@@ -343,6 +353,13 @@ def _bars(found: Influences, of_what: str) -> Content:
     return {"of": of_what, "bars": bars, "others": others, "kind": found.kind, "together": found.together}
 
 
+def _tightened(result: StudyResult, shown: Content, found: Influences, of_what: str) -> Content:
+    """Return what tightening each input that is shown brings for the requirement of the bars; ``halved``: or None."""
+    if shown["kind"] != "requirements" or of_what not in (str(row["name"]) for row in shown["rows"]):
+        return {"halved": None}
+    return {"halved": tightening(result, of_what, found.names[: LINES + 1])}
+
+
 def _failures(result: StudyResult) -> list[str]:
     """Say which methods had failures."""
     return [
@@ -355,13 +372,9 @@ def _failures(result: StudyResult) -> list[str]:
 def _picture(result: StudyResult, name: str) -> Content | None:
     """Return the chart of the output in view, with its limit; without one, of what is asked."""
     if name:
+        if found := chart_in_view(result, name):
+            return _charted(*found)
         holders = {one.method: result.methods[one.method].node for one in result.assessment.of(name)}
-        limits = result.limits_of(name)
-        said = "; dotted lines: limits" if limits else ""
-        words = f"{name} by {', '.join(holders)}: mean, and bands that contain 50 % and 95 % of the realisations{said}."
-        chart = figures.bands_chart(holders, name, limits=limits)
-        if several(chart):
-            return _charted(chart, words)
         density = only_density(holders, name)
         return None if density is None else _charted(*density)
     if violated := _violations(result):

@@ -110,7 +110,10 @@ def of_requirement(result: StudyResult, name: str) -> Influences | None:
     for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
         if inner is not None and name in inner["output"].values:
-            if found := _total(inner.sel(output=name), label, "of its margin "):
+            # running margins: that of the last time is of the whole motion
+            margin = inner.sel(output=name)
+            margin = margin.isel(time=-1) if "time" in margin.dims else margin
+            if found := _total(margin, label, "of its margin "):
                 return found
     return None
 

@@ -7,9 +7,11 @@ from uqmbd.results.requirements.dataset import requirement_names, requirements_d
 from uqmbd.results.requirements.intervals import clopper_pearson
 from uqmbd.results.requirements.methods import requirements_of
 from uqmbd.results.requirements.reading import Answer, answers, compare_requirements, differing, meets, unmet
+from uqmbd.results.requirements.tightening import TightenedProbability, tightened_probabilities
 
 __all__ = [
     "Answer",
+    "TightenedProbability",
     "Violations",
     "answers",
     "clopper_pearson",
@@ -19,5 +21,6 @@ __all__ = [
     "requirement_names",
     "requirements_dataset",
     "requirements_of",
+    "tightened_probabilities",
     "unmet",
 ]

@@ -34,7 +34,7 @@ from uqmbd.typing import Array
 if TYPE_CHECKING:
     from uqmbd.mechanism import Requirement
 
-__all__ = ["sampled_requirements"]
+__all__ = ["margin_bands", "margins_of", "sampled_requirements", "signs_allow"]
 
 SAMPLES = 1 << 17
 """Samples of the surrogate for probabilities of the whole motion."""
@@ -74,9 +74,9 @@ def sampled_requirements(
     them over it. Its attributes are ``samples``, ``verification`` (realisations) and ``failed`` (share). Without
     verification realisations every interval is that from 0 to 1.
     """
-    margins = _sampled(at_end, SAMPLES, seed)[:, :, 0]
+    margins = _sampled(at_end, SAMPLES, seed)
     verified = at_end.verification_germs is not None and at_end.verification_response is not None
-    bands = _bands(at_end, margins) if verified else np.full_like(margins, np.inf)
+    bands = margin_bands(at_end, margins) if verified else np.full_like(margins, np.inf)
     count = len(margins)
     happened, least, most = (
         events((margins + shift)[:, :, None])[:, :, 0].sum(axis=0) for shift in (0.0, bands, -bands)
@@ -85,7 +85,7 @@ def sampled_requirements(
     astray: list[str] = []
     if verified:
         lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
-        down, up, followed = _by_signs(at_end, margins)
+        down, up, followed = signs_allow(at_end, margins)
         lower = np.where(followed, lower, np.minimum(lower, np.maximum(probability - down, 0)))
         upper = np.where(followed, upper, np.maximum(upper, np.minimum(probability + up, 1)))
         lower, upper = failures_in(lower, upper, lost)
@@ -118,10 +118,14 @@ def sampled_requirements(
 
 
 def _sampled(chaos: Surrogate, samples: int, seed: int) -> Array:
-    """Return samples (K, requirement, T) of a surrogate of margins, some thousand at a time."""
-    germs = spread_germs(chaos.space, samples, seed)
+    """Return samples (K, requirement) of a surrogate of margins at one time."""
+    return margins_of(chaos, spread_germs(chaos.space, samples, seed))
+
+
+def margins_of(chaos: Surrogate, germs: Array) -> Array:
+    """Return margins (K, requirement) at germs (K, d) of a surrogate at one time, some thousand at a time."""
     parts = [chaos.evaluate_germs(germs[k : k + ROWS]) for k in range(0, len(germs), ROWS)]
-    return np.concatenate(parts).reshape(len(germs), len(chaos.labels.outputs), -1)
+    return np.concatenate(parts).reshape(len(germs), len(chaos.labels.outputs))
 
 
 def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, seed: int) -> Array:
@@ -138,7 +142,7 @@ def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, se
     return np.asarray(shares)
 
 
-def _bands(chaos: Surrogate, margins: Array) -> Array:
+def margin_bands(chaos: Surrogate, margins: Array) -> Array:
     """Return half the widths (K, requirement) of the band within which margins may be on the other side of a limit."""
     from scipy.special import ndtri
 
@@ -162,7 +166,7 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
     return bands
 
 
-def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def signs_allow(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return the interval from signs at verification realisations (event,), if the surrogate does not follow.
 
     Return (event,): by how much a probability may be less, and more. Return (event,): whether it is known by

@@ -1,0 +1,93 @@
+"""The closest approach of an output to its limits, and charts of deviations where bands are too narrow to be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uqmbd.report.charts import Band, Chart, Curve, Look
+from uqmbd.typing import Array
+
+__all__ = ["Approach", "OutputLimit", "closest_approach", "deviation_chart"]
+
+NARROW = 0.05
+"""Width of the outer band over the range of the chart below which the band cannot be seen."""
+
+MARGIN = 1.6
+"""End of the axis of deviations over the largest deviation, at least."""
+
+FARTHEST = 8.0
+"""End of that axis over the largest deviation, at most."""
+
+
+@dataclass(frozen=True)
+class OutputLimit:
+    """A limit of an output, by the requirement that states it."""
+
+    requirement: str
+    value: float
+    end: str  # "highest" or "lowest" allowed value; empty: unknown
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Where the mean is nearest to a limit, in standard deviations."""
+
+    limit: OutputLimit
+    place: int  # index of the time
+    margin: float  # of the mean, in the units of the output; negative beyond the limit
+    deviations: float  # the same, in standard deviations
+
+
+def closest_approach(mean: Array, std: Array, limits: Sequence[OutputLimit]) -> Approach | None:
+    """Return the closest approach of a mean (T,) with a standard deviation (T,) to limits; None without spread."""
+    found = None
+    for limit in limits:
+        away = limit.value - mean
+        margin = away if limit.end == "highest" else -away if limit.end == "lowest" else np.abs(away)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(std > 0, margin / std, np.nan)
+        if np.isfinite(scaled).any():
+            k = int(np.nanargmin(scaled))
+            if found is None or scaled[k] < found.deviations:
+                found = Approach(limit, k, float(margin[k]), float(scaled[k]))
+    return found
+
+
+def deviation_chart(chart: Chart, limits: Mapping[str, float]) -> Chart | None:
+    """Return the deviations from the mean of the first curve of a chart over time; None if its band can be seen.
+
+    `limits`: values, by their names; each is a curve, its distance from this mean.
+    """
+    first = chart.curves[0]
+    if not first.bands:
+        return None
+    base = np.asarray(first.values, dtype=float)
+    low, high = (np.asarray(edge, dtype=float) for edge in (first.bands[0].low, first.bands[0].high))
+    if not np.isfinite(base).any() or not np.isfinite(high - low).any():
+        return None
+    reach = float(np.nanmax(np.maximum(high - base, base - low)))
+    whole = float(np.nanmax(high) - np.nanmin(low))
+    if not 0 < float(np.nanmax(high - low)) < NARROW * whole:
+        return None
+    curves = [_less(curve, base) for curve in chart.curves]
+    nearest = reach
+    for name, value in limits.items():
+        away = value - base
+        look = Look(colour="limit", dash=(2.0, 2.0), width=1.4, quiet=True)
+        curves.append(Curve(f"limit: {name}", away, quantity="distance of the limit from the mean", look=look))
+        nearest = max(nearest, min(float(np.nanmin(np.abs(away))), FARTHEST * reach / MARGIN))
+    end = MARGIN * nearest
+    return replace(
+        chart, curves=curves, limits={}, ends=(-end, end), follows=False, title="deviation",
+        axis=f"deviation of {chart.name} from its mean",
+    )  # fmt: skip
+
+
+def _less(curve: Curve, base: Array) -> Curve:
+    """Return a curve and its bands less a base (T,)."""
+    bands = tuple(Band(b.name, np.asarray(b.low) - base, np.asarray(b.high) - base, b.bars) for b in curve.bands)
+    values = np.asarray(curve.values, dtype=float) - base
+    return replace(curve, values=values, bands=bands, strands=None, quantity=f"deviation of the {curve.quantity}")

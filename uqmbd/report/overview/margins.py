@@ -1,0 +1,134 @@
+"""Requirements on the first screen: yield, margins, the closest approach, and what tightening one input brings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from uqmbd.names import ANY
+from uqmbd.report.charts import Chart, Views, several
+from uqmbd.report.figures import Approach, OutputLimit, bands_chart, closest_approach, deviation_chart
+from uqmbd.report.sections import Content
+from uqmbd.report.view import StudyResult
+from uqmbd.results import Answer, answers
+from uqmbd.results.requirements import tightened_probabilities
+from uqmbd.results.schema import comparable
+from uqmbd.wording import (
+    format_cells,
+    format_interval_ends,
+    format_number,
+    format_probability,
+    format_quantity,
+    resolved_width,
+)
+
+__all__ = ["chart_in_view", "margin_words", "tightening", "yield_words"]
+
+HALF = 0.5
+"""Factor of the standard deviation of an input in the statement on tightening."""
+
+
+def yield_words(one: Answer, several_requirements: bool) -> str:
+    """State the share of realisations that meet the requirements, with its 95 % interval; empty if it is unknown."""
+    if not np.isfinite(one.probability) or one.probability in (0.0, 1.0):
+        return ""
+    width = resolved_width(one.lower, one.upper)
+    what = "all requirements met" if several_requirements else "requirement met"
+    share, interval = format_probability(1 - one.probability, width), format_interval_ends(1 - one.upper, 1 - one.lower)
+    return f"Yield ({what}): {share}, 95 % interval {interval}."
+
+
+def margin_words(result: StudyResult, name: str, label: str) -> tuple[str, str]:
+    """Write mean and standard deviation of the smallest margin over the motion; empty if they are not stored."""
+    part = result.methods[label].node.children.get("requirements")
+    if name == ANY or part is None or "statistics" not in part.children:
+        return "", ""
+    data = part.children["statistics"].to_dataset()
+    if name not in data["output"].values:
+        return "", ""
+    data = data.sel(output=name)
+    data = data.isel(time=-1) if "time" in data.dims else data
+    mean, std = float(data["mean"]), float(data["std"])
+    if not np.isfinite([mean, std]).all():
+        return "", ""
+    units = _units_of_limit(result, name)
+    (middle,), (spread,) = format_cells([mean], units, scale=std), format_cells([std], units)
+    return str(middle), f"standard deviation {spread}{'' if units else ', in the units of the limit'}"
+
+
+def _units_of_limit(result: StudyResult, requirement: str) -> str:
+    """Return the units of the output that a requirement limits; empty where results do not state it."""
+    for one in result.limits:
+        output = str(one["output"])
+        if one["requirement"] == requirement and (held := result.holders(output)):
+            return next(iter(held.values())).units(output)
+    return ""
+
+
+def tightening(result: StudyResult, requirement: str, inputs: Sequence[str]) -> Content | None:
+    """Return by input the probability of violation if its standard deviation is halved; None where none is known.
+
+    Return ``text`` by input, and ``words``, which state the method and the largest half-width of the intervals.
+    """
+    alike = comparable(result.nodes)
+    for label in (one for one in result.assessment.order if one in alike):
+        part = result.methods[label].node.children.get("requirements")
+        if part is None:
+            continue
+        found = tightened_probabilities(part, requirement, inputs, HALF)
+        if not found:
+            continue
+        now = answers(result.nodes)[requirement][label]
+        widths = [(one.upper - one.lower) / 2 for one in found.values()]
+        width = 2 * max(widths)
+        words = (
+            f"Halved: probability of violation if the standard deviation of this input alone is halved; now it is "
+            f"{format_probability(now.probability, resolved_width(now.lower, now.upper))}. By samples of the surrogate "
+            f"of {label}; half-width of the 95 % intervals at most {format_probability(max(widths))}."
+        )
+        return {"text": {k: format_probability(one.probability, width) for k, one in found.items()}, "words": words}
+    return None
+
+
+def chart_in_view(result: StudyResult, name: str) -> tuple[Chart | Views, str] | None:
+    """Return the chart of an output over time and its caption: of deviations too, if the band cannot be seen.
+
+    The cursor begins at the closest approach to a limit.  None if there is nothing to draw over time.
+    """
+    holders = {one.method: result.methods[one.method] for one in result.assessment.of(name)}
+    limits = result.limits_of(name)
+    chart = bands_chart({label: method.node for label, method in holders.items()}, name, limits=limits)
+    if not several(chart):
+        return None
+    said = "; dotted lines: limits" if limits else ""
+    words = f"{name} by {', '.join(holders)}: mean, and bands that contain 50 % and 95 % of the realisations{said}."
+    first = next(iter(holders.values()))
+    data, units = first.of(name), first.units(name)
+    stated = [
+        OutputLimit(str(one["requirement"]), float(str(one["limit"])), str(one["end"]))
+        for one in result.limits
+        if one["output"] == name
+    ]
+    nearest = closest_approach(np.asarray(data["mean"].values), np.asarray(data["std"].values), stated)
+    if nearest is not None:
+        time = float(data["time"][nearest.place])
+        chart = replace(chart, start=int(np.abs(np.asarray(chart.places, dtype=float) - time).argmin()))
+        words += f" {_approach_words(nearest, time, units, first.label)}"
+    if (deviations := deviation_chart(chart, limits)) is None:
+        return chart, words
+    return Views([deviations, replace(chart, title="over time")], "Quantity"), words
+
+
+def _approach_words(nearest: Approach, time: float, units: str, label: str) -> str:
+    """State where the mean is nearest to a limit, and by how much."""
+    margin, deviations = (
+        format_quantity(abs(nearest.margin), units),
+        format_number(float(f"{abs(nearest.deviations):.3g}")),
+    )
+    side = "within" if nearest.margin >= 0 else "beyond"
+    return (
+        f"Closest approach to {nearest.limit.requirement} at {time:.4g} s: the mean is {margin} {side} the limit, "
+        f"{deviations} standard deviations ({label})."
+    )
