@@ -36,7 +36,7 @@ STATEMENTS = {
     "uqmbd.progress": 395,
     "uqmbd.propagation": 6365,
     "uqmbd.randomness": 5240,
-    "uqmbd.report": 7800,
+    "uqmbd.report": 7820,
     "uqmbd.results": 9090,
     "uqmbd.testing": 2500,
     "uqmbd.units": 285,
@@ -49,7 +49,7 @@ STATEMENTS = {
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1200,
     "uqmbd_pytest": 36,
-    "uqmbd_reliability": 1825,
+    "uqmbd_reliability": 1930,
     "uqmbd_springs": 500,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""

@@ -13,3 +13,11 @@ __all__ = ["Allocation", "Reliability", "allocate"]
 def uqmbd_propagators() -> list[type[uqmbd.extend.Propagator]]:
     """Return the propagator of this package."""
     return [Reliability]
+
+
+@uqmbd.hookimpl
+def uqmbd_report_sections() -> list[type]:
+    """Return the report sections of this package."""
+    from uqmbd_reliability.reporting import ReliabilitySection
+
+    return [ReliabilitySection]

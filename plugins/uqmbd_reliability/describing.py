@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,11 +28,14 @@ def described(
     found: Analysis,
     running: Array,
     attrs: dict[str, Any],
+    time_of: Callable[[Array, int, Array], float],
 ) -> xr.Dataset:
     """Return the dataset ``requirements`` of an analysis.
 
-    `running` (N, requirement, T) are the running margins of its samples.
+    `running` (N, requirement, T) are the running margins of its samples; `time_of` returns when the margin of a
+    requirement is smallest at a point (d,), among times (T,).
     """
+    times = np.asarray(problem.over if problem.over is not None else problem.times, dtype=float)
     sampled, estimates = found.sampled, found.estimates
     names = requirement_names(requirements)
     lost = min(float(sampled.failures.mean()), 1.0 - 1e-12)
@@ -51,7 +54,7 @@ def described(
     if found.dependent:
         error[:] = np.nan
     variables = {
-        **_design_points(space, own),
+        **_design_points(space, own, lambda p: time_of(p.point, p.requirement, times)),
         "importance": (
             ("requirement", "input"),
             importance,
@@ -82,7 +85,7 @@ def described(
         std_error=[one.error for one in estimates],
         lower=[one.lower for one in estimates],
         upper=[one.upper for one in estimates],
-        times=problem.over if problem.over is not None else problem.times,
+        times=times,
         violated_by=np.minimum(by, 1.0),
         variables=variables,
         attrs=attrs,
@@ -90,14 +93,18 @@ def described(
     return data.assign_coords({**problem.labels.input_coords(), "moment": ["mean", "standard deviation"]})
 
 
-def _design_points(space: StandardSpace, own: list[list[DesignPoint]]) -> dict[str, tuple[Any, ...]]:
+def _design_points(
+    space: StandardSpace, own: list[list[DesignPoint]], time_of: Callable[[DesignPoint], float]
+) -> dict[str, tuple[Any, ...]]:
     most = max(map(len, own), default=0)
     shape = (len(own), most, space.dimension)
-    germs, inputs, beta = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
+    germs, inputs = np.full(shape, np.nan), np.full(shape, np.nan)
+    beta, times = np.full(shape[:2], np.nan), np.full(shape[:2], np.nan)
     for k, points in enumerate(own):
         for place, point in enumerate(points):
             germs[k, place], beta[k, place] = point.point, point.beta
             inputs[k, place] = space.to_inputs(point.point[None])[0]
+            times[k, place] = time_of(point)
     dims = ("requirement", "point", "input")
     return {
         "design_points": (
@@ -111,6 +118,16 @@ def _design_points(space: StandardSpace, own: list[list[DesignPoint]]) -> dict[s
             {
                 "long_name": "most likely violation, in the standard normal space",
                 "comment": f"of the variables {'; '.join(space.space.names)}",
+            },
+        ),
+        "design_times": (
+            dims[:2],
+            times,
+            {
+                "long_name": "time of the most likely violation",
+                "units": "s",
+                "comment": "first output time at which the margin is smallest, in the computed realisation nearest to "
+                "the design point; NaN for limits without a time",
             },
         ),
         "beta": (

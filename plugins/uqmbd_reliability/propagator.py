@@ -42,12 +42,17 @@ class MarginSource(Protocol):
     def messages(self) -> tuple[str, ...]: ...
 
 
+NEAR = 1e-3
+"""Part of the fall of a running margin within which it is at its smallest value."""
+
+
 class MarginRuns:
     """Margins of chosen requirements, computed on request."""
 
     def __init__(self, problem: uqmbd.extend.Problem, space: StandardSpace, chosen: list[int]) -> None:
         self._problem, self._space, self._chosen = problem, space, chosen
         self._running: list[Array] = []
+        self._points: list[Array] = []
         self.counters: Counter[str] = Counter()
         self.reasons: Counter[str] = Counter()
         self.wall_time = 0.0
@@ -74,11 +79,24 @@ class MarginRuns:
         self.failures += int(np.count_nonzero(found.failed))
         self.reasons.update(message for message in found.messages if message)
         self._running.append(found.running[:, self._chosen])
+        self._points.append(points)
         return found.values[:, self._chosen], found.failed
 
     def running(self, rows: Index) -> Array:
         """Return the running margins (K, requirement, T) of some realisations, by their places."""
         return np.asarray(np.concatenate(self._running)[rows])
+
+    def time_of(self, point: Array, requirement: int, times: Array) -> float:
+        """Return when the margin is smallest in the computed realisation nearest to a point (d,); NaN if unknown."""
+        running = np.concatenate(self._running)[:, requirement]
+        known = np.flatnonzero(np.isfinite(running[:, -1]))
+        if not len(known) or running.shape[1] != len(times):
+            return float("nan")
+        nearest = known[np.argmin(np.linalg.norm(np.concatenate(self._points)[known] - point, axis=1))]
+        margin = running[nearest]
+        # a margin without a time is the same at all times; periodic motions come as near again and again
+        fall = margin[0] - margin[-1]
+        return float(times[np.argmax(margin <= margin[-1] + NEAR * fall)]) if fall > 0 else float("nan")
 
     @property
     def reason(self) -> str:
@@ -267,6 +285,7 @@ class Reliability(uqmbd.extend.Propagator):
             found,
             runs.running(found.sampled.rows),
             {"how": attrs["reliability_summary"]},
+            runs.time_of,
         )
         pilot = runs.pilot
         assert pilot is not None

@@ -17,7 +17,7 @@ from uqmbd.report.mechanisms.animation import (
 )
 from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.report.mechanisms.film import Film
-from uqmbd.report.mechanisms.still_picture import draw_pose, mechanism, still
+from uqmbd.report.mechanisms.still_picture import draw_named, draw_pose, mechanism, still
 from uqmbd.report.mechanisms.symbols import Stroke
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "marked_points",
     "mechanism",
     "motion",
+    "draw_named",
     "observed_bodies",
     "draw_pose",
     "poses",

@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from uqmbd.arguments import Bounds, Seed, typechecked
 from uqmbd.errors import StudyError
+from uqmbd.names import ANY
 from uqmbd.report.mechanisms.film import Film
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from uqmbd.propagation import Study
+    from uqmbd.report.mechanisms.body_poses import NamedRealisation
 
 __all__ = [
     "animate",
@@ -299,11 +301,14 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     (True, '')
     """
     try:
+        from uqmbd.report.mechanisms.body_poses import motion as compute
+
+        named = _most_likely_violations(tree, study)
         begin = clock.perf_counter()
-        alone = motion(study, samples=0)
+        alone = compute(study, samples=0, named=named)
         spent = clock.perf_counter() - begin
         most = min(20.0, BUDGET / max(spent, 1e-3), STORED / max(alone["pose"].size, 1))
-        data = motion(study, samples=int(most)) if most >= 1 and "input" in alone.coords else alone
+        data = compute(study, samples=int(most), named=named) if most >= 1 and "input" in alone.coords else alone
     except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
         reason = f"{type(error).__name__}: {error}"
         without = tree.copy()
@@ -312,6 +317,34 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     extended = tree.copy()
     extended["motion"] = xr.DataTree(data)
     return extended, ""
+
+
+MOST_NAMED = 3
+"""Realisations of which the report draws a pose."""
+
+
+def _most_likely_violations(tree: xr.DataTree, study: Study) -> list[NamedRealisation]:
+    """Return the nearest design point of each requirement, the most probable violation first, with its time.
+
+    Any method may store ``design_points`` and ``design_times`` in its dataset ``requirements``.
+    """
+    from uqmbd.report.mechanisms.body_poses import NamedRealisation
+    from uqmbd.results import propagator_nodes
+
+    found: dict[str, tuple[float, NamedRealisation]] = {}
+    inputs = list(study.mechanism.inputs.names)
+    for node in propagator_nodes(tree).values():
+        part = node.children.get("requirements")
+        if part is None or not {"design_points", "design_times"} <= set(part.data_vars) or not part.sizes["point"]:
+            continue
+        data = part.to_dataset()
+        for name in (str(one) for one in data["requirement"].values if str(one) != ANY):
+            one = data.sel(requirement=name, input=inputs).isel(point=0)
+            values, time = np.asarray(one["design_points"].values, dtype=float), float(one["design_times"])
+            if np.isfinite(values).all() and np.isfinite(time) and name not in found:
+                probability = float(one["violation_probability"])
+                found[name] = (probability, NamedRealisation(f"most likely violation of {name}", values, time))
+    return [one for _, one in sorted(found.values(), key=lambda pair: -pair[0])[:MOST_NAMED]]
 
 
 def _duration(data: xr.Dataset) -> float:

@@ -13,8 +13,10 @@ mechanism::
 from __future__ import annotations
 
 import copy
+import json
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,7 +34,24 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Component, Mechanism, Space
     from uqmbd.propagation import Study
 
-__all__ = ["coordinate_names", "drawn_pose", "integrated", "marked_points", "motion", "observed_bodies"]
+__all__ = [
+    "NamedRealisation",
+    "coordinate_names",
+    "drawn_pose",
+    "integrated",
+    "marked_points",
+    "motion",
+    "observed_bodies",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedRealisation:
+    """A realisation of which the report draws a pose: its name, inputs (input,) and time, s."""
+
+    name: str
+    inputs: Array
+    time: float
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
@@ -68,13 +87,21 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
 
 
-def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
+def motion(
+    study: Study,
+    samples: int = 20,
+    frames: int = 60,
+    seed: int = 1,
+    method: str | None = None,
+    named: Sequence[NamedRealisation] = (),
+) -> xr.Dataset:
     """Compute how the bodies of a study move: at the means of the inputs, and for some realisations beside it.
 
     `study`: with at least one output; `samples`: realisations besides the one at the means; none for mechanisms
     without random inputs; `frames`: times, evenly over those of the study; `seed`: of the realisations; `method`:
     label of a propagator of the study, whose own realisations are taken: the first ones of those that it samples, or
-    samples of its polynomial chaos of all coordinates.  By default realisations are integrated. Return see the
+    samples of its polynomial chaos of all coordinates; `named`: realisations of which the report draws a pose, which
+    follow the means and are listed in the attribute ``named``.  By default realisations are integrated. Return see the
     module.  Realisations that fail are left out, and counted in the attribute ``failures``. Raise StudyError if a
     number cannot be used, or the study has no such method, or that keeps neither samples nor chaos. Raise
     AssemblyError, uqmbd.IntegrationError if no realisation moves at all.
@@ -93,7 +120,8 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
         warnings.simplefilter("ignore", StudyWarning)
         if method is None or not len(study.mechanism.inputs):
             uniform = np.random.default_rng(seed).random((samples if means.size else 0, means.shape[1]))
-            values = np.concatenate([means, study.mechanism.inputs.from_uniform(uniform)])
+            chosen = np.array([one.inputs for one in named]).reshape(len(named), means.shape[1])
+            values = np.concatenate([means, chosen, study.mechanism.inputs.from_uniform(uniform)])
             q, message = integrated(study, times, values)
         else:
             at_means, message = integrated(study, times, means)
@@ -104,6 +132,14 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     good[0] = True  # drawn as far as it comes
     if not np.isfinite(q[good]).any():
         raise AssemblyError(f"mechanism {study.mechanism.name!r}: {message}")
+    places = (np.cumsum(good) - 1).tolist()
+    listed = [
+        {"realisation": places[k], "name": one.name, "time": one.time}
+        for k, one in enumerate(named if method is None and means.size else (), 1)
+        if good[k]
+    ]
+    if listed:
+        known["named"] = json.dumps(listed)
     from uqmbd.dynamics import kinematic_model
 
     mechanism, start = study.mechanism, float(study.times[0])

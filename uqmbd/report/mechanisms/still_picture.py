@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["mechanism", "draw_pose", "still"]
+__all__ = ["draw_named", "draw_pose", "mechanism", "still"]
 
 
 @typechecked
@@ -127,6 +127,12 @@ def still(data: xr.Dataset) -> Drawing:
             made.line(page(outline), film.sketch.colour(body), **looks)
     _paint(made, film.shapes(sheet, frame), page)
     return made
+
+
+def draw_named(data: xr.Dataset, realisation: int, time: float) -> Drawing:
+    """Draw one realisation of a motion at the stored time nearest to a time, s, and the means as an outline."""
+    frame = int(np.argmin(np.abs(data["time"].values - time)))
+    return still(data.isel(realisation=[realisation, 0], time=[frame]))
 
 
 def draw_pose(data: xr.Dataset) -> Drawing:

@@ -17,6 +17,7 @@ from uqmbd.report.figures import band_edges
 from uqmbd.report.mechanisms import gif, poses, still
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
 from uqmbd.report.overview.margins import chart_in_view, margin_words, tightening, yield_words
+from uqmbd.report.overview.violation_poses import named_poses
 from uqmbd.report.sections import Content, TemplateSection, only_density, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import Answer, answers
@@ -257,6 +258,7 @@ def content(result: StudyResult) -> Content:
         "asked": shown,
         "mechanism": mechanism_picture(result),
         "picture": _picture(result, name),
+        "poses": named_poses(result),
         "in_view": name,
         "matters": None if found is None else _bars(found, of_what) | _tightened(result, shown, found, of_what),
         "untold": _untold(result, shown),

@@ -1,0 +1,121 @@
+"""The report's section on reliability: most likely violations, and how their probabilities were found."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report import Chart, ChartGroup, Curve, FirstScreen, ReliabilityStatement, with_units
+from uqmbd.results import methods
+
+__all__ = ["ReliabilitySection"]
+
+MOST_CHARTS = 4
+"""Requirements whose most likely violations are drawn."""
+
+NAMED = 2
+"""Inputs of a most likely violation that are named in a table."""
+
+
+class ReliabilitySection:
+    """Most likely violations of requirements."""
+
+    title = "Most likely violations"
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return the table of all most likely violations; empty where no method has any."""
+        return "\n".join(_table(label, node) for label, node in _analyses(tree))
+
+    def first_screen(self, tree: xr.DataTree) -> FirstScreen | None:
+        """Return the most likely violations as points and times, and the realisations; None where there are none."""
+        rows, charts, said = [], [], []
+        found = list(_analyses(tree))
+        for label, node in found:
+            data = node["requirements"].to_dataset()
+            of = f" ({label})" if len(found) > 1 else ""
+            for name in _found_in(data):
+                one = data.sel(requirement=name).isel(point=0)
+                cells = (_time(one), f"{float(one['beta']):.2f}", "; ".join(_inputs(one)[:NAMED]))
+                rows.append((f"{name}{of}", *cells))
+                charts.append(_chart(one, f"{name}{of}"))
+            count, how = f"{int(node.attrs['realisations'])} realisations", str(data.attrs.get("how", ""))
+            text = f"{how}." if count in how else f"{count}; {how}."
+            said.append(ReliabilityStatement(3, label, text))
+        if not rows:
+            return None
+        group = ChartGroup(
+            charts[:MOST_CHARTS],
+            "Deviations of the inputs at the most likely violations.",
+            "The most likely violation: deviation of each input from its median, in standard normal variables.",
+            "Requirement",
+        )
+        heads = ("Time", "Reliability index", "Inputs that deviate most")
+        return FirstScreen("Most likely violation", heads, rows, [group], said)
+
+
+def _analyses(tree: xr.DataTree) -> Iterator[tuple[str, xr.DataTree]]:
+    """Yield the methods that have design points, by label."""
+    for label, node in methods(tree).items():
+        part = node.children.get("requirements")
+        if part is not None and {"design_points", "design_points_standard", "beta"} <= set(part.data_vars):
+            yield label, node
+
+
+def _found_in(data: xr.Dataset) -> list[str]:
+    """Return the requirements with a design point; not the event that any of several is violated."""
+    if not data.sizes.get("point", 0):
+        return []
+    names = [str(name) for name in data["requirement"].values]
+    own = names[:-1] if len(names) > 1 else names
+    return [name for name in own if np.isfinite(float(data["beta"].sel(requirement=name)[0]))]
+
+
+def _time(one: xr.Dataset) -> str:
+    time = float(one["design_times"]) if "design_times" in one else float("nan")
+    return f"{time:.4g} s" if np.isfinite(time) else "\N{EN DASH}"
+
+
+def _inputs(one: xr.Dataset) -> list[str]:
+    """Write the inputs at a design point, the farthest from its median first."""
+    away = np.abs(one["design_points_standard"].values)
+    names, units = one["input"].values, one["input_units"].values
+    return [f"{names[k]} = {_quantity(one['design_points'].values[k], str(units[k]))}" for k in np.argsort(-away)]
+
+
+def _quantity(value: float, units: str) -> str:
+    return f"{value:.5g} {units}".replace("-", "\N{MINUS SIGN}").strip()
+
+
+def _chart(one: xr.Dataset, title: str) -> Chart:
+    names = [str(name) for name in one["input"].values]
+    bars = Curve("most likely violation", one["design_points_standard"].values, (), "deviation", drawn="bars")
+    return Chart("deviation", names, [bars], title, "1", "input")
+
+
+def _table(label: str, node: xr.DataTree) -> str:
+    data = node["requirements"].to_dataset()
+    names = _found_in(data)
+    if not names:
+        return ""
+    inputs = [with_units(str(n), str(u)) for n, u in zip(data["input"].values, data["input_units"].values, strict=True)]
+    heads = ("Requirement", "Time", "Reliability index", *inputs)
+    rows = []
+    for name in names:
+        data_of = data.sel(requirement=name)
+        for k in range(data.sizes["point"]):
+            one = data_of.isel(point=k)
+            if not np.isfinite(float(one["beta"])):
+                continue
+            cells = [_time(one), f"{float(one['beta']):.2f}"]
+            cells += [_quantity(float(value), "") for value in one["design_points"].values]
+            shown = "".join(f'<td class="number">{html.escape(cell)}</td>' for cell in cells)
+            rows.append(f'<tr><th scope="row">{html.escape(name)}</th>{shown}</tr>')
+    head = "".join(f'<th scope="col">{html.escape(head)}</th>' for head in heads)
+    return (
+        f"<p>Design points of {html.escape(label)}: the most likely inputs at which a requirement is violated.</p>"
+        '<div class="wide" tabindex="0" role="region" aria-label="Most likely violations"><table>'
+        f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+    )
