@@ -49,7 +49,7 @@ STATEMENTS = {
     "uqmbd_models": 1620,
     "uqmbd_montecarlo": 1200,
     "uqmbd_pytest": 36,
-    "uqmbd_reliability": 1930,
+    "uqmbd_reliability": 1935,
     "uqmbd_springs": 500,
 }
 """Statements of each package, at most: a commit that raises one of these numbers says why."""

@@ -114,8 +114,7 @@ def _table(label: str, node: xr.DataTree) -> str:
             shown = "".join(f'<td class="number">{html.escape(cell)}</td>' for cell in cells)
             rows.append(f'<tr><th scope="row">{html.escape(name)}</th>{shown}</tr>')
     head = "".join(f'<th scope="col">{html.escape(head)}</th>' for head in heads)
-    return (
-        f"<p>Design points of {html.escape(label)}: the most likely inputs at which a requirement is violated.</p>"
-        '<div class="wide" tabindex="0" role="region" aria-label="Most likely violations"><table>'
-        f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-    )
+    words = f"Design points of {label}: the most likely inputs at which a requirement is violated."
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+    region = '<div class="wide" tabindex="0" role="region" aria-label="Most likely violations">'
+    return f"<p>{html.escape(words)}</p>{region}{table}</div>"

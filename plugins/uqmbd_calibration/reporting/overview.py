@@ -120,7 +120,7 @@ def _of_identifiability(tree: xr.DataTree) -> Iterator[ReliabilityStatement]:
     for one, other in combinations(inputs_of(tree), 2):
         values = [np.ravel(draws[name].values) for name in (one, other)]
         if all(np.ptp(x) > 0 for x in values):
-            pairs.append((float(np.corrcoef(*values)[0, 1]), one, other))
+            pairs.append((float(np.corrcoef(np.stack(values))[0, 1]), one, other))
     kept = 1 - data["learned"]
     close = [
         (r, one, other)

@@ -67,18 +67,18 @@ def asked(result: StudyResult) -> Content:
         }
     if names := result.histories:
         every = [one for name in ranked(result, names) for one in result.assessment.of(name)]
-        found = _alike(
+        reasons = _alike(
             [of_history(result.alike(one.method), one.quantity) for one in every[:ROWS]],
             lambda k: of_history(result.alike(every[k].method), every[k].quantity, correlations=True),
         )
-        rows = [_history(result, one, because) for one, because in zip(every, found, strict=False)]
+        rows = [_history(result, one, because) for one, because in zip(every, reasons, strict=False)]
         return {"kind": "outputs", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
     every = [one for name in result.scalar_names for one in result.assessment.of(name, "scalar")]
-    found = _alike(
+    reasons = _alike(
         [of_scalar(result.alike(one.method), one.quantity) for one in every[:ROWS]],
         lambda k: of_scalar(result.alike(every[k].method), every[k].quantity, correlations=True),
     )
-    rows = [_scalar(result, one, because) for one, because in zip(every, found, strict=False)]
+    rows = [_scalar(result, one, because) for one, because in zip(every, reasons, strict=False)]
     return {"kind": "scalars", "rows": rows, "more": len(every) - len(rows), "allowed": ""}
 
 
