@@ -83,7 +83,7 @@ class Bounds:
     def __post_init__(self) -> None:
         """Refuse bounds that no number is within."""
         pair: tuple[Any, ...] = (self.least, self.most)
-        ends = all(isinstance(x, Real) and not isinstance(x, bool) and bool(x == x) for x in pair)
+        ends = all(not isinstance(x, bool) and isinstance(x, Real) and bool(x == x) for x in pair)
         if not ends or not isinstance(self.above, bool) or not self.least <= self.most:
             raise StudyError(
                 f"Bounds: least is {str(self.least)[:40]}, most is {str(self.most)[:40]} and above is "
