@@ -326,8 +326,8 @@ class MonteCarlo(uqmbd.extend.Propagator):
         if everything is None:
             statistics = statistics_of_samples(samples, independent=independent, each=problem.runner.each)
         else:
-            moments = found.moments.statistics(independent=independent)
-            statistics = statistics_dataset(problem.labels, **moments, **everything.statistics())
+            known: dict[str, Any] = found.moments.statistics(independent=independent) | everything.statistics()
+            statistics = statistics_dataset(problem.labels, **known)
         if not independent:
             with problem.timed("error estimation"):
                 errors = replicate_errors(found.replicates)

@@ -70,7 +70,8 @@ def residuals(model: Model, states: Array, times: Array, parameters: Array) -> A
     q, s, v = model.layout.split(states)
     block = np.repeat(parameters[None, : model.block_parameters], len(states), axis=0)
     found = model.system.programs.motion(q, s, v, times.reshape(-1, 1), np.zeros((1, 1)), block)
-    return np.sqrt(found[:, -1])
+    relative: Array = np.sqrt(found[:, -1])
+    return relative
 
 
 def excess(model: Model, states: Array, time: Array | float, parameters: Array) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def _known(study: Studied, exact: xr.Dataset) -> xr.DataTree:
 
     model = study.model.outputs
     axes = labels(list(zip(model.names, model.units, strict=True)), [], study.times)
-    found = {}
+    found: dict[str, Any] = {}
     for name in ("mean", "std"):
         if name not in exact or set(exact[name].dims) != {"output", "time"}:
             raise StudyError(f"converge: the reference needs {name!r} with the dimensions (output, time).")

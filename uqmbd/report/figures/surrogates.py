@@ -21,7 +21,7 @@ from uqmbd.results import (
     surrogate,
     varying,
 )
-from uqmbd.results.chaos import chaos_from_dataset, surrogate_parts
+from uqmbd.results.chaos import CustomSurrogate, chaos_from_dataset, surrogate_parts
 from uqmbd.results.statistics import rtol_of
 
 __all__ = [
@@ -52,7 +52,7 @@ def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
-) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos:
+) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | CustomSurrogate | ComposedChaos:
     """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
     if _is_aligned(node):
         return surrogate(node, output)

@@ -152,10 +152,11 @@ class ComposedChaos(Surrogate):
         """Check that each output occurs once at each time."""
         if not self.parts:
             raise StudyError("ComposedChaos: parts is empty; expected at least one surrogate.")
-        for name, part in {} if self.used is None else self.parts.items():
-            if name not in self.used or np.size(self.used[name]) != np.prod(part.labels.shape):
+        stated = self.used or {}
+        for name, part in () if self.used is None else self.parts.items():
+            if name not in stated or np.size(stated[name]) != np.prod(part.labels.shape):
                 raise StudyError(
-                    f"ComposedChaos: used has {'no entry' if name not in self.used else 'another shape'} for the part "
+                    f"ComposedChaos: used has {'no entry' if name not in stated else 'another shape'} for the part "
                     f"{name!r}; expected truth values of the shape {part.labels.shape}."
                 )
         object.__setattr__(self, "parts", dict(self.parts))

@@ -279,7 +279,9 @@ def statistics_of_samples(
         times=samples["time"].values if "time" in samples.dims else None,
     )
     response, status = samples["response"].values, samples["status"].values
-    found = sample_statistics(response, probabilities, status=status, independent=independent, each=each)
+    found: dict[str, Any] = dict(
+        sample_statistics(response, probabilities, status=status, independent=independent, each=each)
+    )
     if np.any(axes.turns):
         fine = status == Status.OK
         found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)

@@ -113,8 +113,11 @@ class CustomSurrogate(Surrogate):
         object.__setattr__(self, "verification_weights", weights)
         if self.verification_germs is None:
             return
-        wanted = {"germs": (len(self.verification_germs), self.space.dimension)}
-        wanted["response"] = (len(self.verification_germs), *self.labels.shape)
+        count = len(self.verification_germs)
+        wanted: dict[str, tuple[int, ...]] = {
+            "germs": (count, self.space.dimension),
+            "response": (count, *self.labels.shape),
+        }
         for part, shape in wanted.items():
             given = np.shape(getattr(self, f"verification_{part}"))
             if given != shape:
