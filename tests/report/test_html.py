@@ -232,7 +232,8 @@ def test_odd_nodes_do_not_end_the_report(make_node: Callable[..., xr.DataTree], 
     """A single time, all quantiles unknown, or unreadable options still make a report."""
     axes = extend.labels(["x"], [], [1.0])
     statistics = extend.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
-    node = results.propagator_node("one", statistics, propagator="p", realisations=0, wall_time=np.nan)
+    node = results.propagator_node("one", statistics, propagator="p", realisations=0, wall_time=0.0)
+    node.attrs["wall_time"] = np.nan
     node.attrs["options"] = "not JSON"
     tree = results.study_tree([node], study="s", mechanism="m")
     text = report.write_report(tree, tmp_path / "a.html").read_text(encoding="utf-8")

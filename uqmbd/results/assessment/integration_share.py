@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqmbd.arguments import typechecked
+from uqmbd.arguments import OrInfinite, OrNaN, typechecked
 from uqmbd.results.statistics import varying
 from uqmbd.wording import format_percent, format_quantity
 
@@ -34,9 +34,9 @@ class IntegrationShare:
 
     output: str
     units: str
-    error: float
+    error: OrNaN | OrInfinite
     varies: bool
-    share: float
+    share: OrNaN | OrInfinite
     reason: str = ""
 
     @property

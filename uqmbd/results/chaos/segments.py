@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.arguments import Bounds, shown, typechecked
+from uqmbd.arguments import Bounds, OrInfinite, OrNaN, shown, typechecked
 from uqmbd.compiled import SegmentTable
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.readouts import GermElement, OverTime, SampledPiece
@@ -88,7 +88,7 @@ class AlignedElement(GermElement):
     edges: Array
     segments: Array
     landmarks: Markers = "events"
-    event_errors: tuple[float, ...] = ()
+    event_errors: tuple[OrNaN | OrInfinite, ...] = ()
 
     def _layer_mean_squares(self, space: GermSpace, terms: Index, times: Array) -> Array:
         """Return the mean square (O, T) of errors between predicted and true times of events, by local germs, s.
