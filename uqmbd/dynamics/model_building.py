@@ -310,7 +310,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
         tables=timed_tables(instances, mechanism.inputs.variables),
         outputs=outputs,
         controls=controls,
-        speeds_commanded=any(i.held and i.type.constraints for i in instances),
+        speeds_commanded=any(i.type.held > i.type.coupled and i.type.constraints for i in instances),
         scalars=scalar_map(list(mechanism.scalars.values()), *places),
         margins=margin_map(mechanism, places),
     )

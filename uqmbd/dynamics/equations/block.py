@@ -21,11 +21,12 @@ from uqmbd.dynamics.equations.expressions import (
     require_velocities,
     settled_expression,
 )
-from uqmbd.dynamics.equations.local_values import bodies_of, controller_symbols, localise, symbols_of
+from uqmbd.dynamics.equations.local_values import bodies_of, foreign_states, localise, symbols_of
 from uqmbd.errors import StudyError
 from uqmbd.logs import logged
 from uqmbd.mechanism import (
     Auxiliary,
+    AuxiliarySymbol,
     Body,
     BodyTerms,
     Component,
@@ -45,6 +46,10 @@ from uqmbd.mechanism import (
 )
 
 __all__ = ["BlockType", "Instance", "instances_of"]
+
+
+_FOREIGN = "an auxiliary state of another component"
+_INSTEAD = "Use it as a force, a torque, a stiffness, a damping or a potential, or in the rate of an auxiliary state."
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,9 @@ class BlockType:
     gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and the depth that is much
     reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
     reaction_sign: int
-    held: int = 0  # commands and states of controllers that its parameters contain, ``_h``
+    # commands and states of controllers that its parameters contain, then auxiliary states of other components, ``_h``
+    held: int = 0
+    coupled: int = 0  # how many of them, the last ones, are auxiliary states of other components
 
     @property
     def coordinates(self) -> int:
@@ -142,6 +149,8 @@ class BlockType:
         )  # fmt: skip
         if self.held:
             parts = (*parts, self.held)
+        if self.coupled:
+            parts = (*parts, "coupled", self.coupled)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
@@ -154,8 +163,8 @@ class Instance:
     bodies: tuple[Body, ...]
     parameters: tuple[sympy.Expr, ...]
     """Values of the local parameters, expressions in random variables."""
-    held: tuple[HeldSymbol, ...] = ()
-    """Commands and states of controllers that they contain."""
+    held: tuple[HeldSymbol | AuxiliarySymbol, ...] = ()
+    """Commands and states of controllers that they contain, then auxiliary states of other components."""
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
@@ -166,12 +175,14 @@ def instances_of(components: list[Component], space: Space) -> list[Instance]:
 
 def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:
     bodies = bodies_of(component)
-    held = controller_symbols(component)
+    held = foreign_states(component)
+    coupled = sum(isinstance(s, AuxiliarySymbol) for s in held)
     values, counted, parameters, pattern = localise(component, bodies, space, held)
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
-    key = (type(component), space.name, kinds, len(bodies), pattern)
+    key = (type(component), space.name, kinds, len(bodies), pattern, coupled)
     if key not in known:
-        known[key] = _build_block(component, space, bodies, kinds, values, counted, len(parameters), len(held))
+        sizes = len(parameters), len(held), coupled
+        known[key] = _build_block(component, space, bodies, kinds, values, counted, *sizes)
     return Instance(component, known[key], tuple(bodies), tuple(parameters), held)
 
 
@@ -184,6 +195,7 @@ def _build_block(
     counted: Sequence[CountedAngle],
     parameters: int,
     held: int,
+    coupled: int,
 ) -> BlockType:
     n = space.size
     q, v = symbols_of("q", n * len(bodies)), symbols_of("v", n * len(bodies))
@@ -212,7 +224,8 @@ def _build_block(
 
     velocities, coordinates = set(v), set(q) | set(local.states.values())
     accelerations: set[sympy.Basic] = set()
-    commands = set(symbols_of("h", held))
+    others = symbols_of("h", held)
+    commands, foreign = set(others[: held - coupled]), set(others[held - coupled :])
     for symbol, kind, e in quantities:
         if e.free_symbols & (velocities if kind == "rate" else accelerations):
             accelerations.add(symbol)
@@ -222,6 +235,10 @@ def _build_block(
             coordinates.add(symbol)
         if e.free_symbols & commands:
             commands.add(symbol)
+        if e.free_symbols & foreign:
+            foreign.add(symbol)
+            if kind == "rate":
+                raise StudyError(f"{where}: it uses the rate of a quantity that contains {_FOREIGN}. {_INSTEAD}")
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
@@ -299,6 +316,18 @@ def _build_block(
                 "positions and masses cannot jump. Use a command as a force, a torque, a stiffness or a damping, or as "
                 "the speed of a speed driver."
             )
+    jumps = [x for event in events for x in event.expressions]
+    initial = [x for _, x in rates.values()]
+    poses = [x for pair in (*uprights, *gaps) for x in pair if isinstance(x, sympy.Expr)]
+    for what, parts in (
+        ("its constraint", constraints),
+        ("its kinetic energy", [kinetic]),
+        ("its event", jumps),
+        ("the initial value of its state", initial),
+        ("a limit of its poses", poses),
+    ):
+        if any(e.free_symbols & foreign for e in parts):
+            raise StudyError(f"{where}: {what} contains {_FOREIGN}. {_INSTEAD}")
     changing = {*velocities, *coordinates}
     require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)
     require_derivatives(where, [*constraints, *(rate for rate, _ in rates.values())], changing | {TIME})
@@ -328,6 +357,7 @@ def _build_block(
         reaction_on=on,
         reaction_sign=sign,
         held=held,
+        coupled=coupled,
     )
     for e, label in ((e, label) for e, h, label in zip(constraints, holonomic, labels, strict=True) if not h):
         require_velocities(where, label, e, block.whole(e), set(v), accelerations)

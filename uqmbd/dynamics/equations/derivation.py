@@ -147,7 +147,10 @@ class BlockSymbols:
             ("l", self.l, None),
             ("m", self.m, None),
         ]
-        return [(x, k, y, r[k] if r else None) for x, symbols, r in table for k, y in enumerate(symbols)]
+        found = [(x, k, y, r[k] if r else None) for x, symbols, r in table for k, y in enumerate(symbols)]
+        # commands are constant between samples; auxiliary states of other components are unknowns
+        first = self.block.held - self.block.coupled
+        return [*found, *(("h", k, y, None) for k, y in enumerate(self.h) if k >= first)]
 
     def jacobian(self) -> DerivedEquations:
         """Entries of ``d residual / d y + c d residual / d y'``."""

@@ -19,8 +19,9 @@ from uqmbd.dynamics.equations.block import BlockType, Instance
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
 from uqmbd.dynamics.equations.layout import Kind, Layout
+from uqmbd.errors import StudyError
 from uqmbd.logs import derivation
-from uqmbd.mechanism import Controller, HeldStates
+from uqmbd.mechanism import AuxiliarySymbol, Controller, HeldStates, HeldSymbol
 
 __all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "place"]
 
@@ -136,7 +137,7 @@ class Evaluators(Mapping[Kind, Evaluator]):
 def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
     """Return the global index of every local variable of all blocks; `order` holds the index of each body by name."""
     rows = states = cosines = parameters = events = directions = 0
-    holders = _holders(instances)
+    holders, owners = _holders(instances), _owners(instances)
     placements = []
     for instance in instances:
         block = instance.type
@@ -146,7 +147,7 @@ def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
         state = np.arange(states, states + len(block.states))
         one = np.zeros(1, dtype=np.int64)
         along = sum(len(e.directions) for e in block.events)
-        held = {"h": np.array([holders[h.owner] + h.index for h in instance.held])} if instance.held else {}
+        held = {"h": np.array([_number(h, holders, owners) for h in instance.held])} if instance.held else {}
         placements.append(
             Placement(
                 {
@@ -184,6 +185,24 @@ def _holders(instances: list[Instance]) -> dict[Controller, int]:
         if isinstance(instance.component, HeldStates):
             found[instance.component.controller] = states
         states += len(instance.type.states)
+    return found
+
+
+def _owners(instances: list[Instance]) -> dict[tuple[int, str], int]:
+    """Return the number of each auxiliary state, by the identity of its component and its name."""
+    states = [(id(i.component), name) for i in instances for name in i.type.states]
+    return {state: k for k, state in enumerate(states)}
+
+
+def _number(
+    symbol: HeldSymbol | AuxiliarySymbol, holders: dict[Controller, int], owners: dict[tuple[int, str], int]
+) -> int:
+    """Return the number among the auxiliary states of what a controller holds, or of a component's state."""
+    if isinstance(symbol, HeldSymbol):
+        return holders[symbol.owner] + symbol.index
+    found = owners.get((id(symbol.component), symbol.state))
+    if found is None:
+        raise StudyError(f"{symbol}: {symbol.component!r} has no state {symbol.state!r} any more.")
     return found
 
 

@@ -12,6 +12,7 @@ from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     AngleSymbol,
+    AuxiliarySymbol,
     Body,
     Component,
     HeldSymbol,
@@ -24,7 +25,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["bodies_of", "controller_symbols", "localise", "symbols_of"]
+__all__ = ["bodies_of", "foreign_states", "localise", "symbols_of"]
 
 
 def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
@@ -48,18 +49,18 @@ def bodies_of(component: Component) -> list[Body]:
     return bodies
 
 
-def controller_symbols(component: Component) -> tuple[HeldSymbol, ...]:
-    """Commands and states of controllers that parameters of a component contain, each once."""
-    found: dict[HeldSymbol, None] = {}
+def foreign_states(component: Component) -> tuple[HeldSymbol | AuxiliarySymbol, ...]:
+    """Return states of others that parameters contain, each once: what controllers hold, then auxiliary states."""
+    found: dict[HeldSymbol | AuxiliarySymbol, None] = {}
     for value in component.values.values():
         for part in flatten(value):
             symbols = sorted(getattr(part, "free_symbols", ()), key=str)
-            found |= dict.fromkeys(s for s in symbols if isinstance(s, HeldSymbol))
-    return tuple(found)
+            found |= dict.fromkeys(s for s in symbols if isinstance(s, (HeldSymbol, AuxiliarySymbol)))
+    return tuple(sorted(found, key=lambda s: isinstance(s, AuxiliarySymbol)))
 
 
 def localise(
-    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol, ...]
+    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol | AuxiliarySymbol, ...]
 ) -> tuple[dict[str, Any], list[CountedAngle], list[sympy.Expr], tuple[Any, ...]]:
     """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
     parameters: list[sympy.Expr] = []

@@ -295,6 +295,8 @@ def _global(instance: Instance, place: Placement, column: Any) -> dict[Any, Any]
     swap = {derived.t: se.Symbol(column("t", 0))}
     for letter, symbols in (("q", derived.q), ("s", derived.s), ("v", derived.v)):
         swap |= {x: se.Symbol(column(letter, int(g))) for x, g in zip(symbols, place.letters[letter], strict=True)}
+    held = place.letters.get("h", ())
+    swap |= {x: se.Symbol(column("s", int(g))) for x, g in zip(derived.h, held, strict=True)}
     swap |= {x: se.Symbol(column("l", int(g))) for x, g in zip(derived.l, place.letters["row"], strict=True)}
     swap |= {x: se.Symbol(f"_w{int(g)}") for x, g in zip(derived.f, place.letters["direction"], strict=True)}
     return swap | {x: se.Symbol(f"_g{int(g)}") for x, g in zip(derived.p, place.parameters, strict=True)}

@@ -9,7 +9,7 @@ import sympy
 from uqmbd.arguments import typechecked
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.expressions import TIME
-from uqmbd.mechanism import Mechanism, t
+from uqmbd.mechanism import AuxiliarySymbol, Mechanism, t
 
 __all__ = ["MechanismTerms", "mechanism_terms"]
 
@@ -143,7 +143,10 @@ def _globals(instance: Instance, states: list[sympy.Symbol]) -> dict[sympy.Basic
         "v": [x for body in instance.bodies for x in body.v],
         "s": states,
         "p": list(instance.parameters),
-        "h": list(instance.held),
+        "h": [
+            sympy.Symbol(f"{x.component.name}.{x.state}", real=True) if isinstance(x, AuxiliarySymbol) else x
+            for x in instance.held
+        ],
     }
     known: dict[sympy.Basic, sympy.Expr] = {TIME: t}
     for letter, values in lists.items():

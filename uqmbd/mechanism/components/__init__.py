@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.components.auxiliary_state import AuxiliarySymbol
+from uqmbd.mechanism.components.auxiliary_state import AuxiliarySymbol, at_initial_values
 from uqmbd.mechanism.components.component import (
     Auxiliary,
     Component,
@@ -40,6 +40,7 @@ __all__ = [
     "AngleSymbol",
     "Auxiliary",
     "AuxiliarySymbol",
+    "at_initial_values",
     "Component",
     "Constraint",
     "Event",

@@ -9,12 +9,13 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.components.terms import Auxiliary
+from uqmbd.mechanism.expressions import as_symbolic, t
 from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import Symbol, Symbolic
 
-__all__ = ["AuxiliarySymbol", "make_auxiliary_state", "frames_of"]
+__all__ = ["AuxiliarySymbol", "at_initial_values", "frames_of", "make_auxiliary_state"]
 
 
 class HasStates(Protocol):
@@ -66,6 +67,35 @@ def make_auxiliary_state(component: HasStates, name: object, space: Space) -> Au
         listed = ", ".join(map(repr, local.states)) or "none"
         raise StudyError(f"{where}: there is no such auxiliary state{near or '.'} There are: {listed}.")
     return AuxiliarySymbol(component, name, local.units[name])
+
+
+def at_initial_values(expression: sympy.Expr, space: Space) -> sympy.Expr:
+    """Replace auxiliary states by their initial values, in the symbols of bodies and random variables."""
+    for symbol in sorted((s for s in expression.free_symbols if isinstance(s, AuxiliarySymbol)), key=str):
+        expression = expression.xreplace({symbol: _initial_value(symbol, space)})
+    return expression
+
+
+def _initial_value(symbol: AuxiliarySymbol, space: Space) -> sympy.Expr:
+    component = symbol.component
+    local = Local(space, frames_of(component), component.values, t)
+    read, component.read = component.read, set()
+    try:
+        terms, _ = component.stated(local)
+    finally:
+        component.read = read
+    initial = {term.state: as_symbolic(term.initial) for term in terms if isinstance(term, Auxiliary)}
+    found = initial[local.states[symbol.state]]
+    named = {key: value for key, (kind, value) in local.quantities.items() if kind == "value"}
+    for _ in range(len(named) + 1):
+        found = found.xreplace(named)
+    left = found.free_symbols & (set(local.quantities) | set(local.states.values()))
+    if left:
+        raise StudyError(
+            f"{type(component).__name__} {component.name!r}: the initial value of {symbol} contains "
+            f"{min(left, key=str)}; expected an expression in parameters, positions and velocities."
+        )
+    return found
 
 
 def frames_of(component: HasStates) -> dict[str, Frame]:

@@ -124,21 +124,13 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
             f"{where}: it contains {symbol}, which changes while the mechanism moves; "
             "only numbers and random variables are possible here."
         )
-    if scope in ("law", "start") and isinstance(symbol, AuxiliarySymbol):
-        owner = f"{type(symbol.component).__name__} {symbol.component.name!r}"
-        remedy = (
-            f"a force that depends on it is a term of {owner}"
-            if scope == "law"
-            else f"it starts at the initial value of its Auxiliary term, so give {owner} a parameter for that"
-        )
-        raise StudyError(f"{where}: it contains {symbol}, an auxiliary state; {remedy}.")
     late = isinstance(symbol, ReactionSymbol) or (
         isinstance(symbol, StateSymbol) and symbol.quantity not in LAW_QUANTITIES
     )
     if scope == "law" and late:
         raise StudyError(
             f"{where}: it depends on {symbol}; parameters may depend on random variables, positions, "
-            "angles, velocities, angular velocities, and time."
+            "angles, velocities, angular velocities, auxiliary states, and time."
         )
 
 

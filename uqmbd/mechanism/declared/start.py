@@ -9,11 +9,12 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.bodies import StateSymbol
-from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
+from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol, at_initial_values
 from uqmbd.mechanism.declared.holonomic import RATES
 from uqmbd.mechanism.declared.recorded import require_recordable
 from uqmbd.mechanism.declared.scope import Described, require_known, unseen_numbers
 from uqmbd.mechanism.expressions import check_dimensions, flatten, is_scalar, numbers, random_variables, shown, units_of
+from uqmbd.mechanism.geometry import Space
 from uqmbd.units import without_quantities
 
 __all__ = ["StartCondition", "start_condition"]
@@ -29,8 +30,14 @@ class StartCondition:
     """``expression = value`` at the start of every realisation."""
 
     text: str  # its name in messages
-    residual: sympy.Expr  # zero where the condition is met
+    stated: sympy.Expr  # left side less right side
     of_velocities: bool  # whether it is one of velocities (linear in them), else of positions
+    space: Space
+
+    @property
+    def residual(self) -> sympy.Expr:
+        """Zero where the condition is met; auxiliary states have their initial values, as parameters are now."""
+        return at_initial_values(self.stated, self.space)
 
     @property
     def kind(self) -> str:
@@ -52,8 +59,9 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
                 "start condition may contain positions, angles, velocities, angular velocities and random variables."
             )
         require_known(mechanism, where, side, "start")
-    residual = left - right
-    check_dimensions(where, residual, unseen=unseen_numbers(mechanism))
+    stated = left - right
+    check_dimensions(where, stated, unseen=unseen_numbers(mechanism))
+    residual = at_initial_values(stated, mechanism.space)
     states = {s for s in residual.free_symbols if isinstance(s, sympy.Symbol) and not random_variables(s)}
     rates = [s for s in states if _is_rate(s)]
     if not any(isinstance(s, (StateSymbol, AngleSymbol)) for s in states):
@@ -63,7 +71,7 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
         )
     if rates and any(sympy.diff(residual, a).free_symbols & set(rates) for a in rates):
         raise StudyError(f"{where}: it is not linear in the velocities; expected one that is, as body.velocity[0] - 3.")
-    return StartCondition(text, residual, bool(rates))
+    return StartCondition(text, stated, bool(rates), mechanism.space)
 
 
 def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Expr]:
