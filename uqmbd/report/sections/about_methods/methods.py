@@ -134,6 +134,10 @@ _COUNTERS = {
 }
 
 
+FITTING = 0.01
+"""Part of the wall time from which on the time for fitting is stated."""
+
+
 def cost(result: StudyResult) -> Content:
     """Return what each method cost."""
     return {
@@ -144,6 +148,7 @@ def cost(result: StudyResult) -> Content:
                 "realisations": method.realisations,
                 "failures": method.failures,
                 "budget": str(method.node.attrs.get("budget_summary", "")),
+                "fitting": _fitting(method),
                 "each": format_duration(method.wall_time / method.realisations) if method.separate else "–",
                 "counters": [
                     *(_counter(name, value) for name, value in method.pairs("solver_counters") if not _nothing(value)),
@@ -156,6 +161,12 @@ def cost(result: StudyResult) -> Content:
 
 
 COST = TemplateSection("Cost", "cost", cost, "about_methods.html.j2")
+
+
+def _fitting(method: Method) -> str:
+    """Return how long a method fitted its surrogate; empty where that is less than a hundredth of its wall time."""
+    seconds = float(method.node.attrs.get("wall_time_fitting", 0.0))
+    return format_duration(seconds) if seconds >= FITTING * method.wall_time > 0 else ""
 
 
 def _integration(method: Method) -> list[tuple[str, str]]:
