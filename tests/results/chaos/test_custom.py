@@ -187,3 +187,16 @@ def test_a_page_evaluates_polynomials_in_place_of_a_model():
     step.returned = lambda x: np.sign(x - 3.0)
     with pytest.raises(uqmbd.StudyError, match="page evaluates polynomials"):
         polynomial_of(CustomSurrogate(step, SPACE, AXES))
+
+
+def test_a_chart_of_distributions_samples_a_model():
+    """Densities of a model are drawn at the stored times, like those of any surrogate."""
+    from uqmbd.report.figures.distributions import of_surrogate
+
+    chaos = CustomSurrogate(Formula(0.5, TIMES), SPACE, AXES)
+    about = {"propagator": "p", "realisations": 3, "wall_time": 0.0}
+    node = propagator_node("p", chaos.statistics(samples=64), children=chaos.to_datasets(), **about)
+    drawn = of_surrogate(node, "x", np.array([0.4, 2.0]))
+    assert drawn["time"].values.tolist() == [0.5, 2.0]
+    np.testing.assert_allclose(drawn.mean("sample"), chaos.mean[0, 1:], rtol=2e-2)
+    np.testing.assert_allclose(drawn.std("sample"), chaos.std[0, 1:], rtol=5e-2)

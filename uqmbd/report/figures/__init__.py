@@ -59,6 +59,7 @@ from uqmbd.report.figures.sobol import (
 from uqmbd.report.figures.surrogates import (
     chaos_nodes,
     chaos_of,
+    drawable_nodes,
     finest,
     order_of,
     series,
@@ -152,6 +153,7 @@ __all__ = [
     "stated_errors",
     "std_chart",
     "std_over_time",
+    "drawable_nodes",
     "surrogate_nodes",
     "surrogate_of",
     "time_history_histogram",

@@ -15,7 +15,7 @@ from uqmbd.report.charts import Views, draw_on_paper
 from uqmbd.report.drawing import constant
 from uqmbd.report.figures.kernel_density import DensityCurve, densities, density_chart, known_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
-from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
+from uqmbd.report.figures.surrogates import drawable_nodes, stated_error_of, surrogate_of
 from uqmbd.results.assessment import COARSE
 from uqmbd.status import Status
 
@@ -166,7 +166,7 @@ def _responses(
         return {"samples": first}, _chosen(first, times)
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
-    surrogates = {label: node for label, node in surrogate_nodes(nodes).items() if label not in sampled}
+    surrogates = {label: node for label, node in drawable_nodes(nodes).items() if label not in sampled}
     # With none at all, the error of the first names it.
     kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
     failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]

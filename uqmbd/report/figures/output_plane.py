@@ -17,7 +17,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.charts import MOST_TIMES, Axis, Band, Chart, Curve, Look, Strands, draw_on_paper
 from uqmbd.report.figures.distributions import of_surrogate
 from uqmbd.report.figures.selection import Results, nodes_of, of_output, samples_of
-from uqmbd.report.figures.surrogates import surrogate_nodes
+from uqmbd.report.figures.surrogates import drawable_nodes
 from uqmbd.status import Status
 from uqmbd.wording import typeset_units
 
@@ -253,7 +253,7 @@ def _paths(node: xr.DataTree, output: str, over: str) -> OutputPaths:
         if len(fine):
             found = [of_output(samples, name)["response"].values[fine] for name in (over, output)]
             sampled = True
-    elif surrogate_nodes({"": node}):
+    elif drawable_nodes({"": node}):
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
             found = [of_surrogate(node, name).values for name in (over, output)]

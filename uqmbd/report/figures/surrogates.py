@@ -26,6 +26,7 @@ from uqmbd.results.statistics import rtol_of
 
 __all__ = [
     "chaos_nodes",
+    "drawable_nodes",
     "chaos_of",
     "finest",
     "one_node",
@@ -50,18 +51,32 @@ def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {label: node for label, node in nodes.items() if _has_chaos(node) or _is_aligned(node)}
 
 
+def drawable_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the methods whose surrogate of outputs over time can be sampled, also by a model of a plugin."""
+    return {label: node for label, node in nodes.items() if surrogate_nodes({label: node}) or _is_custom(node)}
+
+
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
 ) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | CustomSurrogate | ComposedChaos:
     """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
     if _is_aligned(node):
         return surrogate(node, output)
+    if _is_custom(node):
+        known = node.children["surrogate"]["time"].values
+        rows = None if times is None else np.unique(np.abs(np.subtract.outer(times, known)).argmin(axis=1)).tolist()
+        return surrogate(node, output, rows)
     return chaos_of(node, output, times)
 
 
 def _is_aligned(node: xr.DataTree) -> bool:
     # models of plugins have no coefficients to show
     return "chaos" not in node.children and any(kind != "surrogate" for kind, _ in surrogate_parts(node).values())
+
+
+def _is_custom(node: xr.DataTree) -> bool:
+    kinds = [kind for kind, _ in surrogate_parts(node).values()]
+    return kinds == ["surrogate"] and "time" in node.children["surrogate"].coords
 
 
 def _has_chaos(node: xr.DataTree) -> bool:

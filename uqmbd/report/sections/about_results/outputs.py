@@ -11,7 +11,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.report import figures
 from uqmbd.report.charts import Chart, Views, charted
-from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
+from uqmbd.report.figures import design_of, drawable_nodes, shown_methods, surrogate_nodes
 from uqmbd.report.sections.about_results.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
@@ -118,7 +118,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         histogram = functools.partial(figures.time_history_histogram, method.node, name)
         files.append({"name": f"{name}-time-history-histogram", "draw": histogram})
         drawn += [
-            _densities(result, [*sampled, *surrogate_nodes(every)], name),
+            _densities(result, [*sampled, *drawable_nodes(every)], name),
             charted(
                 lambda: figures.settling_chart(method.node, name),
                 f"Mean and standard deviation of {name} as samples are added. " + precision(result, method, name),
@@ -126,8 +126,8 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
                 f"{name}-samples",
             ),
         ]
-    elif surrogate_nodes(every) and whole:
-        drawn.append(_densities(result, list(surrogate_nodes(every)), name))
+    elif drawable_nodes(every) and whole:
+        drawn.append(_densities(result, list(drawable_nodes(every)), name))
     compared: list[Content] = []
     if whole and len(holders) > 1 and surrogate_nodes(holders) and over_time(result, name):
         compared += _differences(result, holders, name)
