@@ -27,7 +27,7 @@ STATEMENTS = {
     "uqmbd.cli": 1600,
     "uqmbd.clusters": 275,
     "uqmbd.compiled": 2020,
-    "uqmbd.dynamics": 13506,
+    "uqmbd.dynamics": 13507,
     "uqmbd.exchange": 240,
     "uqmbd.extend": 153,
     "uqmbd.mechanism": 4567,
