@@ -41,7 +41,7 @@ STATEMENTS = {
     "uqmbd.testing": 2500,
     "uqmbd.units": 285,
     "uqmbd_calibration": 3220,
-    "uqmbd_collocation": 3629,
+    "uqmbd_collocation": 3645,
     "uqmbd_contact": 290,
     "uqmbd_drivers": 148,
     "uqmbd_galerkin": 820,

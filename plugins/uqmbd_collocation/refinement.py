@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,9 +22,17 @@ __all__ = [
     "UnmetWarning",
     "history",
     "missed_share",
+    "prospect",
     "scale_of",
     "warn_unmet",
 ]
+
+
+WINDOW = 8
+"""Steps count from so small a part of the last number of realisations on: earlier ones tell little of what follows."""
+
+SAMPLED = 0.5
+"""Power of the number of realisations with which errors of independent samples fall."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +119,30 @@ def warn_unmet(label: str, limits: Limits, steps: list[RefinementStep], reason: 
     if limits.tolerance < 100 * limits.rtol:
         reason += f". So small changes may be errors of the integration (rtol={limits.rtol:g}): try a smaller rtol"
     warnings.warn(
-        f"{label}: the tolerance {limits.tolerance:g} was not met with {spent} realisations{last}. Reason: {reason}",
+        f"{label}: the tolerance {limits.tolerance:g} was not met with {spent} realisations{last}. Reason: {reason}"
+        f"{prospect(steps)}",
         UnmetWarning,
         stacklevel=3,
     )
+
+
+def prospect(steps: Sequence[RefinementStep]) -> str:
+    """Say whether more realisations would help, from how the last changes fell; nothing of few steps.
+
+    >>> prospect([RefinementStep(n, n, 10 / n, 10 / n) for n in (10, 20, 40, 80)])
+    '. The changes fell with the power 1.0 of the number of realisations: more realisations help'
+    >>> prospect([RefinementStep(n, n, 0.5, 0.5) for n in (10, 20, 40, 80)])[-80:]
+    '. The changes do not fall faster than those of samples: use Monte Carlo instead'
+    """
+    known = [one for one in steps if np.isfinite(one.change) and one.change > 0]
+    part = [one for one in known if one.realisations >= known[-1].realisations / WINDOW]
+    if len(part) < 3 or part[-1].realisations < 2 * part[0].realisations:
+        return ""
+    counts, changes = (np.log([getattr(one, name) for one in part]) for name in ("realisations", "change"))
+    power = -float(np.polyfit(counts, changes, 1)[0])
+    if power > SAMPLED:
+        return f". The changes fell with the power {power:.1f} of the number of realisations: more realisations help"
+    return ". The changes do not fall faster than those of samples: use Monte Carlo instead"
 
 
 def history(steps: tuple[RefinementStep, ...]) -> xr.Dataset:
