@@ -388,4 +388,6 @@ def _lacking(node: xr.DataTree, found: list[Judgement]) -> tuple[str, ...]:
     sampled = "samples" in node.children or "samples" in inner.children
     count = int(node.attrs.get("statistics_samples", node.attrs.get("realisations", 0)))
     needed = f"{_halving(count)} it" if sampled else "a higher order should reduce it; if not, compare with Monte Carlo"
+    if not sampled and one.error > COARSE:
+        needed = "do not use its statistics. Either a higher order should reduce it, or use Monte Carlo"
     return (f"{one.output} has a {one.stated}: {needed}.",)

@@ -257,6 +257,9 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
+    poor = base["output"].values[errors[chosen].stated > COARSE].tolist()
+    if poor:
+        found = found.assign_attrs(reference_under_resolved=json.dumps(poor, ensure_ascii=False))
     use, sentences = advice(found)
     return found.assign_attrs(
         recommendation="\n".join((*loose(nodes), *sentences)),

@@ -13,7 +13,7 @@ import xarray as xr
 from uqmbd.arguments import typechecked
 from uqmbd.results.assessment.integration_share import integration_shares
 from uqmbd.results.assessment.judgements import Judgement, judgements_of, largest_error, worst
-from uqmbd.results.assessment.limits import EXACT, WELL
+from uqmbd.results.assessment.limits import COARSE, EXACT, WELL
 from uqmbd.results.assessment.own_errors import NO_SPREAD
 from uqmbd.results.assessment.verdicts import AGREES, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_percent
@@ -147,8 +147,16 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
     use: list[_RatedMethod] = []
     if not fit:
         lead = "Use none: no method has all statistics at all times and agrees with the reference."
+    elif fit == [base] and (poor := json.loads(str(comparison.attrs.get("reference_under_resolved", "[]")))):
+        lead = (
+            f"Use none for {_joined(_few(poor), 'and')}: the stated error of {base.label}, the most reliable surrogate"
+            f"{base.known}, is above {format_percent(COARSE)} of the standard deviation. If a higher order does not "
+            "reduce it, use Monte Carlo."
+        )
     elif fit == [base]:
         lead = _alone(methods, base)
+        if base.error <= COARSE and not any(m.kind == DIFFERS or m.unknown for m in methods):
+            use = [base]
     elif len(fit) == len(methods) and all(m.same for m in methods):
         use = methods
         lead = (
