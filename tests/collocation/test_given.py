@@ -144,7 +144,7 @@ WRONG = {
     "a rule": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "rule": "smolyak"}, "rule='smolyak' means nothing with expansion="),
     "a regression": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "method": "regression"}, "method='regression' means nothing"),
     "elements": ({"expansion": EXPANSION, "nodes": NODES, "weights": WEIGHTS, "elements": 2}, "elements=2 means nothing with expansion="),
-    "nodes alone": ({"nodes": NODES}, r"nodes is an array of the shape \(2, 16\); expected a whole number of 1 or more for each input, or an expansion"),
+    "nodes alone": ({"nodes": NODES}, r"nodes is an array of the shape \(2, 16\); expected a whole number of 1 or more for each input, or its expansion"),
     "text": ({"nodes": "many"}, "nodes is 'many'; expected a whole number, 1 or more for each input"),
 }  # fmt: skip
 

@@ -291,8 +291,8 @@ class Ensemble:
         Returns
         -------
         tuple of array
-            The mass matrix M (K, coordinate, coordinate), the forces f (K, coordinate) with those of inertia, the
-            Jacobian D of the constraints (K, kept, coordinate), and g (K, kept).
+            M (K, coordinate, coordinate): the mass matrix. f (K, coordinate): the forces, with those of inertia.
+            D (K, kept, coordinate): the Jacobian of the constraints. g (K, kept).
         """
         model = self.model
         found = model.evaluate("acceleration", state_arguments(time, *model.layout.split(states)), self.block)

@@ -159,10 +159,17 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
 def too_large(expression: sympy.Expr) -> sympy.Expr | None:
     """Return a number in an expression that no number of 64 bits holds; None if there is none.
 
-    >>> too_large(sympy.Symbol("x") + 10**400) is None, too_large(sympy.Symbol("x") + 1)
-    (False, None)
+    Factors of exponentials may be of any size.
+
+    >>> x = sympy.Symbol("x")
+    >>> too_large(x + 10**400) is None, too_large(x + 1), too_large(10**400 * sympy.exp(-x))
+    (False, None, None)
     """
-    return next((x for x in expression.atoms(sympy.Number) if x.is_finite and math.isinf(_float(x))), None)
+    products = [x for x in expression.atoms(sympy.Mul) if any(isinstance(factor, sympy.exp) for factor in x.args)]
+    # such a factor goes into the exponent before anything is computed
+    scales = {factor for product in products for factor in product.args if factor.is_Number}
+    numbers = expression.atoms(sympy.Number) - scales
+    return next((x for x in numbers if x.is_finite and math.isinf(_float(x))), None)
 
 
 def _evaluated(constant: sympy.Expr) -> sympy.Expr | None:

@@ -138,7 +138,7 @@ class VerificationPoints:
         >>> mechanism.output("a", a)
         >>> space, axes = uqmbd.extend.GermSpace.of(mechanism.inputs), uqmbd.extend.labels(["y"], ["a"], [0.0])
         >>> boxes = uqmbd.extend.GermBox.whole(space).split(0)
-        >>> seen = {"verification_germs": [[-0.5], [0.5]], "verification_response": [[[1.0]], [[2.0]]]}
+        >>> seen = {"verification_germs": [[0.25], [0.5]], "verification_response": [[[1.0]], [[2.0]]]}
         >>> parts = [PolynomialChaos([[[-1.0]]], [[0]], boxes[0].local, axes)]
         >>> parts.append(PolynomialChaos([[[1.0]]], [[0]], boxes[1].local, axes, **seen))
         >>> chaos = PiecewiseChaos(tuple(parts), boxes)
