@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -42,17 +43,18 @@ class ReliabilitySection:
                 rows.append((f"{name}{of}", *cells))
                 charts.append(_chart(one, f"{name}{of}"))
             count, how = f"{int(node.attrs['realisations'])} realisations", str(data.attrs.get("how", ""))
-            text = f"{how}." if count in how else f"{count}; {how}."
+            text = f"{how}." if re.search(rf"\b{count}\b", how) else f"{count}; {how}."
             said.append(ReliabilityStatement(3, label, text))
         if not rows:
             return None
         group = ChartGroup(
             charts[:MOST_CHARTS],
             "Deviations of the inputs at the most likely violations.",
-            "The most likely violation: deviation of each input from its median, in standard normal variables.",
+            "The most likely violation in independent standard normal variables. For an input that depends on others, "
+            "the bar is its deviation given these.",
             "Requirement",
         )
-        heads = ("Time", "Reliability index", "Inputs that deviate most")
+        heads = ("Time", "Reliability index", "Inputs with the largest deviations")
         return FirstScreen("Most likely violation", heads, rows, [group], said)
 
 
@@ -86,7 +88,8 @@ def _inputs(one: xr.Dataset) -> list[str]:
 
 
 def _quantity(value: float, units: str) -> str:
-    return f"{value:.5g} {units}".replace("-", "\N{MINUS SIGN}").strip()
+    number = f"{value:.5g}".replace("-", "\N{MINUS SIGN}")
+    return number if units in ("", "1") else f"{number} {units}"
 
 
 def _chart(one: xr.Dataset, title: str) -> Chart:

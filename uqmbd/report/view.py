@@ -247,8 +247,9 @@ class StudyResult:
 
     @cached_property
     def motion(self) -> xr.Dataset | None:
-        """What the animation is made of."""
-        return dataset_of(self.tree, "motion")
+        """What the animation is made of: the means and realisations around them, without the named ones."""
+        data = dataset_of(self.tree, "motion")
+        return None if data is None else _without_named(data)
 
     @cached_property
     def histories(self) -> list[str]:
@@ -292,6 +293,19 @@ class StudyResult:
                 found += [replace(one, place=label, message=f"{label}: {one.message}") for one in mine]
                 known.update(one.text for one in mine)
         return found
+
+
+def _without_named(data: xr.Dataset) -> xr.Dataset:
+    """Return poses without the realisations of the attribute ``named``, which are no samples of the inputs."""
+    try:
+        rows = {int(one["realisation"]) for one in json.loads(str(data.attrs.get("named", "[]")))}
+    except (KeyError, TypeError, ValueError):  # the node may come from anywhere
+        return data
+    if not rows or "realisation" not in data.dims:
+        return data
+    found = data.isel(realisation=[k for k in range(data.sizes["realisation"]) if k not in rows])
+    found.attrs = {name: value for name, value in data.attrs.items() if name != "named"}
+    return found
 
 
 def dataset_of(node: xr.DataTree, child: str) -> xr.Dataset | None:

@@ -32,18 +32,20 @@ def first_screen(found: list[tuple[list[str], xr.DataTree]]) -> FirstScreen:
         of = f" ({', '.join(labels)})" if len(found) > 1 else ""
         rows += list(_rows(tree, of))
         said += [replace(one, name=f"{one.name}{of}") for one in _statements(tree)]
-    _, first = found[0]
+    labels, first = found[0]
+    which = f" Calibration of {', '.join(labels)}." if len(found) > 1 else ""
     charts = [
         ChartGroup(
             posterior_charts(first),
             "The density of each input before and after the calibration.",
-            "Inputs before and after the calibration: densities, each over its own maximum.",
+            f"Inputs before and after the calibration: densities, each over its own maximum.{which}",
             "Input",
         ),
         ChartGroup(
             list(_fits(first)),
             "Measured values with predictions before and after the calibration, and residuals.",
-            "Record and fit, with bands for 95 % of measurements; residuals over the standard deviation of the noise.",
+            "Record and fit, with bands for 95 % of measurements; residuals over the standard deviation of the noise."
+            + which,
             "Output",
         ),
     ]
@@ -68,7 +70,10 @@ def _fits(tree: xr.DataTree) -> Iterator[Chart]:
     """Yield the charts of measured outputs, those with the smallest probability of their residuals first."""
     p = {(one["record"], one["output"]): float(one["p"]) for one in _checks(tree).get("model", [])}
     names = [str(name) for name in tree["observed_data"].data_vars]
-    worst = {name: min((x for (_, output), x in p.items() if name.startswith(output)), default=1.0) for name in names}
+    worst = {
+        name: min((x for (record, output), x in p.items() if name in (output, f"{output}[{record}]")), default=1.0)
+        for name in names
+    }
     for name in sorted(names, key=lambda one: worst[one])[:MOST_OUTPUTS]:
         for chart, what in zip(record_charts(tree, name), ("fit", "residuals"), strict=True):
             # the time of the record is not the time of the prediction, which the page shares

@@ -246,7 +246,7 @@ class Calibration:
 
 
 def learned(one: xr.Dataset) -> str:
-    """Return a sentence on the reduction of uncertainty of an input; none if the model contradicts the record."""
+    """Return the reduction of uncertainty of an input as text; "doubted" if the model contradicts the record."""
     if "doubted" in one and bool(one["doubted"]):
         return "doubted"
     return f"{100 * max(float(one['learned']), 0.0):.1f} %"

@@ -63,7 +63,7 @@ def surrogate_of(
     if _is_aligned(node):
         return surrogate(node, output)
     if _is_custom(node):
-        known = node.children["surrogate"]["time"].values
+        known = node.children["surrogate"].to_dataset()["time"].values
         rows = None if times is None else np.unique(np.abs(np.subtract.outer(times, known)).argmin(axis=1)).tolist()
         return surrogate(node, output, rows)
     return chaos_of(node, output, times)

@@ -97,7 +97,7 @@ export function makeExplorer(panel, data) {
   if (verdicts.length) {
     const titles = ["Requirement", "Condition", at].map((text) => element("th", { scope: "col" }, text));
     const notes = [];
-    if (data.limits.length) notes.push("Limits of outputs are compared with these outputs, at the output times.");
+    if (data.limits.length) notes.push(`Limits of outputs are compared with these outputs, at the ${data.nearest ? "stored" : "output"} times.`);
     if (margins) notes.push(`${data.limits.length ? "Other requirements are" : "Requirements are"} evaluated by a surrogate of the smallest margin over the whole motion, in the units of the limit.`);
     const about = element("caption", {}, notes.join(" "));
     const all = element("table", {}, about, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
@@ -116,7 +116,7 @@ export function makeExplorer(panel, data) {
       const spread = about.std[at];
       row[0].textContent = unbroken(formatQuantity(own.values[at], units, spread));
       row[1].textContent = unbroken(`${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`);
-      if (own.nearest) row[2].textContent = unbroken(own.rangeAt(at).map((x) => formatNumber(x, spread)).join(" to "));
+      if (own.nearest) row[2].textContent = unbroken(own.rangeAt(at).map((x) => formatNumber(x, spread)).join(" to ") + (units === "" ? "" : ` ${units}`));
       else row[2].textContent = unbroken(own.statedRms ? formatError(own.statedRms[at], units) : "unknown");
     }
   }
@@ -144,7 +144,7 @@ export function makeExplorer(panel, data) {
   /** Which realisation is shown in place of the chosen inputs. */
   function whichIsNearest() {
     const inputs = Array.from(surrogate.point, (x, k) => `${surrogate.inputs[k].name} = ${formatQuantity(x, surrogate.inputs[k].units, surrogate.scales[k])}`);
-    return `There is no surrogate. The values are those of the nearest of ${data.nearest} stored realisations, sample ${surrogate.numbers[surrogate.row]}: ${inputs.join(", ")}.`;
+    return `The values are those of the nearest of ${data.nearest} stored realisations, sample ${surrogate.numbers[surrogate.row]}: ${inputs.join(", ")}.`;
   }
 
   const evaluate = oncePerPicture(() => {

@@ -90,7 +90,7 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   if (!input.map) about.push(input.reason);
   else if (given.length) about.push(`It depends on ${given.join(", ")} and changes with them. Its position is that among realisations with equal values of these.`);
   if (germ.values) about.push("It has only these values.");
-  const reset = button("↺", `Reset ${input.name} to its ${input.map ? "mean" : "median"}`, () => choose(mean));
+  const reset = button("↺", `Reset ${input.name} to its ${input.map ? "mean" : "median"}`, () => pick(mean));
   reset.setAttribute("aria-label", reset.title);
   const row = element(
     "div",
@@ -122,11 +122,12 @@ export function inputRow(surrogate, k, mean, verified, choose) {
     value.addEventListener("change", () => {
       const text = value.value.trim().replace("−", "-").replace(",", ".");
       const wanted = text === "" ? NaN : Number(text);
-      const nearest = nearestGerm(germ, surrogate.germOf(k, wanted, all));
+      const found = surrogate.germOf(k, wanted, all);
       const [first, last] = germ.reach;
-      if (nearest >= first && nearest <= last) return pick(nearest);
+      const rounding = 1e-9 * (last - first);
+      if (found >= first - rounding && found <= last + rounding) return pick(nearestGerm(germ, Math.min(Math.max(found, first), last)));
       choose(all[k]);
-      refusal.textContent = Number.isFinite(wanted) ? refused(wanted) : "Enter a number.";
+      refusal.textContent = Number.isFinite(wanted) ? refused(text) : "Enter a number.";
     });
   }
 
@@ -138,10 +139,10 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   }
 
   /** Why a value is not taken. */
-  function refused(wanted) {
+  function refused(text) {
     const share = germ.support.includes(null) ? ", except for a share of 10⁻¹²" : "";
     const condition = given.length ? `, given ${given.join(", ")}` : "";
-    return `${formatNumber(wanted)}${units} is refused. ${surrogate.nearest ? "The realisations have values" : "The distribution has values"} of ${input.name} from ${between(germ.reach)}${share}${condition}.`;
+    return `${text.replace("-", "−")}${units} is refused. ${surrogate.nearest ? "The realisations have values" : "The distribution has values"} of ${input.name} from ${between(germ.reach)}${share}${condition}.`;
   }
 
   function show(germs, now) {

@@ -51,6 +51,8 @@ def collect_nearest_data(
         kind: part.children["samples"].to_dataset() for kind, part in parts.items() if "samples" in part.children
     }
     samples = {kind: data for kind, data in samples.items() if data.sizes.get("output") and data.sizes.get("input")}
+    if not outputs:
+        samples.pop("histories", None)
     if not samples or len({data.sizes["sample"] for data in samples.values()}) > 1:
         return None
     whole = np.all([data["status"].values == Status.OK for data in samples.values()], axis=0)

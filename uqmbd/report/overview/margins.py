@@ -31,7 +31,10 @@ HALF = 0.5
 
 
 def yield_words(one: Answer, several_requirements: bool) -> str:
-    """State the share of realisations that meet the requirements, with its 95 % interval; empty if it is unknown."""
+    """State the share of realisations that meet the requirements, with its 95 % interval.
+
+    Empty if it is unknown, or if all or no realisations violate.
+    """
     if not np.isfinite(one.probability) or one.probability in (0.0, 1.0):
         return ""
     width = resolved_width(one.lower, one.upper)

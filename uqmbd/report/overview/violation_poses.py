@@ -10,14 +10,14 @@ import numpy as np
 from uqmbd.report.drawing import still_image
 from uqmbd.report.mechanisms import draw_named, poses
 from uqmbd.report.sections import Content
-from uqmbd.report.view import StudyResult
+from uqmbd.report.view import StudyResult, dataset_of
 
 __all__ = ["named_poses"]
 
 
 def named_poses(result: StudyResult) -> list[Content]:
     """Return pictures of the named realisations of the stored motion, at most one on the first screen."""
-    data, found = result.motion, []
+    data, found = dataset_of(result.tree, "motion"), []
     if data is None:
         return []
     times = np.asarray(data["time"].values, dtype=float)

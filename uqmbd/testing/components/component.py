@@ -47,7 +47,7 @@ def check_component(
       a state in its units over seconds, terms of sums alike.
     - The exact Jacobian agrees with central differences of the residual.
     - Realisations are computed side by side as each would be alone.
-    - Between two bodies: - Between two bodies: forces and moments cancel (action and reaction). They do not depend on
+    - Between two bodies: forces and moments cancel (action and reaction). They do not depend on
       the common displacement and rotation of the bodies.
     - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
       bodies alone.

@@ -170,12 +170,15 @@ def explore(result: StudyResult) -> Content | None:
         found = live.collect_explorer_data(result.tree, result.limits)
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
         found = {"reason": f"{type(error).__name__}: {error}"}
-    if "reason" in found:
+    reason = str(found.get("reason", ""))
+    if reason:
         found = _nearest(result) or found
     if "reason" in found:
         notes = [f"This report has no sliders for the inputs: {found['reason']}"]
         return {"explorer": None, "nearest": 0, "moving": moving, "notes": notes}
-    notes = [f"Some outputs are not evaluated at the chosen inputs: {reason}" for reason in found["missing"]]
+    notes = [f"Some outputs are not evaluated at the chosen inputs: {one}" for one in found["missing"]]
+    if reason and reason != live.NO_SURROGATE:
+        notes.insert(0, f"The page evaluates no surrogate: {reason}")
     if found["still"]:
         names = ", ".join(found["still"])
         why = f"{found['method']} has no surrogate of their margins"
