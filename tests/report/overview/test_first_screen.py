@@ -168,7 +168,7 @@ def test_a_page_of_samples_alone_shows_the_nearest_realisation_and_says_so(tmp_p
         tree = results.study_tree([node], study="s", mechanism="m")
         return report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
 
-    assert "There is no surrogate, so outputs and charts show the nearest of" in page(sampled())
+    assert "This page evaluates no surrogate: outputs and charts show the nearest of" in page(sampled())
     alone = sampled()
     assert 'id="explore"' not in page(alone.drop_nodes("samples"))
 
