@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of
 from uqmbd_collocation.runs import CollocationRuns, announced_once
 
-__all__ = ["collocate_elements"]
+__all__ = ["collocate_elements", "with_further"]
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,11 @@ class _ElementSplitting:
         return PiecewiseChaos(tuple(elements), chaos.boxes)
 
 
+def with_further(realisations: int) -> int:
+    """Return realisations and the largest number of further ones, which `VerificationPoints.of_errors` states."""
+    return realisations + math.floor(0.15 * realisations)
+
+
 def collocate_elements(
     propagator: uqmbd.extend.Propagator,
     problem: uqmbd.extend.Problem,
@@ -117,6 +123,7 @@ def collocate_elements(
     planned = plans.plan(space, plans.order)
     planned.check(space)
     most = limits.computed * len(planned.nodes) + limits.verified(plans.verify)
+    most = with_further(most) if plans.verify else most
     work = _ElementSplitting(plans, announced_once(problem, min(most, plans.max_realisations)))
     with problem.timed("fitting"):
         refined = uqmbd.extend.refine_elements(

@@ -13,7 +13,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventTrajectories, PhaseTrajectories, align
-from uqmbd_collocation.elements import collocate_elements
+from uqmbd_collocation.elements import collocate_elements, with_further
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
 from uqmbd_collocation.plain import expand
@@ -322,7 +322,11 @@ class Collocation(uqmbd.extend.Propagator):
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
             return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
         count = boxes * nodes + self._limits.verified(self.verify)
-        return uqmbd.extend.Estimate(count, 8 * boxes * one, detail, at_most=self._limits.uncertain, disk=disk)
+        further = bool(self.verify) and boxes > 1  # where elements are wrong, which is not known before
+        uncertain = self._limits.uncertain or further
+        return uqmbd.extend.Estimate(
+            with_further(count) if further else count, 8 * boxes * one, detail, at_most=uncertain, disk=disk
+        )
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""

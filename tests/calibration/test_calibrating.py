@@ -124,7 +124,7 @@ def test_the_groups_of_arviz_alone_are_handed_over(found):
     ours = found.summary().sel(input=list(table.index))
     assert np.allclose(table["mean"].astype(float), ours["mean"], rtol=1e-6)
     assert np.allclose(table["sd"].astype(float), ours["sd"], rtol=1e-2)
-    with pytest.raises(uqmbd.StudyError, match="a calibration has draws of its own"):
+    with pytest.raises(uqmbd.StudyError, match="a calibration already contains draws"):
         uqmbd.to_arviz(found, draws=10)
 
 

@@ -112,7 +112,7 @@ def test_run_stores_poses_and_shows_them(cli, tmp_path):
 
 @pytest.mark.thorough
 def test_a_run_outlives_a_picture_that_fails(cli, tmp_path, monkeypatch):
-    monkeypatch.setattr(uqmbd.report.mechanisms.animation, "motion", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(uqmbd.report.mechanisms.body_poses, "motion", lambda *_, **__: 1 / 0)
     status, _, err = cli("run", "falling_stone.py")
     assert status == 0 and "no animation of the mechanism: ZeroDivisionError" in err
     assert (tmp_path / "results" / "report.html").exists()

@@ -102,7 +102,7 @@ FAULTS = {
     ),
     "redundant": (
         "m.add(Revolute('again', m.ground, rod, (0, 0), (-0.5, 0)))",
-        "warning", "2 of 5 constraint equations are redundant and are dropped",
+        "warning", "2 of 5 constraint equations are redundant and omitted",
     ),
     "apart": (
         "m.body('lost', mass=1, inertia=1)",

@@ -291,7 +291,7 @@ def test_a_worker_without_uqmbd_is_reported(cluster: Any, command: Any, tmp_path
     (tmp_path / "helper.py").write_text("brake = -0.1\n")
     done = command("run", "study.py", "--out", "out", "--dask", cluster.address)
     assert done.returncode == 2
-    assert "a worker cannot import, or write, what it needs" in done.stderr and "no uqmbd here" in done.stderr
+    assert "a worker cannot import or write the files that it needs" in done.stderr and "no uqmbd here" in done.stderr
 
 
 def test_a_cluster_that_is_started_here_is_reached_from_here_alone():

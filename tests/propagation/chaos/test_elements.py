@@ -114,7 +114,9 @@ def test_convergence_at_a_kink():
 def test_adaptive_step():
     """A jump of height 1 and a slope: the threshold is met, and moments and indices are those of the closed form."""
     study = resting(lambda x, y: sympy.Piecewise((1.0, x > 0.25), (0.0, True)) + y / 4, U, U)
-    node = study.propagate(Collocation(order=2, elements="adaptive", threshold=0.02, max_realisations=10**5))
+    # between a face and the next node the place of the jump is unknown, which single realisations feel
+    with pytest.warns(uqmbd.SurrogateWarning, match="exceeds 10% of the standard deviation: 'y'"):
+        node = study.propagate(Collocation(order=2, elements="adaptive", threshold=0.02, max_realisations=10**5))
     step, slope = 0.375 * 0.625, 1 / 48
     assert node.attrs["threshold_met"] == "True"
     statistics = node["statistics"].isel(output=0, time=0)

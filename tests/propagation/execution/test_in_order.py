@@ -255,7 +255,7 @@ def test_a_million_realisations_on_a_hundred_workers_cost_the_coordinator_little
             if k % 100 == 0:
                 state = results.gi_frame.f_locals["self"]
                 sizes = [len(x) for x in vars(state).values() if hasattr(x, "__len__") and not isinstance(x, range)]
-                sizes += [len(x) for x in vars(state.seen).values() if hasattr(x, "__len__")]
+                sizes += [len(x) for x in vars(state.registry).values() if hasattr(x, "__len__")]
                 waiting = max(waiting, *sizes)
     assert consumed == pieces
     assert waiting <= 16 * 400

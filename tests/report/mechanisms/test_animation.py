@@ -226,7 +226,7 @@ def test_report_moves_from_the_stored_file_alone(study, tmp_path):
     assert still.count("<path") > 20 and "image/gif" not in page
     assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "largest distance between realisations" in text
     assert json.loads(data)["realisations"] == 21 and json.loads(data)["mechanism"] == "wheel <b>"
-    assert "This report has no sliders for the inputs" in page  # samples alone have no surrogate
+    assert "This page evaluates no surrogate: outputs and charts show the nearest of" in page  # samples alone
     with Image.open(tmp_path / "figures" / "motion.gif") as film:
         assert film.n_frames == 60
 

@@ -47,8 +47,9 @@ def node_of(method: dict) -> xr.DataTree:
     statistics = extend.statistics_dataset(axes, mean=method["mean"], std=method["std"], **known)
     if not method["sampled"]:
         statistics["verification_error"] = (("output", "time"), method["error"])
+    about = {"propagator": "p", "options": {"samples": method["count"]} if method["sampled"] else {}}
     return results.propagator_node(
-        method["label"], statistics, propagator="p", realisations=method["count"] or 9, wall_time=method["cost"]
+        method["label"], statistics, realisations=method["count"] or 9, wall_time=method["cost"], **about
     )
 
 

@@ -20,8 +20,8 @@ def named_poses(result: StudyResult) -> list[Content]:
     data, found = dataset_of(result.tree, "motion"), []
     if data is None:
         return []
-    times = np.asarray(data["time"].values, dtype=float)
     try:
+        times = np.asarray(data["time"].values, dtype=float)
         named = json.loads(str(data.attrs.get("named", "[]")))
         for one in named[:1]:
             k, wanted, name = int(one["realisation"]), float(one["time"]), str(one["name"])

@@ -29,7 +29,7 @@ NUGGET = 1e-10
 class Process:
     """Mean of a Gaussian process with a squared exponential kernel, about a constant."""
 
-    name = "gaussian-process"
+    name: ClassVar[str] = "gaussian-process"
     remedy = "add training nodes"
 
     def __init__(self, nodes: Array, weights: Array, offset: Array, scale: Array) -> None:
