@@ -323,10 +323,8 @@ class Collocation(uqmbd.extend.Propagator):
             return uqmbd.extend.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
         count = boxes * nodes + self._limits.verified(self.verify)
         further = bool(self.verify) and boxes > 1  # where elements are wrong, which is not known before
-        uncertain = self._limits.uncertain or further
-        return uqmbd.extend.Estimate(
-            with_further(count) if further else count, 8 * boxes * one, detail, at_most=uncertain, disk=disk
-        )
+        most, uncertain = with_further(count) if further else count, self._limits.uncertain or further
+        return uqmbd.extend.Estimate(most, 8 * boxes * one, detail, at_most=uncertain, disk=disk)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.extend.Sizing | None:
         """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""

@@ -155,7 +155,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
         )
     elif fit == [base]:
         lead = _alone(methods, base)
-        if base.error <= COARSE and not any(m.kind == DIFFERS or m.unknown for m in methods):
+        if base.error <= COARSE and all(m.kind == UNDER_RESOLVED and not m.unknown for m in methods if m is not base):
             use = [base]
     elif len(fit) == len(methods) and all(m.same for m in methods):
         use = methods
