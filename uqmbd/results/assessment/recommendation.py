@@ -149,7 +149,7 @@ def advice(comparison: xr.Dataset) -> tuple[tuple[str, ...], tuple[str, ...]]:
         lead = "Use none: no method has all statistics at all times and agrees with the reference."
     elif fit == [base] and (poor := json.loads(str(comparison.attrs.get("reference_under_resolved", "[]")))):
         lead = (
-            f"Use none for {_joined(_few(poor), 'and')}: the stated error of {base.label}, the most reliable surrogate"
+            f"Use none: for {_joined(_few(poor), 'and')} the stated error of {base.label}, the most reliable surrogate"
             f"{base.known}, is above {format_percent(COARSE)} of the standard deviation. If a higher order does not "
             "reduce it, use Monte Carlo."
         )
