@@ -65,7 +65,7 @@ def test_the_page_shows_the_nearest_realisation(opened, make_node, tmp_path):
     page = opened(report.write_report(tree, tmp_path / "report.html"))
     samples = tree["monte-carlo/samples"].to_dataset()
     inputs, good = samples["inputs"].values, np.flatnonzero(samples["status"].values == 0)
-    assert "There is no surrogate" in page.locator("#explore > p").first.inner_text()
+    assert "This page evaluates no surrogate" in page.locator("#explore > p").first.inner_text()
     rows = [page.locator(f".input-row:has(#input-{k})") for k in (0, 1)]
     rng = np.random.default_rng(3)
     for _ in range(6):

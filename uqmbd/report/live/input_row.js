@@ -142,7 +142,7 @@ export function inputRow(surrogate, k, mean, verified, choose) {
   function refused(text) {
     const share = germ.support.includes(null) ? ", except for a share of 10⁻¹²" : "";
     const condition = given.length ? `, given ${given.join(", ")}` : "";
-    return `${text.replace("-", "−")}${units} is refused. ${surrogate.nearest ? "The realisations have values" : "The distribution has values"} of ${input.name} from ${between(germ.reach)}${share}${condition}.`;
+    return `${text.replace("-", "−")}${units} is refused. ${surrogate.nearest ? `The realisations have values of ${input.name}` : `The distribution of ${input.name} has values`} from ${between(germ.reach)}${share}${condition}.`;
   }
 
   function show(germs, now) {
